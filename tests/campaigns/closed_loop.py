@@ -58,14 +58,18 @@ def run_null(
 
 
 def run_planted(
-    aircraft: str, kinds: Sequence[str], flights: Sequence[int], seed: int, folder: Path
+    aircraft: str,
+    kinds: Sequence[str],
+    flights: Sequence[int],
+    seed: int,
+    folder: Path,
+    cell: str = "declared",
 ) -> Iterable[dict[str, Any]]:
-    """The runs with one error planted in the database, all on the same flights, instruments as
-    declared, mass properties and deflections measured to 1 %."""
+    """The runs with one error planted in the database, all on the same flights with the
+    instruments of `cell`, mass properties and deflections measured to 1 %."""
     craft = airframe(aircraft)
     here = Path(tempfile.mkdtemp(prefix=f"{craft.vehicle}-", dir=folder))
     numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
-    cell = "declared"
     more = measured_text(craft)
     ready = prepared(craft, cell, numbers, seed, here / "all", folder / "flights", more)
     clean = {

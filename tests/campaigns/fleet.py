@@ -20,8 +20,9 @@ from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.nomenclature import is_surface
 from aerodb.tables.database import AeroDatabase
-from tests.support.jsbsim_campaign import NOISE, STATE
-from tests.support.jsbsim_flights import INCH, POUND, aircraft_file, simulator
+from tests.support.jsbsim_campaign import NOISE as OF_INSTRUMENTS
+from tests.support.jsbsim_campaign import STATE
+from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simulator
 
 #: Aircraft -> altitude [ft] and calibrated airspeed [kt] about which it is flown.
 CONDITIONS: Mapping[str, tuple[float, float]] = {
@@ -30,6 +31,11 @@ CONDITIONS: Mapping[str, tuple[float, float]] = {
     "f16": (10000, 280), "T37": (8000, 200), "F80C": (10000, 280), "B747": (12000, 280),
     "f15": (12000, 320), "787-8": (12000, 270),
 }  # fmt: skip
+#: Velocity over the ground, as satellites show it.
+SATELLITES = {
+    f"velocity_{to}": (f"velocities/v-{to}-fps", FOOT) for to in ("north", "east", "down")
+}
+NOISE = {**OF_INSTRUMENTS, **dict.fromkeys(SATELLITES, 0.1)}
 #: What is moved besides elevator, aileron and rudder where the aerodynamics depend on it: role,
 #: command and how far.
 MOVED = {
@@ -218,4 +224,4 @@ point = {list(craft.point)!r}
 
 
 #: STATE without surfaces: those that an aircraft has are its own channels.
-MOTION = {name: place for name, place in STATE.items() if not is_surface(name)}
+MOTION = {name: place for name, place in STATE.items() if not is_surface(name)} | SATELLITES

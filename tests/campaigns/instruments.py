@@ -7,7 +7,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from aerodb.nomenclature import is_surface
-from tests.support.jsbsim_campaign import DEFLECTION_NOISE, NOISE
+from tests.campaigns.fleet import NOISE, SATELLITES
+from tests.support.jsbsim_campaign import DEFLECTION_NOISE
 
 STEP = 0.04
 #: Channels of one sensor.
@@ -29,7 +30,8 @@ class Cell:
 
     coloured : group -> coloured noise in declared sigmas. biases : in sigmas of BIASES, drawn once
     per campaign. delays : channel -> s. step : s between samples. fed : whether the pilot sees what
-    the instruments show.
+    the instruments show. satellites : whether the velocity over the ground is logged.
+    more : of the vehicle file.
     """
 
     coloured: Mapping[str, float] = field(default_factory=dict)
@@ -38,6 +40,8 @@ class Cell:
     air: str = "calm"
     step: float = STEP
     fed: bool = False
+    satellites: bool = False
+    more: str = ""
 
     def wrong(self) -> frozenset[str]:
         """Effects of sensors that truly are off."""
@@ -47,6 +51,15 @@ class Cell:
         found |= {f"{channel}_delay" for channel in self.delays}
         return frozenset(found)
 
+
+#: Limits of a user who wants flights in turbulence to count; with the default ones they are
+#: rejected.
+_GUSTS_ACCEPTED = """
+[accuracy]
+flow_angle = "6 deg"
+horizontal_velocity = 20.0
+qbar_fraction = 0.3
+"""
 
 CELLS: Mapping[str, Cell] = {
     "declared": Cell(),
@@ -58,8 +71,9 @@ CELLS: Mapping[str, Cell] = {
     "biases 1x": Cell(biases=1.0),
     "biases 3x": Cell(biases=3.0),
     "vanes 50 ms late": Cell(delays={"alpha": 0.05, "beta": 0.05}),
-    "moderate turbulence": Cell(air="moderate"),
-    "severe turbulence": Cell(air="severe"),
+    "moderate turbulence": Cell(air="moderate", more=_GUSTS_ACCEPTED),
+    "severe turbulence": Cell(air="severe", satellites=True, more=_GUSTS_ACCEPTED),
+    "alpha 5x, satellites": Cell(coloured={"alpha": 5.0}, satellites=True),
     "10 Hz": Cell(step=0.1),
     "fed by sensors": Cell(fed=True),
 }
@@ -100,6 +114,7 @@ def shown(
     return {
         name: values + noise.get(name, np.zeros(n))[:n] + biases.get(name, 0.0)
         for name, values in late.items()
+        if cell.satellites or name not in SATELLITES
     }
 
 

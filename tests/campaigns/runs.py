@@ -68,7 +68,7 @@ def prepared(
     """
     cell, workspace = CELLS[name], folder / "workspace"
     folder.mkdir(parents=True)
-    (folder / "vehicle.toml").write_text(vehicle_text(craft) + more)
+    (folder / "vehicle.toml").write_text(vehicle_text(craft) + cell.more + more)
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
     _import(craft, folder, workspace, aircraft_file(craft.name), craft.bindings)
     key = [seed, zlib.crc32(craft.name.encode()), zlib.crc32(name.encode())]

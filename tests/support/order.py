@@ -22,6 +22,7 @@ LONGEST = (
     "test_faults.py",
     "test_serve.py",
     "test_closed_loop_jsbsim.py",
+    "test_closed_loop_rates.py",
     "test_guides.py",
     "test_serve_faults.py",
     "test_report.py",

@@ -1,0 +1,127 @@
+"""Error rates of the closed loop through the commands that ship, over aircraft that nobody here
+designed."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jsbsim")
+
+from aerodb.coefficients.comparison import compare
+from aerodb.coefficients.total import total_coefficients
+from aerodb.estimation import rms
+from aerodb.flight import Flight
+from aerodb.vehicle import parse_vehicle
+from tests.campaigns.closed_loop import CLASSES, run_null, run_planted
+from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
+from tests.campaigns.instruments import CELLS, STEP
+from tests.campaigns.pilot import flown
+from tests.campaigns.planted import PLANTED
+
+FLEET = list(CONDITIONS)
+#: In the suite: an aircraft and a vane that is noisier than its vehicle file says.
+AIRCRAFT, CELL = "T38", "alpha 5x"
+#: Of the runs of one class, at most: pooled, and false `confirmed` of a single cell.
+POOLED = {"confirmed": 0.03, "aerodynamic": 0.05, "unnamed": 0.05, "sensor": 0.05}
+MOST_OF_A_CELL = 0.08
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in (AIRCRAFT, "A320") else pytest.mark.campaign)
+        for name in FLEET
+    ],
+)
+def test_an_aircraft_holds_no_physics_that_its_file_does_not_declare(name: str) -> None:
+    """Without noise the database of its own file predicts every coefficient to 3 % of its motion:
+    what a campaign finds with nothing planted is false."""
+    craft = airframe(name)
+    vehicle, channels = parse_vehicle(vehicle_text(craft)), flown(craft, 2, step=STEP)
+    flight = Flight(name, vehicle.name, STEP * np.arange(len(channels["V"])), channels)
+    made = total_coefficients(flight, vehicle)
+    comparison = compare(flight, made, craft.database(), vehicle.reference)
+    inside = slice(25, -25)  # ends are differentiated one-sidedly
+    for axis, measured in comparison.measured.items():
+        if axis.startswith("C_"):
+            continue
+        assert rms(comparison.residual(axis)[inside]) < 0.03 * np.ptp(measured[inside]), axis
+
+
+@pytest.mark.heavy
+def test_a_noisy_vane_makes_no_finding_and_hides_none(tmp_path: Path) -> None:
+    """Five flights: nothing is claimed with nothing missing; the gear's drag is found, sized and
+    added where it is missing."""
+    (line,) = run_null(AIRCRAFT, CELL, [5], 1, tmp_path)
+    assert not line["refused"]
+    assert line["consistency"] == {"good": 5}
+    assert {kind: line[kind] for kind in CLASSES} == {kind: [] for kind in CLASSES}
+    assert line["added"] == []
+    (line,) = run_planted(AIRCRAFT, ["gear drag"], [5], 1, tmp_path, CELL)
+    assert (line["named"], line["covered"]) == (["confirmed"], [True])
+    assert line["added"] == ["landing_gear@C_drag"]
+    assert line["removed"] >= 0.85
+
+
+@lru_cache(maxsize=1)
+def _all(folder: Path) -> tuple[dict[str, Any], ...]:
+    """The runs of the campaign with nothing missing."""
+    return tuple(
+        line
+        for seed in (1, 2)
+        for cell in CELLS
+        for aircraft in FLEET
+        for line in run_null(
+            aircraft, cell, [3, 6, 12] if cell == "declared" else [3, 6], seed, folder
+        )
+    )
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("campaign")
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", CLASSES)
+def test_wrong_claims_are_rare(kind: str, folder: Path) -> None:
+    runs = [line for line in _all(folder) if not line["refused"]]
+    assert len(runs) >= 600
+    assert np.mean([bool(line[kind]) for line in runs]) <= POOLED[kind]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("cell", CELLS)
+def test_no_cell_confirms_often_what_is_not_there(cell: str, folder: Path) -> None:
+    runs = [line for line in _all(folder) if line["cell"] == cell and not line["refused"]]
+    assert np.mean([bool(line["confirmed"]) for line in runs]) <= MOST_OF_A_CELL
+
+
+@lru_cache(maxsize=1)
+def _planted(folder: Path) -> tuple[dict[str, Any], ...]:
+    return tuple(
+        line for aircraft in FLEET for line in run_planted(aircraft, [*PLANTED], [6], 1, folder)
+    )
+
+
+@pytest.mark.campaign
+def test_what_is_planted_is_named_sized_and_repaired(folder: Path) -> None:
+    runs = [line for line in _planted(folder) if not line["refused"]]
+    assert np.mean([bool(line["named"]) for line in runs]) >= 0.93
+    assert np.mean([line["in_set"] for line in runs]) >= 0.97
+    assert 0.92 <= np.mean([hit for line in runs for hit in line["covered"]]) <= 0.98
+    repaired = [line["removed"] for line in runs if "confirmed" in line["named"]]
+    assert np.median(repaired) >= 0.97
+    assert min(repaired) >= 0.85
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", ["lift slope 15 %", "Cm_alpha 20 %", "Cn_dr 25 %", "Cm_de 25 %"])
+def test_a_derivative_that_is_wrong_is_confirmed_on_three_aircraft_of_four(
+    kind: str, folder: Path
+) -> None:
+    runs = [line for line in _planted(folder) if line["planted"] == kind and not line["refused"]]
+    assert np.mean(["confirmed" in line["named"] for line in runs]) >= 0.75
