@@ -1,7 +1,10 @@
 """Error rates of the closed loop through the commands that ship, over aircraft that nobody here
 designed."""
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -66,18 +69,22 @@ def test_a_noisy_vane_makes_no_finding_and_hides_none(tmp_path: Path) -> None:
     assert line["removed"] >= 0.85
 
 
+def _null(aircraft: str, cell: str, folder: Path) -> list[dict[str, Any]]:
+    return [*run_null(aircraft, cell, [3, 6, 12] if cell == "declared" else [3, 6], 1, folder)]
+
+
 @lru_cache(maxsize=1)
 def _all(folder: Path) -> tuple[dict[str, Any], ...]:
-    """The runs of the campaign with nothing missing."""
-    return tuple(
-        line
-        for seed in (1, 2)
-        for cell in CELLS
-        for aircraft in FLEET
-        for line in run_null(
-            aircraft, cell, [3, 6, 12] if cell == "declared" else [3, 6], seed, folder
-        )
-    )
+    """The runs of the campaign with nothing missing: every aircraft in every cell."""
+    return _in_processes(_null, [(aircraft, cell, folder) for cell in CELLS for aircraft in FLEET])
+
+
+def _in_processes(
+    made: Callable[..., list[dict[str, Any]]], given: Sequence[tuple[Any, ...]]
+) -> tuple[dict[str, Any], ...]:
+    """What `made` returns for each, joined; one process per core."""
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        return tuple(line for lines in pool.map(made, *zip(*given, strict=True)) for line in lines)
 
 
 @pytest.fixture(scope="session")
@@ -100,11 +107,14 @@ def test_no_cell_confirms_often_what_is_not_there(cell: str, folder: Path) -> No
     assert np.mean([bool(line["confirmed"]) for line in runs]) <= MOST_OF_A_CELL
 
 
+def _power(aircraft: str, folder: Path) -> list[dict[str, Any]]:
+    return [*run_planted(aircraft, [*PLANTED], [6], 1, folder)]
+
+
 @lru_cache(maxsize=1)
 def _planted(folder: Path) -> tuple[dict[str, Any], ...]:
-    return tuple(
-        line for aircraft in FLEET for line in run_planted(aircraft, [*PLANTED], [6], 1, folder)
-    )
+    """The runs of the campaign with one error planted: every error in every aircraft."""
+    return _in_processes(_power, [(aircraft, folder) for aircraft in FLEET])
 
 
 @pytest.mark.campaign
