@@ -176,8 +176,9 @@ def flown(
     plan, reached = script(craft, number), responses(craft)
     executive = trimmed(craft.name, plan.altitude, plan.knots, INTEGRATION)
     executive["simulation/randomseed"] = number + 1
-    for motion in ("rotational", "translational"):
-        executive[f"simulation/integrator/rate/{motion}"] = ADAMS_BASHFORTH
+    for motion in ("rate/rotational", "rate/translational", "position/rotational"):
+        # the attitude too: by default it lags half a step behind the rates, and the angles with it
+        executive[f"simulation/integrator/{motion}"] = ADAMS_BASHFORTH
     gust = AIR[air]
     if gust is not None:
         executive["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = gust[0]

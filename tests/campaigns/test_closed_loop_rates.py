@@ -52,6 +52,12 @@ def test_an_aircraft_holds_no_physics_that_its_file_does_not_declare(name: str) 
         if axis.startswith("C_"):
             continue
         assert rms(comparison.residual(axis)[inside]) < 0.03 * np.ptp(measured[inside]), axis
+    bank = flight["phi"]
+    turning = flight["q"] * np.cos(bank) - flight["r"] * np.sin(bank)
+    moved = np.gradient(flight["theta"], STEP)
+    later = np.gradient(moved, STEP)[inside]
+    late = float((turning - moved)[inside] @ later / (later @ later))
+    assert abs(late) < 0.0005  # s by which the attitude is behind the rates
 
 
 @pytest.mark.heavy
