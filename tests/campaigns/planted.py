@@ -132,10 +132,10 @@ def scaled(axis: str, having: tuple[str, ...], factor: float, without: tuple[str
 
 
 def removed(axis: str, having: tuple[str, ...]):  # type: ignore[no-untyped-def]
-    """Takes functions away."""
+    """Takes functions away, those of the angle of attack excepted."""
 
     def change(root: Element, craft: Airframe) -> None:
-        for function in _functions(root, axis, having):
+        for function in _functions(root, axis, having, ALPHA):
             _acting(root, axis).remove(function)
 
     return change

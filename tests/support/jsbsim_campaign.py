@@ -26,7 +26,7 @@ STEP, INTEGRATION = 0.04, 0.01
 FINER = round(STEP / INTEGRATION)
 SETTLING, MARGIN = 5.0, 1.0  # s flown before the log begins and after it ends
 #: Of second order: with JSBSim's default, rates lag half a step behind the moments, which tracing
-#: finds (as damping).
+#: finds (as damping), and the attitude behind the rates, which it finds as a delay of the vane.
 ADAMS_BASHFORTH = 3
 SLUG, SLUG_FT2 = POUND / FOOT, POUND * FOOT  # kg, kg m2
 
@@ -146,8 +146,8 @@ def flown(aircraft: Aircraft, plan: Plan) -> dict[str, np.ndarray]:
     for name, value in plan.start.items():
         executive[name] = value
     executive.run_ic()
-    for motion in ("rotational", "translational"):
-        executive[f"simulation/integrator/rate/{motion}"] = ADAMS_BASHFORTH
+    for motion in ("rate/rotational", "rate/translational", "position/rotational"):
+        executive[f"simulation/integrator/{motion}"] = ADAMS_BASHFORTH
     if plan.pushed is None:
         executive["propulsion/set-running"] = -1
         executive["simulation/do_simple_trim"] = 1
