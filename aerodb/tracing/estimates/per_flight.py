@@ -24,6 +24,10 @@ KNOWN = 1e9
 #: estimate.
 _LEAST_SIGNAL = 0.5
 
+#: Share of noise in a column's power up to which it is noise for the greater part only where other
+#: columns are nearly collinear with it.
+_NOISY = 0.1
+
 #: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be
 #: wrong.
 Model = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
@@ -309,9 +313,6 @@ class ModelBiases:
         """(hypotheses, flights)."""
         if self.noisy is None:
             return np.zeros((len(indices), len(self.estimate)))
-        if not self.extrapolated:
-            again, _ = in_units(self.noisy, indices, self.scale)
-            return (again - self.estimate[:, indices]).T
         once, twice, estimate = (
             self.plain.at(indices),
             self.noisy.at(indices),
@@ -319,6 +320,13 @@ class ModelBiases:
         )
         signal = 2.0 * once.after - twice.after
         trusted = once.informative & twice.informative & (signal > _LEAST_SIGNAL * once.after)
+        if not self.extrapolated:
+            again, _ = in_units(self.noisy, indices, self.scale)
+            before, after = (
+                each.base.information_before[:, indices] for each in (self.plain, self.noisy)
+            )
+            inflated = after - before < _NOISY * before
+            return np.where(trusted | inflated, again - estimate, estimate).T
         without = np.divide(
             2.0 * once.cross - twice.cross,
             signal * self.scale[indices],

@@ -161,15 +161,21 @@ def noisier(flight: Flight, noise: Mapping[str, tuple[float, float]], seed: int)
 
 
 @pytest.mark.parametrize(
-    "cell",
+    ("cell", "number"),
     [
-        next(iter(UNDECLARED)),
-        *(pytest.param(cell, marks=pytest.mark.campaign) for cell in list(UNDECLARED)[1:]),
+        (next(iter(UNDECLARED)), IDENTIFIED),
+        *(
+            pytest.param(cell, IDENTIFIED, marks=pytest.mark.campaign)
+            for cell in list(UNDECLARED)[1:]
+        ),
+        pytest.param("alpha .1 deg", 3, marks=pytest.mark.campaign),
     ],
 )
-def test_undeclared_coloured_noise_is_no_effect_and_no_fault(cell: str, tmp_path: Path) -> None:
+def test_undeclared_coloured_noise_is_no_effect_and_no_fault(
+    cell: str, number: int, tmp_path: Path
+) -> None:
     """Nothing is lacking, by commands: what ships estimates the noise from the flights alone."""
-    flights = [noisier(f, UNDECLARED[cell], 1) for f in campaign(GEAR)[1][:IDENTIFIED]]
+    flights = [noisier(f, UNDECLARED[cell], 1) for f in campaign(GEAR)[1][:number]]
     found = by_commands(GEAR, tmp_path, None, flights)
     claimed = {"confirmed", "alias_group", "suspected", "sensor", "ambiguous_sensor"}
     assert [f["hypothesis"] for f in found["findings"] if f["verdict"] in claimed] == []

@@ -343,6 +343,8 @@ def test_of_a_column_that_is_noise_for_the_greater_part_nothing_is_believed() ->
     estimate = estimates.estimate[0, 0]
     assert estimate == pytest.approx(1.0 / 1.49, rel=0.1)
     assert estimates.biases.at([0])[0].simex_bias[0] == estimate
+    units = campaign([equations], [column], extrapolated=False).flight_estimates((), ())
+    assert units.biases.at([0])[0].simex_bias[0] == estimate
 
 
 def test_an_autoregression_is_recovered_and_leaves_white_noise() -> None:
