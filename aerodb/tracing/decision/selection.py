@@ -152,8 +152,14 @@ def _candidates(
 
 
 def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:
-    """Whether a sensor would have to be wrong by more than these flights themselves leave open."""
-    return bool(tests.campaign.hypotheses[index].known_by and implausible(tests, test, index))
+    """Whether a sensor would have to be wrong by more than is known of it.
+
+    What is known of it is its prior already: beyond that, the estimate itself must be believable,
+    not only the nearer end of its interval.
+    """
+    hypothesis = tests.campaign.hypotheses[index]
+    least, most = hypothesis.plausible
+    return bool(hypothesis.known_by) and not least <= float(test.mean[index]) <= most
 
 
 def _largest(gain: Array, indices: Sequence[int]) -> int | None:
