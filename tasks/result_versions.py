@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 1,
     "update": 4,
-    "gram": 7,
-    "close_loop": 9,
+    "gram": 8,
+    "close_loop": 10,
 }
 
 #: Names of versions that the product itself moves.

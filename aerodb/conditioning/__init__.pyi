@@ -1,3 +1,4 @@
+from .channel_rates import alpha_rate, beta_rate
 from .clock import clean_clock, interval, is_uniform
 from .condition import (
     Conditioning,
@@ -36,6 +37,8 @@ __all__ = [
     "Segment",
     "Shared",
     "Suspicion",
+    "alpha_rate",
+    "beta_rate",
     "bridge",
     "clean_clock",
     "clock_suspicions",

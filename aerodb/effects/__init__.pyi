@@ -4,6 +4,7 @@ from .flight_view import FlightView, view_of
 from .hypothesis import Columns, Hypothesis
 from .library import hypotheses_for, library_sha256
 from .measurement import (
+    air_rotation_columns,
     alpha_consider_parameters,
     hypotheses_for_flight,
     sensor_consider_parameters,
@@ -34,6 +35,7 @@ __all__ = [
     "LibraryContext",
     "StallFlight",
     "add_effects",
+    "air_rotation_columns",
     "alpha_consider_parameters",
     "cross_fit_shapes",
     "envelopes_of",

@@ -11,6 +11,7 @@ from aerodb.support import Array
 from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import campaign
 from aerodb.tracing.evidence import (
+    NUISANCE,
     Band,
     Evidence,
     NormalEquations,
@@ -164,10 +165,11 @@ def _about(
 
 
 def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
-    """The band with a column for every hypothesis, in the library's order; zero where the unit
-    lacks it.
+    """The band with a column for every hypothesis, in the library's order, zero where the unit
+    lacks it, and then its nuisances.
     """
-    names = tuple(hypothesis.id for hypothesis in hypotheses)
+    nuisances = (name for name in band.names if name.startswith(NUISANCE))
+    names = (*(hypothesis.id for hypothesis in hypotheses), *nuisances)
     indices = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
 
     def wide(records: Records) -> dict[str, list[Array]]:

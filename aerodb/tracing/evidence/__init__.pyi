@@ -1,5 +1,5 @@
 from .bandwidth import tracing_bandwidth
-from .evidence import Evidence, halves, units
+from .evidence import NUISANCE, Evidence, halves, units
 from .flight_evidence import evidence_of
 from .instrumental_variables import with_commanded_rates, with_instruments
 from .low_pass import Band, Records, band_limited, in_band, stretches
@@ -23,6 +23,7 @@ from .thinning import LONG, thinned
 
 __all__ = [
     "LONG",
+    "NUISANCE",
     "TOLERANCE",
     "Band",
     "Evidence",

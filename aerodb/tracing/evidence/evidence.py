@@ -6,6 +6,7 @@ alike, and adds the intercepts.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from aerodb.tracing.evidence.sampling_unit import SamplingUnit
 
 Columns = Mapping[str, Mapping[str, Array]]
 
+#: Beginning of the names of columns that belong to no hypothesis: nuisance parameters of one
+#: flight, whose prior has one standard deviation of one.
+NUISANCE: Final = "air_rotation:"
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -23,7 +28,8 @@ class Evidence:
     flight : id of the flight or of the unit. step : s. residual : axis -> (n,), measured -
     predicted, dimensionless. usable : axis -> (n,). columns : hypothesis id -> axis -> (n,),
     derivative of (measured - predicted) by the hypothesis' one parameter, aerodynamic and sensors
-    alike; an axis on which it does not act may be missing, and so may a hypothesis that this flight
+    alike; those named NUISANCE are eliminated from the flight's normal equations; an axis on which
+    it does not act may be missing, and so may a hypothesis that this flight
     cannot show. noisy : the same flight with the reconstruction's state noise added once more
     (SIMEX: Cook & Stefanski, JASA 89, 1994); optional. instruments : like columns, the columns as
     commanded inputs alone predict them; optional.

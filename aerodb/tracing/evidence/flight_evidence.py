@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import FlightView, Hypothesis, view_of
+from aerodb.effects import FlightView, Hypothesis, air_rotation_columns, view_of
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
@@ -28,7 +28,7 @@ def evidence_of(
     database : the model that `comparison` was made with. noisy : the same flight with the
     reconstruction's state noise added once more, each with its own comparison. view : of the flight
     and the database, where one exists already. A hypothesis whose channels the flight lacks gives
-    no column.
+    no column. Columns of the air's rotation are among the others (`air_rotation_columns`).
 
     Raises InputError when no body axis has a usable sample.
     """
@@ -41,6 +41,7 @@ def evidence_of(
             "see its flags: aerodb flight show",
         )
     columns = {hypothesis.id: hypothesis.columns(view) for hypothesis in hypotheses}
+    columns |= air_rotation_columns(view, comparison.measured)
     return Evidence(
         flight=flight.id,
         step=flight.step,

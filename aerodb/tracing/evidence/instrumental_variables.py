@@ -17,7 +17,7 @@ import numpy as np
 
 from aerodb.flight import Flight
 from aerodb.support import Array
-from aerodb.tracing.evidence.evidence import Evidence
+from aerodb.tracing.evidence.evidence import NUISANCE, Evidence
 
 #: Rate -> the commands that ask for it.
 COMMANDS_FOR: Final[Mapping[str, tuple[str, ...]]] = {
@@ -65,7 +65,8 @@ def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
             if axis in columns
         }
         for name, columns in evidence.columns.items()
-        if any(
+        if not name.startswith(NUISANCE)
+        and any(
             not np.array_equal(column, commanded.columns.get(name, {}).get(axis, np.empty(0)))
             for axis, column in columns.items()
         )

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
-from aerodb.tracing.evidence.evidence import Evidence
+from aerodb.tracing.evidence.evidence import NUISANCE, Evidence
 from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band
 from aerodb.tracing.settings import TracingSettings
 
@@ -124,17 +124,19 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
             band.flight,
             "see why its samples are flagged; fly longer manoeuvres",
         )
-    noisy = [_products(band, copy, fitted) for copy in band.noisy]
+    kept = np.array([not name.startswith(NUISANCE) for name in band.names], dtype=np.bool_)
+    whole = np.r_[np.ones(len(fitted), dtype=np.bool_), kept, True]
+    noisy = [without_nuisances(_products(band, copy, fitted), whole) for copy in band.noisy]
     return NormalEquations(
         flight=band.flight,
         axes=tuple(fitted),
-        hypotheses=band.names,
-        matrix=_products(band, band.records, fitted),
+        hypotheses=tuple(name for name, keep in zip(band.names, kept, strict=True) if keep),
+        matrix=without_nuisances(_products(band, band.records, fitted), whole),
         noisy=np.mean(noisy, axis=0) if noisy else None,
         spread=np.array([spread for _, spread in fitted.values()]),
         correlation=np.array(times),
         samples=np.array(counts, dtype=np.int64),
-        excitation=_excitation(band, fitted),
+        excitation=_excitation(band, fitted)[kept],
     )
 
 
@@ -156,6 +158,21 @@ def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, flo
         index = np.where(acting == 0, number, acting + len(fitted) - 1)
         total[np.ix_(index, index)] += white.T @ white
     return total
+
+
+def without_nuisances(products: Array, kept: Mask) -> Array:
+    """Cross-products (k, k) with the columns that are not `kept` (k,) eliminated.
+
+    Each is a parameter whose prior has a standard deviation of one: ``H - H_n (H_nn + 1)^-1 H_n'``.
+
+    >>> without_nuisances(np.array([[4.0, 3.0], [3.0, 8.0]]), np.array([True, False])).tolist()
+    [[3.0]]
+    """
+    if kept.all():
+        return products
+    across = products[np.ix_(~kept, kept)]
+    own = products[np.ix_(~kept, ~kept)] + np.eye(len(across))
+    return np.asarray(products[np.ix_(kept, kept)] - across.T @ np.linalg.solve(own, across))
 
 
 def _excitation(band: Band, fitted: Mapping[str, tuple[Array, float]]) -> Array:

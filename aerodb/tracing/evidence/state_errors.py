@@ -1,10 +1,15 @@
 """Add the reconstruction's state noise to a flight once more, for SIMEX.
 
-docs/method/tracing.md, section 17.
+Turbulence also rolls the air. Nothing on board measures this, since it comes from how the vertical
+gust differs along the span, and the aircraft follows it; so to the aerodynamics the roll rate of
+the gyro has an error, although the gyro has none. Its power follows from that of the vertical
+gusts along the path (`rolling_air`). docs/method/tracing.md, section
+17.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +19,12 @@ from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
+
+#: Length of vertical gusts above 2000 ft [m] (MIL-F-8785C, 1980, 3.7.2.1); one sigma of the air's
+#: roll rate in ``sigma_w / sqrt(L b)``, and its bandwidth in ``V / sqrt(L b)`` (Yeager, NASA
+#: CR-1998-206937, table 1).
+_LENGTH: Final = 533.4
+_SIZE, _BANDWIDTH = 1.9, 2.6
 
 
 def noisy_copies(
@@ -30,8 +41,9 @@ def noisy_copies(
     channels no longer give it exactly (`thinned`): what the noise changes is added to it.
 
     With the state noise doubled, the bias of estimates doubles (Cook & Stefanski, JASA 89, 1994).
-    The noise runs through the whole chain, coefficients and prediction alike; draws are seeded by
-    the flight, so that they are the same on every machine.
+    The noise runs through the whole chain, coefficients and prediction alike, and the roll of the
+    air (`rolling_air`) through the prediction alone; draws are seeded by the flight, so that they
+    are the same on every machine.
     """
     seed = int.from_bytes(flight.id.encode()[:8].ljust(8, b"0"), "big")
     clean = (
@@ -39,6 +51,7 @@ def noisy_copies(
         if near is None
         else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
     )
+    rolling = rolling_air(noise, flight, vehicle.reference.span)
     noisy = []
     for number in range(copies):
         drawn = noise.draw(
@@ -48,11 +61,52 @@ def noisy_copies(
         # The intercepts take what is constant; a mean of matrices with other means would not.
         centred = {name: sign * (error - error.mean()) for name, error in drawn.items()}
         copy = flight.with_channels(_added(flight, centred))
-        beside = compare(copy, total_coefficients(copy, vehicle), database, vehicle.reference)
+        measured = total_coefficients(copy, vehicle)
+        if "p" in flight and rolling is not None:
+            rolled = rolling.draw(
+                np.random.default_rng([seed, number // 2, 1]), len(flight.time), flight.step
+            )["p"]
+            copy = copy.with_channels({"p": copy["p"] + sign * (rolled - rolled.mean())})
+        beside = compare(copy, measured, database, vehicle.reference)
         noisy.append(
             (copy, beside if near is None or clean is None else _on_top(near, beside, clean))
         )
     return noisy
+
+
+def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | None:
+    """Spectrum of the rate [rad/s] at which gusts roll the air about an aircraft, as channel p.
+
+    For Dryden gusts w of scale L, alpha = w/V has the one-sided spectrum ``(2 L s^2 / V^3) (1 + 3
+    x^2) / (1 + x^2)^2`` with ``x = omega L / V`` (MIL-F-8785C, 3.7.1.3); the roll rate of the air
+    over the span b is a first-order process with ``1.9 s / sqrt(L b)`` and the time constant
+    ``sqrt(L b) / 2.6 V`` (Yeager 1998). So the gusts that alpha shows give its spectrum, whatever
+    their intensity s. What counts of alpha is its difference from the path in steady wind beyond
+    the error of its sensor; without a vane, the gusts that the smoother allows for.
+
+    span : m. None where the flight has no alpha or airspeed, or the air did not move.
+    """
+    speed = float(np.nanmedian(flight["V"])) if "V" in flight else 0.0
+    if "alpha" not in noise.density or not speed > 0.0:
+        return None
+    alpha = np.asarray(noise.density["alpha"])
+    if "alpha" in noise.unsteady:
+        alpha = np.maximum(np.asarray(noise.unsteady["alpha"]) - alpha, 0.0)
+    edges = np.asarray(noise.edges)
+    omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
+    x = np.square(omega * _LENGTH / speed)
+    intensity = alpha * (1.0 + x) ** 2 / (1.0 + 3.0 * x) * speed**3 / (2.0 * _LENGTH)
+    size, time = _SIZE**2 / (_LENGTH * span), np.sqrt(_LENGTH * span) / (_BANDWIDTH * speed)
+    density = intensity * size * 4.0 * time / (1.0 + (omega * time) ** 2)
+    if not density.any():
+        return None
+    return replace(
+        noise,
+        offset={"p": 0.0},
+        density={"p": tuple(density.tolist())},
+        pressure_slope=0.0,
+        unsteady={},
+    )
 
 
 def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:
