@@ -1,9 +1,11 @@
 """Update by declared increments: choose flights, estimate, validate on flights not used."""
 
 import re
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Final
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import with_attenuation
@@ -29,6 +31,9 @@ from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import TracingSettings
+
+#: Number of reasons that an error names.
+_SHOWN: Final = 3
 
 
 @dataclass(frozen=True)
@@ -81,14 +86,7 @@ def plan_update(
     out = {flight for flight, _ in excluded}
     usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(access, row))
     if not usable:
-        why = (
-            "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
-        )
-        raise InputError(
-            f"no usable flight ({why})",
-            f"update of {vehicle}",
-            "ingest flights of this vehicle",
-        )
+        raise _none_usable(vehicle, excluded)
     requested = (
         None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
     )
@@ -101,6 +99,39 @@ def plan_update(
         if entry["key"] is not None and entry["flight"] not in out
     )
     return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+
+
+def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputError:
+    """The error that no flight can be used: how many flights each reason excludes, the most
+    frequent reasons first.
+
+    excluded : flight (id) and reason, in which the flight itself may be named; a remedy may follow
+    on its second line.
+    """
+    where = f"update of {vehicle}"
+    if not excluded:
+        return InputError(
+            "no usable flight: none is stored", where, "ingest flights of this vehicle"
+        )
+    reasons = Counter(_without_its_flight(reason) for _, reason in excluded)
+    shown = [
+        f"{count} of {len(excluded)} {what}" for (what, _), count in reasons.most_common(_SHOWN)
+    ]
+    more = len(reasons) - len(shown)
+    if more > 0:
+        shown.append(f"{more} other {'reason' if more == 1 else 'reasons'}")
+    remedies = dict.fromkeys(remedy for (_, remedy), _ in reasons.most_common(_SHOWN) if remedy)
+    see = f"see them: aerodb flight list --vehicle {vehicle}, aerodb flight show FLIGHT"
+    return InputError(f"no usable flight: {'; '.join(shown)}", where, "\n".join([*remedies, see]))
+
+
+def _without_its_flight(reason: str) -> tuple[str, str]:
+    """A reason without the flight that it names, and its remedy; rejections are one reason,
+    whatever their numbers."""
+    what, _, remedy = reason.partition("\n")
+    if what.startswith("rejected"):
+        return "rejected by the check of consistency", ""
+    return re.sub(r"^flight [0-9a-f]{12,64}: ", "", what), remedy
 
 
 def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
+from aerodb.tasks.steps.update import _none_usable
 from tests.faults.test_bad_input import everything
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -125,8 +126,28 @@ def test_all_flights_excluded_is_refused(workspace: Path) -> None:
     for flight in flights_of(workspace):
         asked(workspace, "flight", "retract", flight, "--reason", "static ports iced")
     said = refused(workspace, *CLOSE)
-    assert "no usable flight" in said
-    assert "static ports iced" in said
+    number = len(flights_of(workspace))
+    assert f"no usable flight: {number} of {number} retracted: static ports iced" in said
+    assert said.count("iced") == 1
+    assert "aerodb flight list --vehicle" in said
+
+
+def test_one_reason_of_many_flights_is_said_once() -> None:
+    """Whatever flight it names, and whatever numbers it holds."""
+    excluded = [
+        (f"{k:064x}", f"flight {k:064x}: database db needs delta_flap\nbind it at import")
+        for k in range(40)
+    ]
+    excluded += [(f"{k:064x}", f"rejected: V remains {k} m/s") for k in range(40, 50)]
+    excluded += [("a" * 64, "retracted: iced"), ("b" * 64, "retracted: bird strike")]
+    said = str(_none_usable("my-glider", excluded))
+    assert said.splitlines() == [
+        "update of my-glider: no usable flight: 40 of 52 database db needs delta_flap; 10 of 52"
+        " rejected by the check of consistency; 1 of 52 retracted: iced; 1 other reason",
+        "bind it at import",
+        "see them: aerodb flight list --vehicle my-glider, aerodb flight show FLIGHT",
+    ]
+    assert "none is stored" in str(_none_usable("my-glider", []))
 
 
 def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_path: Path) -> None:
