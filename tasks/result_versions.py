@@ -8,8 +8,8 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
-    "conditioning": 1,
-    "consistency": 4,
+    "conditioning": 2,
+    "consistency": 5,
     "coefficients": 2,
     "compare": 1,
     "import": 1,

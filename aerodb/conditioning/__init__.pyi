@@ -10,6 +10,7 @@ from .condition import (
 )
 from .differentiation import FEWEST_SAMPLES, bridge, low_passed, smooth
 from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
+from .local_gravity import local_gravity
 from .plausibility import Suspicion, clock_suspicions
 from .resampling import (
     PASS_EDGE,
@@ -50,6 +51,7 @@ __all__ = [
     "hold",
     "interval",
     "is_uniform",
+    "local_gravity",
     "low_passed",
     "resampler",
     "runs",

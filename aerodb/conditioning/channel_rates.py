@@ -2,7 +2,7 @@
 
 They follow from accelerations, angular rates, attitude and gravity: Stevens, Lewis & Johnson,
 *Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. All functions take channels by
-name, in SI, each (n,).
+name, in SI, each (n,); gravity is that of the place (`local_gravity`).
 """
 
 from collections.abc import Callable, Mapping
@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from aerodb.conditioning.differentiation import bridge
+from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
-from aerodb.physics import GRAVITY
 from aerodb.support import Array
 
 
@@ -27,7 +27,7 @@ def alpha_rate(f: Mapping[str, Array]) -> Array:
     zero = np.zeros_like(sin)
     beta, phi = f.get("beta", zero), f.get("phi", zero)
     turn = np.tan(beta) * (f.get("p", zero) * cos + f.get("r", zero) * sin)
-    weight = GRAVITY * (cos * np.cos(f["theta"]) * np.cos(phi) + sin * np.sin(f["theta"]))
+    weight = local_gravity(f) * (cos * np.cos(f["theta"]) * np.cos(phi) + sin * np.sin(f["theta"]))
     result: Array = (
         f["q"] - turn + (f["az"] * cos - f["ax"] * sin + weight) / (f["V"] * np.cos(beta))
     )
@@ -41,9 +41,10 @@ def beta_rate(f: Mapping[str, Array]) -> Array:
     ``p sin(alpha) - r cos(alpha) + (force along the wind's y axis, gravity included) / V``.
     """
     (sa, ca), (sb, cb) = ((np.sin(f[name]), np.cos(f[name])) for name in ("alpha", "beta"))
-    fx = f["ax"] - GRAVITY * np.sin(f["theta"])
-    fy = f["ay"] + GRAVITY * np.cos(f["theta"]) * np.sin(f["phi"])
-    fz = f["az"] + GRAVITY * np.cos(f["theta"]) * np.cos(f["phi"])
+    gravity = local_gravity(f)
+    fx = f["ax"] - gravity * np.sin(f["theta"])
+    fy = f["ay"] + gravity * np.cos(f["theta"]) * np.sin(f["phi"])
+    fz = f["az"] + gravity * np.cos(f["theta"]) * np.cos(f["phi"])
     result: Array = f["p"] * sa - f["r"] * ca + (fy * cb - sb * (fx * ca + fz * sa)) / f["V"]
     return result
 
@@ -56,9 +57,10 @@ def airspeed_rate(f: Mapping[str, Array]) -> Array:
     """
     zero = np.zeros_like(f["alpha"])
     beta, phi, ay = f.get("beta", zero), f.get("phi", zero), f.get("ay", zero)
-    fx = f["ax"] - GRAVITY * np.sin(f["theta"])
-    fy = ay + GRAVITY * np.cos(f["theta"]) * np.sin(phi)
-    fz = f["az"] + GRAVITY * np.cos(f["theta"]) * np.cos(phi)
+    gravity = local_gravity(f)
+    fx = f["ax"] - gravity * np.sin(f["theta"])
+    fy = ay + gravity * np.cos(f["theta"]) * np.sin(phi)
+    fz = f["az"] + gravity * np.cos(f["theta"]) * np.cos(phi)
     result: Array = np.cos(beta) * (
         fx * np.cos(f["alpha"]) + fz * np.sin(f["alpha"])
     ) + fy * np.sin(beta)

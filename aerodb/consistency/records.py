@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import specific_force_at_cg
-from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
+from aerodb.conditioning import FEWEST_SAMPLES, bridge, local_gravity, smooth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs import velocity_at_cg
-from aerodb.physics import GRAVITY, Earth
+from aerodb.physics import Earth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 
@@ -191,8 +191,9 @@ def records_from_flight(
     errors are common to all. The wind is constant over `STEADY_WIND_TIME` and
     `STEADY_WIND_ALTITUDE`: records with another wind have ``#<number>`` after the flight id. V,
     alpha and beta are moved back from the CG to the probe, whose errors are estimated; if they were
-    computed from the raw pressures of a five-hole probe, these pressures replace them. Long flights
-    with a logged latitude are reconstructed over a rotating earth, because gyros measure its rate.
+    computed from the raw pressures of a five-hole probe, these pressures replace them. With a
+    logged latitude gravity is that of the place, and long flights are reconstructed over a rotating
+    earth, because gyros measure its rate.
 
     Parameters
     ----------
@@ -215,6 +216,7 @@ def records_from_flight(
     outputs, raw = _outputs(flight, vehicle, moved)
     how, earth = installation_from_vehicle(vehicle, moved.cg, raw), _earth(flight)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
+    gravity = _gravity(flight)
     records: list[Record] = []
     for start, stop in runs:
         whole = slice(start, stop)
@@ -244,7 +246,7 @@ def records_from_flight(
                     flight.id,
                     moved.arm,
                     density=None if density is None else density[part],
-                    gravity=GRAVITY,
+                    gravity=gravity,
                     first=start + first * decimation,
                     installation=how,
                     pressure=None if pressure is None else pressure[part],
@@ -305,6 +307,18 @@ def _earth(flight: Flight) -> Earth | None:
     """The rotating earth for a long flight; None for a short one or an unknown latitude."""
     return (
         _local_earth(flight) if flight.time[-1] - flight.time[0] > ROTATING_EARTH_DURATION else None
+    )
+
+
+def _gravity(flight: Flight) -> float:
+    """Gravity [m/s2] where the flight took place."""
+    at = ("latitude", "longitude", "altitude", "pressure_altitude")
+    return local_gravity(
+        {
+            name: flight[name][flight.usable((name,), despite=IGNORED_FLAGS)]
+            for name in at
+            if name in flight
+        }
     )
 
 

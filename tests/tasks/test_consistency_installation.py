@@ -276,6 +276,23 @@ def test_a_long_flight_is_taken_over_a_turning_earth(
     assert right < 0.15 * EARTH_RATE < 0.3 * EARTH_RATE < wrong
 
 
+def test_gravity_is_that_of_the_place_in_a_short_flight_too(tmp_path: Path) -> None:
+    """At the equator gravity is .027 m/s2 less than standard gravity, which without a latitude
+    stands in the bias of az: .3 percent of lift."""
+    planted = {"az_bias": 0.03, "ax_bias": 0.02}
+    columns = around_the_earth(3, 0.01, 90.0, planted)
+    text = vehicle(antenna=False).replace(POINTS, 'moment_reference = "cg"\n')
+    found = {}
+    for name, table_of in (
+        ("known", columns),
+        ("unknown", {n: x for n, x in columns.items() if n not in ("latitude", "longitude")}),
+    ):
+        outcome, _ = _ingested(tmp_path / name, text, table_of)
+        found[name] = _estimates(outcome)["az_bias"]["value"]
+    assert found["known"] == pytest.approx(planted["az_bias"], abs=0.005)
+    assert found["unknown"] == pytest.approx(planted["az_bias"] + 9.80665 - 9.78033, abs=0.005)
+
+
 def test_records_know_where_things_are() -> None:
     """The arm of the antenna from the CG, the earth of a long flight and of no other, and one
     dynamic pressure of one sensor."""
@@ -289,6 +306,8 @@ def test_records_know_where_things_are() -> None:
     (record,) = records_from_flight(moved, described)
     assert record.installation.gps == GPS
     assert record.earth is None
+    height = float(np.median(columns["altitude"]))
+    assert record.gravity == pytest.approx(9.81178 - 3.086e-6 * height, abs=2e-5)  # 51.57 deg
     assert "qbar" not in record.outputs  # it is that of the airspeed at the probe
     late = Flight("g", NAME, 40.0 * flight.time, flight.channels)
     (longer,) = records_from_flight(late, described, seconds=1e4)
