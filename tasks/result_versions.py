@@ -12,8 +12,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "consistency": 5,
     "coefficients": 2,
     "compare": 1,
-    "import": 1,
-    "update": 4,
+    "import": 2,
+    "update": 5,
     "gram": 8,
     "close_loop": 10,
 }

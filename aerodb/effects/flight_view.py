@@ -19,11 +19,18 @@ from aerodb.coefficients import (
     with_states,
 )
 from aerodb.conditioning import bridge, smooth
-from aerodb.effects.sensitivity import slopes_by
+from aerodb.effects.sensitivity import slopes_by, slopes_by_lift
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.support import Array
-from aerodb.tables import HAT_RATES, AeroDatabase, Reference, hat_rate, transfer_moments
+from aerodb.tables import (
+    HAT_RATES,
+    LIFT_INCREMENTS,
+    AeroDatabase,
+    Reference,
+    hat_rate,
+    transfer_moments,
+)
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels
 
 #: Share of the samples that are used on any axis which a channel must have for a hypothesis that
@@ -76,9 +83,13 @@ class FlightView:
 
     def slope(self, variable: str) -> Mapping[str, Array]:
         """Body axis -> dC/d`variable` (n,) of the current model; empty where it does not depend on
-        it."""
+        it. `LIFT_INCREMENTS`: by an increment on C_lift, where more than the lift depends on it."""
         if variable not in self._slopes:
-            self._slopes[variable] = slopes_by(self.database, variable, self.channels)
+            self._slopes[variable] = (
+                slopes_by_lift(self.database, self.channels)
+                if variable == LIFT_INCREMENTS
+                else slopes_by(self.database, variable, self.channels)
+            )
         return self._slopes[variable]
 
     @cached_property

@@ -15,7 +15,7 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.nomenclature import FORCE_AXES
 from aerodb.support import Array
-from aerodb.tables import HAT_RATES, WIND_AXES, Expression, evaluate, wind_to_body
+from aerodb.tables import HAT_RATES, LIFT_INCREMENTS, WIND_AXES, Expression, evaluate, wind_to_body
 
 Kind = Literal["aerodynamic", "sensor"]
 
@@ -105,7 +105,7 @@ def _finite(values: Array) -> Array:
 
 
 def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) -> dict[str, Array]:
-    """Regressors on the body axes."""
+    """Regressors on the body axes; those of the lift with the drag that they induce."""
     n = len(view.time)
     total: dict[str, Array] = {}
     for axis, regressor in increment:
@@ -117,6 +117,9 @@ def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) 
             drag, side, lift = (values if axis == wind else 0.0 for wind in WIND_AXES)
             rotated = wind_to_body(drag, side, lift, view["alpha"], view["beta"])
             parts = dict(zip(FORCE_AXES, rotated, strict=True))
+        by_lift = view.slope(LIFT_INCREMENTS) if axis == "C_lift" else {}
+        if by_lift:  # drag that depends on the lift comes with it
+            parts = {body: values * by_lift[body] for body in FORCE_AXES}
         for body, part in parts.items():
             total[body] = total[body] + part if body in total else np.array(part)
     return total

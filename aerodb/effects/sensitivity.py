@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tables import HAT_RATES, AeroDatabase, Expression
+from aerodb.tables import HAT_RATES, LIFT_INCREMENTS, AeroDatabase, Expression, Increment, Number
 
 #: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a
 #: degree per second, ...
@@ -25,6 +25,7 @@ _STEPS: Mapping[str, float] = {
 }
 _SURFACE_STEP = 0.0044
 _RELATIVE_STEP = 1e-4
+_LIFT_STEP = 1e-3  # of C_lift: what depends on it is a polynomial of second order
 
 
 def slopes_by(
@@ -52,6 +53,28 @@ def slopes_by(
     }
 
 
+def slopes_by_lift(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[str, Array]:
+    """Body axis -> change of the coefficient (n,) per increment on C_lift: the lift itself on the
+    body axes, and what depends on the total lift; empty where nothing does.
+
+    Raises InputError naming channels that are missing.
+    """
+    part = _dependent(database, LIFT_INCREMENTS)
+    if not database.depends_on_lift_increments or part is None:
+        return {}
+    above, below = (
+        replace(part, increments=(*part.increments, _constant_lift(size)))
+        .predict(channels)
+        .coefficients
+        for size in (_LIFT_STEP, -_LIFT_STEP)
+    )
+    return {axis: (above[axis] - below[axis]) / (2.0 * _LIFT_STEP) for axis in above}
+
+
+def _constant_lift(size: float) -> Increment:
+    return Increment("C_lift", (Number(1.0),), np.array([size]), np.zeros((1, 1)))
+
+
 def step_of(variable: str, values: Array) -> float:
     """Half the range over which the slope by `variable` is taken."""
     if variable in _STEPS:
@@ -67,9 +90,10 @@ def uses(database: AeroDatabase, expression: Expression) -> frozenset[str]:
     inputs = database.compiled(
         [expression], definitions, {**database.tables, **database.scattered}
     ).inputs
-    return frozenset(inputs).union(
-        *({HAT_RATES[name][0], "V"} for name in inputs if name in HAT_RATES)
-    )
+    names = frozenset(inputs)
+    if LIFT_INCREMENTS in names:
+        names = names.union(*(each.names for each in database.increments if each.axis == "C_lift"))
+    return names.union(*({HAT_RATES[name][0], "V"} for name in names if name in HAT_RATES))
 
 
 @lru_cache(maxsize=128)
@@ -82,7 +106,9 @@ def _dependent(database: AeroDatabase, variable: str) -> AeroDatabase | None:
     increments = tuple(
         item
         for item in database.increments
-        if variable in item.names or any(_made_of(name, variable) for name in item.names)
+        if variable in item.names
+        or any(_made_of(name, variable) for name in item.names)
+        or (item.axis == "C_lift" and database.depends_on_lift_increments)
     )
     return replace(database, terms=terms, increments=increments) if terms or increments else None
 

@@ -15,6 +15,7 @@ from aerodb.tables import (
     BASE_VARIABLES,
     CONSTANTS,
     FUNCTIONS,
+    LIFT_INCREMENTS,
     AeroDatabase,
     Call,
     Expression,
@@ -37,11 +38,12 @@ _RULE: Final = "1 inside and one cell beyond, then to 0 over one further cell"
 
 
 def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
-    """Return `database` with a term, and its variables, in place of each increment.
+    """Return `database` with a term, and its variables, in place of each increment, and their sum
+    in place of `LIFT_INCREMENTS`.
 
     `predict` gives the same values.
     """
-    if not database.increments:
+    if not database.increments and not database.depends_on_lift_increments:
         return database
     taken = {
         *CHANNELS,
@@ -63,7 +65,17 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
         name = _unused(f"{stem}_{increment.axis}", term_names)
         term_names.add(name)
         terms.append(Term(name, increment.axis, expression, note))
-    return replace(database, terms=tuple(terms), variables=variables, increments=())
+    of_lift = [term.expression for term in terms[len(database.terms) :] if term.axis == "C_lift"]
+    total = {LIFT_INCREMENTS: reduce(plus, of_lift) if of_lift else Number(0)}
+    return replace(
+        database,
+        terms=tuple(replace(term, expression=substitute(term.expression, total)) for term in terms),
+        variables={
+            name: replace(variable, expression=substitute(variable.expression, total))
+            for name, variable in variables.items()
+        },
+        increments=(),
+    )
 
 
 def substitute(expression: Expression, replacements: Mapping[str, Expression]) -> Expression:

@@ -3,7 +3,7 @@ from .arguments import breakpoints_over, channel_of, rebuilt, table_calls
 from .check_cases import CheckCase, failed_check_cases, make_check_cases
 from .consolidation import NodeShare, consolidate, node_lineage, plan_consolidation, point_lineage
 from .database import AeroDatabase, Prediction, Term, Variable
-from .definitions import CONSTANTS, STATE_CHANNEL
+from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL
 from .differences import DatabaseDiff, NodeChanges, TermChange, diff
 from .envelope import flown_envelope
 from .evaluation import Evaluation, Place, evaluate_database
@@ -49,6 +49,7 @@ __all__ = [
     "FUNCTIONS",
     "HAT_RATES",
     "LAWS",
+    "LIFT_INCREMENTS",
     "MAX_DEPTH",
     "MAX_LENGTH",
     "QUANTITIES",

@@ -18,6 +18,7 @@ from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
 from aerodb.tables.definitions import (
     CONSTANTS,
+    LIFT_INCREMENTS,
     check_axis,
     check_definitions,
     check_input,
@@ -102,7 +103,8 @@ class AeroDatabase:
     1. `variables`;
     2. the constants S_ref [m2], c_ref, b_ref [m];
     3. `free_inputs` (name -> description): quantities of the source that are no channel here;
-    4. channels of `aerodb.nomenclature`. The dimensionless rates p_hat q_hat r_hat alphadot_hat
+    4. `C_lift_increments`: the sum of `increments` on C_lift;
+    5. channels of `aerodb.nomenclature`. The dimensionless rates p_hat q_hat r_hat alphadot_hat
        are computed from p q r alphadot, V and this database's own lengths unless they are given.
 
     A channel that one of `states` computes has its steady value unless it is given;
@@ -204,7 +206,7 @@ class AeroDatabase:
     def inputs(self) -> tuple[str, ...]:
         """Channels and free inputs that `predict` needs, sorted; for a dimensionless rate, the
         rate and V."""
-        names = set(self.needs) - set(HAT_RATES)
+        names = set(self.needs) - set(HAT_RATES) - {LIFT_INCREMENTS}
         for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
         if names & self._states.keys():
@@ -256,6 +258,9 @@ class AeroDatabase:
             if name in channels:
                 values[name] = channels[name]
                 continue
+            if name == LIFT_INCREMENTS:
+                values[name] = self._lift_increments(channels)
+                continue
             state = self._states.get(name)
             sources = (
                 {HAT_RATES[name][0], "V"} if name in HAT_RATES else {"alpha"} if state else {name}
@@ -276,6 +281,21 @@ class AeroDatabase:
                 f"channels missing: {', '.join(shown)}", f"database {self.name}", remedy
             )
         return values
+
+    def _lift_increments(self, channels: Mapping[str, Value]) -> Value:
+        """Sum of the increments on C_lift, (n,) or 0 without any."""
+        acting = [
+            increment
+            for increment in self.increments
+            if increment.axis == "C_lift" and increment.acts_as_layer
+        ]
+        used = self.resolved(frozenset[str]().union(*(each.names for each in acting)), channels)
+        return sum((each.value(used) for each in acting), 0.0)
+
+    @property
+    def depends_on_lift_increments(self) -> bool:
+        """Whether some term is a function of the total lift, increments included."""
+        return LIFT_INCREMENTS in self.needs
 
     def predict(self, channels: Mapping[str, Value]) -> Prediction:
         """Predict the six coefficients; stateless.

@@ -14,6 +14,10 @@ from aerodb.tables.uncertainty import Uncertainty, check_bounds
 #: Names that stand for the database's own reference area, chord and span in every expression.
 CONSTANTS: Final[dict[str, str]] = {"S_ref": "area", "c_ref": "chord", "b_ref": "span"}
 
+#: Name that stands, in every expression, for the sum of the database's increments on C_lift: what
+#: depends on the total lift (an induced drag ``k CL^2``) adds it to the lift of the terms.
+LIFT_INCREMENTS: Final = "C_lift_increments"
+
 #: The channel that state models compute; a state of any other name needs a free input of that name.
 STATE_CHANNEL: Final = "flow_attachment"
 
@@ -110,7 +114,7 @@ def check_input(
 ) -> None:
     """Raise InputError, with the nearest valid name, for a name that is neither a free input nor a
     channel."""
-    if name in free_inputs:
+    if name in free_inputs or name == LIFT_INCREMENTS:
         return
     try:
         channel(name)

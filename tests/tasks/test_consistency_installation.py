@@ -14,7 +14,7 @@ from aerodb.consistency.records import air_data_at_probe, inertial_inputs, recor
 from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS
-from aerodb.physics.geodesy import EARTH_RATE
+from aerodb.physics.geodesy import EARTH_RATE, normal_gravity
 from aerodb.storage.files.flights import read_results
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import access_workspace
@@ -307,7 +307,7 @@ def test_records_know_where_things_are() -> None:
     assert record.installation.gps == GPS
     assert record.earth is None
     height = float(np.median(columns["altitude"]))
-    assert record.gravity == pytest.approx(9.81178 - 3.086e-6 * height, abs=2e-5)  # 51.57 deg
+    assert record.gravity == pytest.approx(normal_gravity(0.9, height).gravity, abs=1e-9)
     assert "qbar" not in record.outputs  # it is that of the airspeed at the probe
     late = Flight("g", NAME, 40.0 * flight.time, flight.channels)
     (longer,) = records_from_flight(late, described, seconds=1e4)

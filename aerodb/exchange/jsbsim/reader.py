@@ -33,6 +33,7 @@ from aerodb.exchange.jsbsim.xml_elements import (
 )
 from aerodb.nomenclature import channel
 from aerodb.tables import (
+    LIFT_INCREMENTS,
     MAX_DEPTH,
     WIND_AXES,
     AeroDatabase,
@@ -77,9 +78,10 @@ def import_jsbsim(
     input of the database. Every other property becomes a variable whose description holds its
     JSBSim name.
 
-    ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself uses the lift of
-    its previous time step; the two agree if nothing changes between steps. ``aero/stall-hyst-norm``
-    has memory and becomes the free input `stall_hyst_norm`, whose values along a flight come from a
+    ``aero/cl-squared`` is the square of the total lift coefficient, later increments on it
+    included: a corrected lift changes the induced drag. JSBSim itself uses the lift of its previous
+    time step; the two agree if nothing changes between steps. ``aero/stall-hyst-norm`` has memory
+    and becomes the free input `stall_hyst_norm`, whose values along a flight come from a
     state model. A moving reference point becomes terms on Cm and Cn about the fixed one.
 
     Raises InputError for XML with a document type or entities, for an unsupported element (by
@@ -297,9 +299,8 @@ class _AircraftReader:
             return Variable(number(self._constants[name]), "", f"{note}: constant of the file")
         if name == LIFT_SQUARED:
             lift = [term.expression for term in terms if term.axis == "C_lift"]
-            return (
-                Variable(Operation("^", reduce(plus, lift), Number(2)), "1", note) if lift else None
-            )
+            total = reduce(plus, [*lift, Name(LIFT_INCREMENTS)])
+            return Variable(Operation("^", total, Number(2)), "1", note) if lift else None
         text = self._text(name, reference)
         return Variable(parse(text), "", note) if text else None
 

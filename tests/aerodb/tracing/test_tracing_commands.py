@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from aerodb.flight import Flight
 from aerodb.tracing.decision.verdicts import trace
-from aerodb.tracing.evidence.evidence import Evidence
+from aerodb.tracing.evidence.evidence import NUISANCE, Evidence
 from aerodb.tracing.evidence.instrumental_variables import with_commanded_rates, with_instruments
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import with_shape_terms
@@ -52,11 +52,15 @@ def _flight(
         {"q": rate + gain * rate.std() * noise["Cm"], "command_pitch": command}
     )
     seen = evidence_in(NOTHING, flight, library(), 0)
+    # No alpha goes with this rate: what the two differ by would look like rotating air.
+    columns = {
+        name: column for name, column in seen.columns.items() if not name.startswith(NUISANCE)
+    }
     residual = {axis: FLOOR[axis] * values for axis, values in noise.items()}
     if planted:
         residual["Cm"] = residual["Cm"] + planted * seen.columns["pitch_damping@Cm"]["Cm"]
     return flight, with_shape_terms(
-        Evidence(seen.flight, seen.step, residual, seen.usable, seen.columns), flight, library()
+        Evidence(seen.flight, seen.step, residual, seen.usable, columns), flight, library()
     )
 
 
