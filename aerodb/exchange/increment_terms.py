@@ -65,7 +65,11 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
         name = _unused(f"{stem}_{increment.axis}", term_names)
         term_names.add(name)
         terms.append(Term(name, increment.axis, expression, note))
-    of_lift = [term.expression for term in terms[len(database.terms) :] if term.axis == "C_lift"]
+    of_lift = [
+        term.expression
+        for term, increment in zip(terms[len(database.terms) :], database.increments, strict=True)
+        if increment.axis == "C_lift" and increment.induces_drag
+    ]
     total = {LIFT_INCREMENTS: reduce(plus, of_lift) if of_lift else Number(0)}
     return replace(
         database,

@@ -330,6 +330,7 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
         **({"folded": list(increment.folded)} if any(increment.folded) else {}),
         **({"refit": _refit_document(increment.refit)} if increment.refit is not None else {}),
         **({"lengthened_cells": increment.lengthened_cells} if increment.lengthened_cells else {}),
+        **({} if increment.induces_drag else {"induces_drag": False}),
     }
 
 
@@ -388,6 +389,7 @@ def _increment(file: IncrementFile, where: str) -> Increment:
         folded=file.folded,
         refit=_refit(file.refit),
         lengthened_cells=file.lengthened_cells,
+        induces_drag=file.induces_drag,
     )
     if bare.full_note:
         return replace(bare, note=note_without_structure(file.note, bare))

@@ -126,6 +126,7 @@ class IncrementFile(Strict):
     folded: tuple[str, ...] = ()
     refit: RefitFile | None = None
     lengthened_cells: Annotated[int, Field(ge=0)] = 0
+    induces_drag: bool = True
 
     @model_validator(mode="after")
     def _square(self) -> Self:

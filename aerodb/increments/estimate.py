@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from aerodb.coefficients import Comparison, band_limited, with_states
+from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
 from aerodb.estimation import (
     Regression,
@@ -26,7 +26,7 @@ from aerodb.increments.model_file import (
     check_channels,
     expand,
 )
-from aerodb.nomenclature import FORCE_AXES, MOMENT_AXES
+from aerodb.nomenclature import MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import (
     HAT_RATES,
@@ -34,7 +34,6 @@ from aerodb.tables import (
     AeroDatabase,
     Increment,
     Interval,
-    body_to_wind,
     evaluate,
     flown_envelope,
     hat_rate,
@@ -44,6 +43,9 @@ from aerodb.tables import (
 #: Two estimates correlated beyond this cannot be separated by these flights; they are reported as
 #: an alias group.
 ALIAS_CORRELATION = 0.95
+
+#: An increment on one of these axes holds the drag that an increment on the lift induces.
+_DRAG = frozenset({"C_drag", "CX"})
 
 #: How often a fade may be doubled in length to keep the sign of a slope.
 LENGTHENINGS = 4
@@ -149,38 +151,19 @@ def estimate_increments(
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
-    found: dict[str, tuple[AxisUpdate, Increment]] = {}
-    for declared in sorted(model.increment, key=lambda each: each.axis != "C_lift"):
-        result = _axis(declared, flights, channels, comparisons, database, consider or {})
-        found[declared.axis] = result
-        if declared.axis == "C_lift" and database.depends_on_lift_increments:
-            comparisons = [
-                _with_induced_drag(comparison, flight, database, result[1])
-                for comparison, flight in zip(comparisons, flights, strict=True)
-            ]
-    results = [found[declared.axis] for declared in model.increment]
-    increments = tuple(increment for _, increment in results)
+    results = [
+        _axis(declared, flights, channels, comparisons, database, consider or {})
+        for declared in model.increment
+    ]
+    holds_drag = not _DRAG.isdisjoint(declared.axis for declared in model.increment)
+    increments = tuple(
+        replace(each, induces_drag=False) if holds_drag and each.axis == "C_lift" else each
+        for _, each in results
+    )
     candidate = replace(database, increments=(*database.increments, *increments))
     return Update(
         candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights)
     )
-
-
-def _with_induced_drag(
-    comparison: Comparison, flight: Flight, database: AeroDatabase, lift: Increment
-) -> Comparison:
-    """The comparison with the drag that an increment of the lift brings along: it is no longer
-    missing on C_drag."""
-    if "C_drag" not in comparison.predicted:
-        return comparison
-    channels = with_states(flight, database).channels
-    with_lift = replace(database, increments=(*database.increments, lift))
-    one, other = (each.predict(channels).coefficients for each in (with_lift, database))
-    cx, cy, cz = (one[axis] - other[axis] for axis in FORCE_AXES)
-    beta = channels.get("beta", np.zeros(len(flight.time)))
-    drag, _, _ = body_to_wind(cx, cy, cz, channels["alpha"], beta)
-    predicted = comparison.predicted["C_drag"] + drag
-    return replace(comparison, predicted={**comparison.predicted, "C_drag": predicted})
 
 
 def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:

@@ -287,7 +287,7 @@ class AeroDatabase:
         acting = [
             increment
             for increment in self.increments
-            if increment.axis == "C_lift" and increment.acts_as_layer
+            if increment.axis == "C_lift" and increment.induces_drag and increment.acts_as_layer
         ]
         used = self.resolved(frozenset[str]().union(*(each.names for each in acting)), channels)
         return sum((each.value(used) for each in acting), 0.0)

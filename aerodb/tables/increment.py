@@ -116,6 +116,8 @@ class Increment:
     refit : record of a refit; None where there was none.
     lengthened_cells : number of table cells of alpha over which it is held and faded; 0 for the one
         cell of the envelope rule.
+    induces_drag : on C_lift: whether what depends on the total lift follows (`LIFT_INCREMENTS`);
+        False where an increment of the drag was estimated that holds what the lift induces.
 
     Raises InputError where shapes do not match or a regressor calls a table.
     """
@@ -130,6 +132,7 @@ class Increment:
     folded: tuple[str, ...] = ()
     refit: Refit | None = None
     lengthened_cells: int = 0
+    induces_drag: bool = True
 
     def __post_init__(self) -> None:
         k, where = len(self.regressors), f"increment on {self.axis}"

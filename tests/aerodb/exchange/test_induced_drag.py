@@ -108,6 +108,10 @@ def test_documents_and_files_keep_the_drag() -> None:
     channels = _channels()
     expected = _corrected().predict(channels).coefficients
     read = from_document(to_document(_corrected()), "737")
+    alone = replace(_increment(), induces_drag=False)
+    document = to_document(replace(_corrected(), increments=(alone,)))
+    assert from_document(document, "737").increments[0].induces_drag is False
+    assert "induces_drag" not in to_document(_corrected())["increments"][0]
     written = import_jsbsim(export_jsbsim(_corrected(), name="b"), name="b")
     plain = with_increments_as_terms(_corrected())
     assert plain.increments == ()
@@ -163,13 +167,23 @@ def test_the_column_of_a_lift_effect_holds_the_drag_that_it_induces() -> None:
 
 
 def test_declared_increments_do_not_count_the_induced_drag_twice() -> None:
-    """Lift and drag are declared; all that the drag lacks is what the lift induces."""
+    """A declared drag holds it; without one it comes with the lift, exactly."""
     flight, comparison = _flight()
     drag = DeclaredIncrement(axis="C_drag", terms=("1", "alpha", "alpha^2"))
     lift = DeclaredIncrement(axis="C_lift", terms=("alpha", "beta*delta_elevator"))
-    update = estimate_increments(
-        [flight], [comparison], ModelFile(increment=(drag, lift)), _database()
-    )
-    assert [axis.axis for axis in update.axes] == ["C_drag", "C_lift"]
-    assert update.axes[1].estimates == pytest.approx([0.4, 0.05], abs=1e-6)
-    assert np.abs(update.axes[0].estimates).max() < 1e-6
+    found = {}
+    for declared in ((lift,), (drag, lift)):
+        update = estimate_increments(
+            [flight], [comparison], ModelFile(increment=declared), _database()
+        )
+        assert update.axes[-1].estimates == pytest.approx([0.4, 0.05], abs=1e-6)
+        after = update.candidate.predict(flight.channels).coefficients
+        wind = body_to_wind(after["CX"], after["CY"], after["CZ"], flight["alpha"], flight["beta"])
+        found[len(declared)] = float(np.std(comparison.measured["C_drag"] - wind[0]))
+    before = float(np.std(comparison.residual("C_drag")))
+    assert found[1] < 1e-6
+    # What is left is what a parabola of alpha cannot represent.
+    fit = np.polynomial.Polynomial.fit(flight["alpha"], comparison.residual("C_drag"), 2)
+    left = float(np.std(comparison.residual("C_drag") - fit(flight["alpha"])))
+    assert found[2] == pytest.approx(left, rel=1e-6)
+    assert left < before
