@@ -23,6 +23,7 @@ from aerodb.tables.database import AeroDatabase
 from tests.support.jsbsim_campaign import NOISE as OF_INSTRUMENTS
 from tests.support.jsbsim_campaign import STATE
 from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simulator
+from tests.support.paths import ROOT
 
 #: Aircraft -> altitude [ft] and calibrated airspeed [kt] about which it is flown.
 CONDITIONS: Mapping[str, tuple[float, float]] = {
@@ -205,6 +206,15 @@ def vehicle_text(craft: Airframe) -> str:
     seat = next(place for place in metrics.findall("location") if place.get("name") == "EYEPOINT")
     unit = {"IN": INCH, "M": 1.0, "FT": 0.3048}[seat.get("unit", "IN").upper()]
     x, y, z = (float(seat.findtext(axis, "").strip()) * unit for axis in "xyz")
+    listed = (ROOT / "storage" / "mappings" / "canonical.toml").read_text(encoding="utf-8")
+    surfaces = "".join(
+        f"""[surfaces.{channel.removeprefix("delta_")}]
+limits = [-2.0, 2.0]
+log = {{ topic = "table", field = "{channel}", unit = "rad" }}
+"""
+        for channel in craft.channels
+        if f'name = "{channel}"' not in listed
+    )
     noises = "".join(f"[sensors.{name}]\nnoise = {sigma!r}\n" for name, sigma in NOISE.items())
     return f"""name = "{craft.vehicle}"
 [reference]
@@ -220,7 +230,7 @@ source = "channels"
 source = "channel"
 direction = {list(craft.direction)!r}
 point = {list(craft.point)!r}
-{noises}"""
+{surfaces}{noises}"""
 
 
 #: STATE without surfaces: those that an aircraft has are its own channels.
