@@ -187,10 +187,14 @@ def _loops(
 def _noisier(
     flight: Flight, database: AeroDatabase, vehicle: Vehicle, seed: int
 ) -> tuple[Flight, Comparison]:
-    """The flight with the noise of its states once more."""
-    silent = {name: np.zeros(len(flight.time)) for name in STATES}
-    noise = as_logged(silent, flight.id, flight.vehicle, np.random.default_rng(seed))
-    noisy = flight.with_channels({name: flight[name] + noise[name] for name in STATES})
+    """The flight with the noise of its states once more, as its vehicle file declares it: white."""
+    rng = np.random.default_rng(seed)
+    noisy = flight.with_channels(
+        {
+            name: flight[name] + vehicle.sensors[name].noise * rng.standard_normal(len(flight.time))
+            for name in STATES
+        }
+    )
     return noisy, compare(noisy, total_coefficients(noisy, vehicle), database, vehicle.reference)
 
 

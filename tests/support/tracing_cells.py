@@ -63,8 +63,8 @@ NOTHING = Cell("nothing missing")
 ONLY_A_SENSOR: tuple[Cell, ...] = (
     Cell("qbar -5 %", instruments=reads(qbar=lambda q, _: 0.95 * q)),
     Cell("alpha +.5 deg", instruments=reads(alpha=lambda a, _: a + 0.5 * DEGREE)),
-    Cell("alpha noise .3 deg, white", instruments=_WHITE, noisy=_WHITE),
-    Cell("alpha noise .3 deg, coloured", instruments=_COLOURED, noisy=_COLOURED),
+    Cell("alpha noise .3 deg, white and known", instruments=_WHITE, noisy=_WHITE),
+    Cell("alpha noise .3 deg, coloured and known", instruments=_COLOURED, noisy=_COLOURED),
     Cell("ax +.15 m/s2", instruments=reads(ax_imu=lambda a, _: a + 0.15)),
     Cell("ay +.1 m/s2", instruments=reads(ay_imu=lambda a, _: a + 0.1)),
     Cell("az +.2 m/s2", instruments=reads(az_imu=lambda a, _: a + 0.2)),

@@ -88,7 +88,12 @@ class CrossFlightTests:
             ]
             estimates = self.flight_estimates(accepted, freed, fixed, exact)
             self.cached[key] = over_flights(
-                estimates, np.array(sigma), self.settings, fewest, self.campaign.offsets
+                estimates,
+                np.array(sigma),
+                self.settings,
+                fewest,
+                self.campaign.offsets,
+                self.campaign.own_errors,
             )
         return self.cached[key]
 

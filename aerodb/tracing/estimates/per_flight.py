@@ -149,6 +149,16 @@ class Campaign:
     )
 
     @cached_property
+    def own_errors(self) -> tuple[int, ...]:
+        """Sensor errors that differ from flight to flight: biases, which reconstruction estimates
+        for each flight."""
+        return tuple(
+            index
+            for index in self.sensors
+            if self.hypotheses[index].effect.endswith(("_bias", "qbar_offset"))
+        )
+
+    @cached_property
     def angle_reconstructed(self) -> bool:
         """Whether some flight's angle of attack comes from the motion, not from a sensor."""
         return any(hypothesis.effect == "reconstructed_alpha" for hypothesis in self.hypotheses)

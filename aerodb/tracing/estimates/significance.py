@@ -207,6 +207,7 @@ def over_flights(
     settings: TracingSettings,
     fewest: int,
     constants: Sequence[int] = (),
+    own: Sequence[int] = (),
 ) -> Tested:
     """Test every hypothesis over flights.
 
@@ -218,6 +219,8 @@ def over_flights(
     constants : hypotheses that are an axis' own constant. They vary from flight to flight by more
         than the noise inside them: they have an s0 of their own, and their variance is never below
         that over flights.
+    own : errors that are each flight's own, such as what reconstruction leaves of a bias; their
+        variance is never below that over flights either.
 
     Returns
     -------
@@ -254,6 +257,7 @@ def over_flights(
     among = separable & (count >= 2)
     excess = np.where(constant, _excess(ratio[among & constant]), _excess(ratio[among & ~constant]))
     variance = moderated_variance(between, dof, excess * within, settings.prior_dof)
+    constant[list(own)] = True
     variance = np.where(constant, np.maximum(variance, between), variance)
     total, right = information.sum(axis=0), np.einsum("gk,gk->k", information, estimate)
     return Tested(

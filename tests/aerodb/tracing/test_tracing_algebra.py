@@ -257,6 +257,26 @@ def test_a_sensor_that_may_explain_an_estimate_takes_its_significance() -> None:
     ).systematic[0] == pytest.approx(1.05)
 
 
+def test_errors_that_are_each_flights_own_are_judged_by_how_they_differ() -> None:
+    """Three biases of one size with random signs, each known to a tenth of it: moderation would
+    call their mean significant far too often."""
+    rng = np.random.default_rng(12)
+    estimate = rng.normal(0.0, 1.0, (3, 20_000))
+    estimates = plain_estimates(estimate, np.full(estimate.shape, 100.0))
+    every = np.arange(estimate.shape[1])
+    own = over_flights(estimates, np.zeros(1), SETTINGS, 3, own=every)
+    variance = np.square(own.standard_error) * 3
+    assert np.all(variance >= estimate.var(axis=0, ddof=1) - 1e-12)
+    # one of them among hypotheses that do agree: their scatter is no measure of its own
+    mixed = np.tile(estimate[:, :1], (1, 9))
+    mixed[:, 1:] = rng.normal(0.0, 0.1, (3, 8))
+    few = plain_estimates(mixed, np.full(mixed.shape, 100.0))
+    shared = over_flights(few, np.zeros(1), SETTINGS, 3)
+    apart = over_flights(few, np.zeros(1), SETTINGS, 3, own=(0,))
+    assert apart.p[0] > 2.0 * shared.p[0]
+    assert np.array_equal(apart.p[1:], shared.p[1:])
+
+
 def test_a_p_value_with_a_systematic_bound_never_falls_below_that_without() -> None:
     rng = np.random.default_rng(8)
     estimates = plain_estimates(
