@@ -28,7 +28,6 @@ from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle
-from tests.support.jsbsim_campaign import as_logged
 from tests.support.jsbsim_cases import IDENTIFIED
 
 #: What a flight-path reconstruction gives; its noise is added once more for the systematic bound

@@ -126,7 +126,7 @@ def test_where_the_others_say_nothing_the_halves_of_the_one_manoeuvre_must_agree
 def test_noise_of_the_states_is_no_effect(hypotheses: tuple[Hypothesis, ...]) -> None:
     """.3 deg of white noise on alpha, two flights: without the copies that show what it does to
     estimates, effects are suspected; with them none is."""
-    (cell,) = (cell for cell in ONLY_A_SENSOR if cell.name == "alpha noise .3 deg, white")
+    (cell,) = (cell for cell in ONLY_A_SENSOR if cell.name == "alpha noise .3 deg, white and known")
     for seed in (3000, 3001):
         units = drawn(cell, hypotheses, seed, 2)
         assert few_flight_findings(
