@@ -234,4 +234,8 @@ point = {list(craft.point)!r}
 
 
 #: STATE without surfaces: those that an aircraft has are its own channels.
-MOTION = {name: place for name, place in STATE.items() if not is_surface(name)} | SATELLITES
+MOTION = {
+    **{name: place for name, place in STATE.items() if not is_surface(name)},
+    **SATELLITES,
+    "latitude": ("position/lat-geod-rad", 1.0),
+}

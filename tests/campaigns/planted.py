@@ -25,6 +25,7 @@ from tests.campaigns.fleet import Airframe, trimmed, vehicle_text
 from tests.support.jsbsim_flights import POUND, aircraft_file
 
 Element = ElementTree.Element
+Change = Callable[[Element, Airframe], None]
 ALPHA = ("aero/alpha-rad", "aero/alpha-deg")
 _RATES = ("p-aero", "q-aero", "r-aero", "alphadot", "p-rad", "q-rad", "r-rad")
 _MACH = "velocities/mach"
@@ -43,7 +44,7 @@ class Planted:
     that an explanation set may hold in its place. axis : on which the error is judged. bindings :
     of properties that it brings."""
 
-    change: Callable[[Element, Airframe], None]
+    change: Change
     right: tuple[str, ...]
     axis: str
     near: tuple[str, ...] = ()
@@ -121,7 +122,9 @@ def _times(function: Element, *factors: Element) -> None:
     _replace(function, _node("product", *factors, _operation(function)))
 
 
-def scaled(axis: str, having: tuple[str, ...], factor: float, without: tuple[str, ...] = ()):  # type: ignore[no-untyped-def]
+def scaled(
+    axis: str, having: tuple[str, ...], factor: float, without: tuple[str, ...] = ()
+) -> Change:
     """Multiplies functions."""
 
     def change(root: Element, craft: Airframe) -> None:
@@ -131,7 +134,7 @@ def scaled(axis: str, having: tuple[str, ...], factor: float, without: tuple[str
     return change
 
 
-def removed(axis: str, having: tuple[str, ...]):  # type: ignore[no-untyped-def]
+def removed(axis: str, having: tuple[str, ...]) -> Change:
     """Takes functions away, those of the angle of attack excepted."""
 
     def change(root: Element, craft: Airframe) -> None:
@@ -152,7 +155,7 @@ def _of_alpha(root: Element, axis: str, craft: Airframe) -> list[Element]:
         return _functions(root, axis, ALPHA, others)
 
 
-def alpha_slope(axis: str, factor: float):  # type: ignore[no-untyped-def]
+def alpha_slope(axis: str, factor: float) -> Change:
     """Scales how far functions of the angle of attack differ from themselves at none."""
 
     def change(root: Element, craft: Airframe) -> None:
@@ -194,7 +197,7 @@ def by_pressure(root: Element, craft: Airframe) -> None:
         _times(function, _node("sum", _value(0.7), share))
 
 
-def added(axis: str, size: float, *properties: str):  # type: ignore[no-untyped-def]
+def added(axis: str, size: float, *properties: str) -> Change:
     """Adds a function that multiplies `size` with properties."""
 
     def change(root: Element, craft: Airframe) -> None:

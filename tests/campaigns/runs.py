@@ -54,7 +54,7 @@ def channels_of(
     if not place.exists():
         cache.mkdir(parents=True, exist_ok=True)
         made = flown(craft, number, step=cell.step, air=cell.air)
-        np.savez(place, **made)  # type: ignore[arg-type]
+        np.savez(place, **made)
     return dict(np.load(place))
 
 
