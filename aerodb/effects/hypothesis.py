@@ -15,7 +15,15 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.nomenclature import FORCE_AXES
 from aerodb.support import Array
-from aerodb.tables import HAT_RATES, LIFT_INCREMENTS, WIND_AXES, Expression, evaluate, wind_to_body
+from aerodb.tables import (
+    HAT_RATES,
+    LIFT_INCREMENTS,
+    WIND_AXES,
+    Expression,
+    evaluate,
+    parse,
+    wind_to_body,
+)
 
 Kind = Literal["aerodynamic", "sensor"]
 
@@ -81,6 +89,24 @@ class Hypothesis:
         """Channels that must vary for the effect to be visible."""
         names = frozenset[str]().union(*(regressor.names for _, regressor in self.increment))
         return tuple(sorted(names)) or self.needs
+
+    def has_shape(self, other: "Hypothesis") -> bool:
+        """Whether `other` is this effect with another shape: this one is linear in one variable,
+        and the other is not, or changes with alpha.
+
+        Where flights cannot tell the two apart, they are the same function there, and an increment
+        acts only where flights have been.
+        """
+        if self.tangent is not None or len(self.drivers) != 1 or not other.increment:
+            return False
+        linear = all(regressor == parse(self.drivers[0]) for _, regressor in self.increment)
+        own, others = set(self.drivers), set(other.drivers)
+        return (
+            linear
+            and self.written_on == other.written_on
+            and own <= others <= own | {"alpha"}
+            and (self.subject == other.subject or own == others)
+        )
 
     def columns(self, view: FlightView) -> Columns:
         """Columns of one flight, body axis -> (n,), finite, on the axes that the flight has.

@@ -72,7 +72,7 @@ def _fitting(
 
     And the reason of each that was rejected.
     """
-    sensors = set(tests.campaign.sensors)
+    sensors, hypotheses = set(tests.campaign.sensors), tests.campaign.hypotheses
     # The rivals of a sensor are tested with that sensor taken as right: beside the freed sensor
     # they would get only what it leaves.
     fixed = (index,) if index in sensors else ()
@@ -103,6 +103,9 @@ def _fitting(
             continue
         gains = np.zeros(len(tests.flights))
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
+        if hypotheses[index].has_shape(hypotheses[rival]) and own.sum() >= gains.sum():
+            fallen[rival] = "is another shape of the same effect, and explains no more"
+            continue
         p = paired_p(own, gains)
         if p < tests.settings.level:
             fallen[rival] = f"explains less in flight after flight (p = {p:.1g})"

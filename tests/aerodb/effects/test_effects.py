@@ -423,3 +423,20 @@ def test_pauses_of_the_log_take_nothing_from_what_is_looked_for() -> None:
 def test_errors_of_the_library_are_errors_of_the_product() -> None:
     with pytest.raises(AeroError):
         taxi(settings=LibrarySettings(effects=("none",)))
+
+
+def test_an_effect_knows_its_other_shapes() -> None:
+    """A surface's cubic term and its change with alpha are shapes of its effectiveness; another
+    surface, axis or variable is another effect, and a shape has no simpler shape."""
+    found = {item.id: item for item in taxi()}
+    rudder = found["control_effectiveness@Cn:rudder"]
+    assert {
+        name for name, other in found.items() if other != rudder and rudder.has_shape(other)
+    } == {
+        "control_nonlinearity@Cn:rudder",
+        "control_alpha_coupling@Cn:rudder",
+    }
+    assert not found["control_nonlinearity@Cn:rudder"].has_shape(rudder)
+    assert not found["zero_offset@Cm"].has_shape(found["alpha_slope@Cm"])
+    assert not found["alpha_slope@Cm"].has_shape(found["mach_effect@Cm"])
+    assert not found["alpha_scale@all"].has_shape(found["alpha_slope@Cm"])
