@@ -22,6 +22,9 @@ from aerodb.tracing.estimates import Tested, paired_p
 
 #: A rival's gain is lost when less than this part of it is left once the term is in.
 LOST = 0.25
+#: The same where the finding is a sensor: a small effect is easily taken for the sensor that is
+#: nearly its twin, and then the sensor does not take all of its gain.
+_LOST_TO_SENSOR = 0.5
 
 
 @dataclass(frozen=True)
@@ -75,18 +78,18 @@ def _fitting(
     sensors, hypotheses = set(tests.campaign.sensors), tests.campaign.hypotheses
     # The rivals of a sensor are tested with that sensor taken as right: beside the freed sensor
     # they would get only what it leaves.
-    fixed = (index,) if index in sensors else ()
+    fixed, lost = ((index,), _LOST_TO_SENSOR) if index in sensors else ((), LOST)
     before = tests.tested(terms, freed, fewest, fixed)
     estimates = tests.flight_estimates(terms, freed, fixed)
     given = (terms, (*freed, index)) if index in sensors else ((*terms, index), freed)
     after = tests.tested(*given, fewest)
     barred = {index, *terms, *freed, *tests.campaign.offsets}
     own = _gain_by_flight(tests, terms, freed, index, fewest)
-    # What the errors of a reconstructed angle may hide is no finding, but still explains what a
-    # stand-in would be blamed for.
+    # What the errors of other sensors may hide is no finding, but still explains what a sensor
+    # would be blamed for; so does what the errors of a reconstructed angle may hide.
     shown = (
         before.unmasked < tests.settings.level
-        if tests.campaign.angle_reconstructed
+        if tests.campaign.angle_reconstructed or index in sensors
         else before.possible
     )
     fitting: list[int] = []
@@ -95,7 +98,7 @@ def _fitting(
         if rival in barred:
             continue
         apart = after.possible[rival] or not before.possible[rival]
-        if apart and after.gain[rival] >= LOST * before.gain[rival]:
+        if apart and after.gain[rival] >= lost * before.gain[rival]:
             continue  # a different defect, not a rival
         outside = implausible(tests, before, rival)
         if outside:
