@@ -336,6 +336,7 @@ class ModelBiases:
                 each.base.information_before[:, indices] for each in (self.plain, self.noisy)
             )
             inflated = after - before < _NOISY * before
+            again = np.where(np.isfinite(again), again, 0.0)  # what says nothing has lost all
             return np.where(trusted | inflated, again - estimate, estimate).T
         without = np.divide(
             2.0 * once.cross - twice.cross,
