@@ -22,15 +22,23 @@ from aerodb.tracing import (
     with_commanded_rates,
     with_instruments,
     with_shape_terms,
+    without_nuisances,
 )
 
 
 def evidence_beside(
-    flights: FlightSource, flight: str, database: AeroDatabase, library: Library
+    flights: FlightSource,
+    flight: str,
+    database: AeroDatabase,
+    library: Library,
+    *,
+    rotating_air: bool = True,
 ) -> Evidence:
     """Return the evidence of a flight (its id) compared with a database.
 
     With its copies of more state noise, shape-misfit terms, and instruments from its commands.
+    rotating_air : whether the air's rotation is a nuisance, and its roll a part of the state noise;
+    a manoeuvre is too short to tell it from the aircraft's own.
     """
     vehicle = flights.vehicle
     whole, beside_whole = flights.comparison(flight, database)
@@ -48,7 +56,11 @@ def evidence_beside(
     copies, near = library.settings.noisy_copies, None
     if whole.duration >= LONG:
         copies, near = min(copies, 1), comparison
-    noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, near)
+    noisy = (
+        []
+        if noise is None
+        else noisy_copies(channels, noise, database, vehicle, copies, near, rotating_air)
+    )
     hypotheses = hypotheses_for_flight(library.hypotheses, reconstruction.angles)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
     evidence = with_shape_terms(evidence, channels, library.hypotheses)
@@ -58,4 +70,4 @@ def evidence_beside(
         evidence = with_instruments(
             evidence, with_shape_terms(evidence_commanded, commanded, library.hypotheses)
         )
-    return evidence
+    return evidence if rotating_air else without_nuisances(evidence)

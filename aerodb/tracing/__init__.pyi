@@ -37,6 +37,7 @@ from .evidence import (
     with_commanded_rates,
     with_instruments,
     with_shape_terms,
+    without_nuisances,
 )
 from .settings import TracingSettings
 
@@ -78,4 +79,5 @@ __all__ = [
     "with_commanded_rates",
     "with_instruments",
     "with_shape_terms",
+    "without_nuisances",
 ]

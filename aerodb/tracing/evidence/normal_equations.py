@@ -126,12 +126,12 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
         )
     kept = np.array([not name.startswith(NUISANCE) for name in band.names], dtype=np.bool_)
     whole = np.r_[np.ones(len(fitted), dtype=np.bool_), kept, True]
-    noisy = [without_nuisances(_products(band, copy, fitted), whole) for copy in band.noisy]
+    noisy = [eliminated(_products(band, copy, fitted), whole) for copy in band.noisy]
     return NormalEquations(
         flight=band.flight,
         axes=tuple(fitted),
         hypotheses=tuple(name for name, keep in zip(band.names, kept, strict=True) if keep),
-        matrix=without_nuisances(_products(band, band.records, fitted), whole),
+        matrix=eliminated(_products(band, band.records, fitted), whole),
         noisy=np.mean(noisy, axis=0) if noisy else None,
         spread=np.array([spread for _, spread in fitted.values()]),
         correlation=np.array(times),
@@ -160,12 +160,12 @@ def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, flo
     return total
 
 
-def without_nuisances(products: Array, kept: Mask) -> Array:
+def eliminated(products: Array, kept: Mask) -> Array:
     """Cross-products (k, k) with the columns that are not `kept` (k,) eliminated.
 
     Each is a parameter whose prior has a standard deviation of one: ``H - H_n (H_nn + 1)^-1 H_n'``.
 
-    >>> without_nuisances(np.array([[4.0, 3.0], [3.0, 8.0]]), np.array([True, False])).tolist()
+    >>> eliminated(np.array([[4.0, 3.0], [3.0, 8.0]]), np.array([True, False])).tolist()
     [[3.0]]
     """
     if kept.all():

@@ -34,11 +34,13 @@ def noisy_copies(
     vehicle: Vehicle,
     copies: int,
     near: Comparison | None = None,
+    rolling_gusts: bool = True,
 ) -> list[tuple[Flight, Comparison]]:
     """Return `copies` of a reconstructed flight, each with one more realisation of its state noise.
 
     Each copy comes with its comparison with the database. near : the flight's comparison where its
     channels no longer give it exactly (`thinned`): what the noise changes is added to it.
+    rolling_gusts : whether the roll of the air is part of it.
 
     With the state noise doubled, the bias of estimates doubles (Cook & Stefanski, JASA 89, 1994).
     The noise runs through the whole chain, coefficients and prediction alike, and the roll of the
@@ -51,7 +53,7 @@ def noisy_copies(
         if near is None
         else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
     )
-    rolling = rolling_air(noise, flight, vehicle.reference.span)
+    rolling = rolling_air(noise, flight, vehicle.reference.span) if rolling_gusts else None
     noisy = []
     for number in range(copies):
         drawn = noise.draw(
