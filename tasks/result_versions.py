@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "update": 5,
     "gram": 8,
-    "close_loop": 11,
+    "close_loop": 12,
 }
 
 #: Names of versions that the product itself moves.

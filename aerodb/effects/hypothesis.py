@@ -92,7 +92,8 @@ class Hypothesis:
 
     def has_shape(self, other: "Hypothesis") -> bool:
         """Whether `other` is this effect with another shape: this one is linear in one variable,
-        and the other is not, or changes with alpha.
+        and the other is not, or changes with alpha or Mach number, which limit the increment's
+        envelope.
 
         Where flights cannot tell the two apart, they are the same function there, and an increment
         acts only where flights have been.
@@ -104,7 +105,7 @@ class Hypothesis:
         return (
             linear
             and self.written_on == other.written_on
-            and own <= others <= own | {"alpha"}
+            and own <= others <= own | {"alpha", "mach"}
             and (self.subject == other.subject or own == others)
         )
 

@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.effects import hypotheses_for_flight, view_of
-from aerodb.loop.flights import FlightSource
+from aerodb.coefficients import Comparison
+from aerodb.effects import FlightView, hypotheses_for_flight, view_of
+from aerodb.flight import Flight
+from aerodb.loop.flights import FlightSource, Reconstruction
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     LONG,
     Evidence,
+    TracingSettings,
     bounded_noise,
     evidence_of,
     noisy_copies,
@@ -24,6 +27,31 @@ from aerodb.tracing import (
     with_shape_terms,
     without_nuisances,
 )
+
+
+def copies_with_noise(
+    flight: Flight,
+    duration: float,
+    reconstruction: Reconstruction,
+    view: FlightView,
+    comparison: Comparison,
+    settings: TracingSettings,
+    rotating_air: bool = True,
+) -> list[tuple[Flight, Comparison]]:
+    """Return copies of a flight with its state noise once more, each with its comparison.
+
+    The noise is as large as the flight's own residuals allow. flight, view, comparison : at the
+    rate for tracing; duration [s] : of the whole flight; rotating_air : whether gusts roll the air
+    in them. One copy of a long flight, none where nothing was reconstructed.
+    """
+    if reconstruction.noise is None:
+        return []
+    bound = bounded_noise if "alpha" in reconstruction.angles else with_air_data_noise
+    noise = bound(reconstruction.noise, view, comparison, settings)
+    copies, near = settings.noisy_copies, None
+    if duration >= LONG:
+        copies, near = min(copies, 1), comparison
+    return noisy_copies(flight, noise, view.database, view.vehicle, copies, near, rotating_air)
 
 
 def evidence_beside(
@@ -44,22 +72,19 @@ def evidence_beside(
     whole, beside_whole = flights.comparison(flight, database)
     channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)
     reconstruction = flights.reconstruction(flight)
-    noise = reconstruction.noise
     view = view_of(channels, comparison, database, vehicle)
     if "alpha" in reconstruction.angles:
         view = replace(
             view, air_data_arm=np.zeros_like(view.cg)
         )  # the angles are those at the CG, from the motion there
-        noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
-    elif noise is not None:
-        noise = with_air_data_noise(noise, view, comparison, library.settings)
-    copies, near = library.settings.noisy_copies, None
-    if whole.duration >= LONG:
-        copies, near = min(copies, 1), comparison
-    noisy = (
-        []
-        if noise is None
-        else noisy_copies(channels, noise, database, vehicle, copies, near, rotating_air)
+    noisy = copies_with_noise(
+        channels,
+        whole.duration,
+        reconstruction,
+        view,
+        comparison,
+        library.settings,
+        rotating_air,
     )
     hypotheses = hypotheses_for_flight(library.hypotheses, reconstruction.angles)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)

@@ -5,12 +5,21 @@ docs/method/tracing.md, section 14.
 
 from collections.abc import Sequence
 
+from aerodb.coefficients import Comparison
 from aerodb.effects import view_of
+from aerodb.flight import Flight
+from aerodb.loop.evidence import copies_with_noise
 from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
 from aerodb.support import in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
-from aerodb.tracing import FlightResidual, UnexplainedResidual, evidence_of, unexplained_by_axis
+from aerodb.tracing import (
+    FlightResidual,
+    UnexplainedResidual,
+    evidence_of,
+    unexplained_by_axis,
+    without_state_noise,
+)
 
 
 def unexplained_residuals(
@@ -22,10 +31,10 @@ def unexplained_residuals(
     """
     if len(flights) < library.settings.fewest:
         return ()
+    settings = library.settings
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
 
-    def left(id: str) -> FlightResidual:
-        flight, comparison = thinned_comparison(source, id, candidate, library.settings.bandwidth)
+    def beside(flight: Flight, comparison: Comparison) -> FlightResidual:
         view = view_of(flight, comparison, candidate, source.vehicle)
         names = {*candidate.flight_inputs, *HAT_RATES}
         variables = {name: view.channels[name] for name in sorted(names) if view.has([name])}
@@ -34,4 +43,25 @@ def unexplained_residuals(
             variables,
         )
 
-    return unexplained_by_axis(in_threads(left, flights), library.settings)
+    def left(id: str) -> FlightResidual:
+        return beside(*thinned_comparison(source, id, candidate, settings.bandwidth))
+
+    def noisier(id: str) -> list[FlightResidual]:
+        flight, comparison = thinned_comparison(source, id, candidate, settings.bandwidth)
+        view = view_of(flight, comparison, candidate, source.vehicle)
+        copies = copies_with_noise(
+            flight,
+            source.flight(id).duration,
+            source.reconstruction(id),
+            view,
+            comparison,
+            settings,
+        )
+        return [beside(*copy) for copy in copies]
+
+    found = unexplained_by_axis(in_threads(left, flights), settings)
+    if not any(each.found for each in found):
+        return found
+    copies = list(zip(*in_threads(noisier, flights), strict=False))
+    noisy = [unexplained_by_axis(copy, settings) for copy in copies]
+    return without_state_noise(found, noisy, settings) if noisy else found

@@ -18,6 +18,7 @@ from .decision import (
     trace,
     unexplained_by_axis,
     windows,
+    without_state_noise,
 )
 from .estimates import joint_covariance
 from .evidence import (
@@ -80,4 +81,5 @@ __all__ = [
     "with_instruments",
     "with_shape_terms",
     "without_nuisances",
+    "without_state_noise",
 ]

@@ -9,7 +9,12 @@ from .few_flights import (
 from .findings import ADDED, Finding, Traced
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
-from .unexplained_residual import FlightResidual, UnexplainedResidual, unexplained_by_axis
+from .unexplained_residual import (
+    FlightResidual,
+    UnexplainedResidual,
+    unexplained_by_axis,
+    without_state_noise,
+)
 from .verdicts import trace
 
 __all__ = [
@@ -32,4 +37,5 @@ __all__ = [
     "trace",
     "unexplained_by_axis",
     "windows",
+    "without_state_noise",
 ]

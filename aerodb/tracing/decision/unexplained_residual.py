@@ -8,7 +8,7 @@ question to the aerodynamicist, never an increment. docs/method/tracing.md, sect
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -45,7 +45,8 @@ class UnexplainedResidual:
 
     skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing). p_adjusted
     : over the axes, one-sided t over flights. variables : those that the skill rests on, the
-    strongest first; empty where nothing is found. skills (flights,) : per flight.
+    strongest first; empty where nothing is found. skills, power (flights,) : per flight, and the
+    residual's sum of squares that it is a part of.
     """
 
     axis: str
@@ -55,6 +56,7 @@ class UnexplainedResidual:
     variables: tuple[str, ...]
     skills: tuple[float, ...]
     because: str
+    power: tuple[float, ...] = ()
 
 
 class Record(NamedTuple):
@@ -135,6 +137,14 @@ def unexplained_by_axis(
     )
 
 
+def _because(skill: float, axis: str, variables: Sequence[str]) -> str:
+    on = ", ".join(variables) or "no single variable"
+    return (
+        f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests on"
+        f" {on}; no template fits"
+    )
+
+
 def _judged(
     axis: str,
     names: list[str],
@@ -157,14 +167,61 @@ def _judged(
         variables = tuple(
             sorted((n for n in names if lost[n] > _MATTERS * skill), key=lambda n: -lost[n])
         )
-        on = ", ".join(variables) or "no single variable"
-        because = (
-            f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests"
-            f" on {on}; no template fits"
-        )
+        because = _because(skill, axis, variables)
     return UnexplainedResidual(
-        axis, is_found, skill, p, variables, tuple(float(s) for s in skills), because
+        axis,
+        is_found,
+        skill,
+        p,
+        variables,
+        tuple(float(s) for s in skills),
+        because,
+        tuple(problem.total.tolist()),
     )
+
+
+def without_state_noise(
+    found: Sequence[UnexplainedResidual],
+    noisy: Sequence[Sequence[UnexplainedResidual]],
+    settings: TracingSettings,
+) -> tuple[UnexplainedResidual, ...]:
+    """Return what is unexplained, less what noise of the states predicts of itself.
+
+    Noise of a variable is in the residual as well, and so predicts it. What it predicts grows with
+    its power, as the rest does not: without the noise, the fall of a flight's sum of squares is
+    twice that of the flights less that of their copies with twice the noise (simulation-
+    extrapolation: Cook & Stefanski 1994). Only a fall that remains over the flights is unexplained.
+
+    noisy : per copy of all flights, the same axes in the same order.
+    """
+    left = []
+    for place, each in enumerate(found):
+        if not each.found:
+            left.append(each)
+            continue
+        power = np.maximum(each.power, 1e-300)
+        falls = [np.multiply(copy[place].skills, copy[place].power) for copy in noisy]
+        skills = 2.0 * np.array(each.skills) - np.mean(falls, axis=0) / power
+        p = max(each.p_adjusted, _one_sided(skills))
+        skill, is_found = float(skills.mean()), bool(p < settings.level)
+        because = (
+            _because(skill, each.axis, each.variables)
+            if is_found
+            else f"what predicts {each.axis} is noise of the states: with more of it, more is"
+            " predicted"
+        )
+        left.append(
+            replace(
+                each,
+                found=is_found,
+                skill=skill,
+                p_adjusted=p,
+                variables=each.variables if is_found else (),
+                skills=tuple(skills.tolist()),
+                because=because,
+            )
+        )
+    return tuple(left)
 
 
 def _one_sided(skills: Array) -> float:
@@ -230,15 +287,12 @@ def _record(variables: Array, residual: Array, tangents: Array) -> Record:
 @dataclass(frozen=True)
 class _Problem:
     """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it,
-    by flight; and the variables that each feature is made of. before (f, f) : square over all
-    flights before what sensors could explain was taken out; inflation_limit : see `separable`."""
+    by flight; and the variables that each feature is made of."""
 
     square: Array
     right: Array
     total: Array
     made_of: tuple[frozenset[str], ...]
-    before: Array
-    inflation_limit: float
 
     def without(self, name: str) -> "_Problem":
         """The same without what is made of one variable."""
@@ -248,30 +302,28 @@ class _Problem:
             self.right[:, kept],
             self.total,
             tuple(self.made_of[k] for k in kept),
-            self.before[np.ix_(kept, kept)],
-            self.inflation_limit,
         )
 
-    def separable(self) -> tuple[Array, Array]:
-        """Square and right without the combinations of features that sensors explain but for a part
-        ``1 / inflation_limit`` of their variance: what is left of those is noise, and the residual
-        shares it.
+    def separable(self, before: Array, inflation_limit: float) -> "_Problem":
+        """The same without the combinations of features that sensors explain but for a part ``1 /
+        inflation_limit`` of their variance: what is left of those is noise, and the residual shares
+        it. before (f, f) : square over all flights before what sensors could explain was taken out.
         """
-        variance = np.diagonal(self.before)
+        variance = np.diagonal(before)
         # a feature that is constant within every flight has only rounding left
-        moving = np.flatnonzero(variance > _STANDS * variance.max())
+        moving = np.flatnonzero(variance > _STANDS * variance.max(initial=0.0))
         keep = np.eye(len(variance))
         if len(moving):
             size = np.sqrt(variance[moving])
             scale, chosen = np.outer(size, size), np.ix_(moving, moving)
-            before = self.before[chosen] / scale
-            power, direction = eigh(before)
+            scaled = before[chosen] / scale
+            power, direction = eigh(scaled)
             rank = power > _RANK * power[-1]
             basis = direction[:, rank] / np.sqrt(power[rank])
             share, mixed = eigh(basis.T @ (self.square.sum(axis=0)[chosen] / scale) @ basis)
-            explained = basis @ mixed[:, share * self.inflation_limit < 1.0]
-            keep[chosen] -= explained @ (explained.T @ before) * size / size[:, None]
-        return np.asarray(keep.T @ self.square @ keep), np.asarray(self.right @ keep)
+            explained = basis @ mixed[:, share * inflation_limit < 1.0]
+            keep[chosen] -= explained @ (explained.T @ scaled) * size / size[:, None]
+        return replace(self, square=keep.T @ self.square @ keep, right=self.right @ keep)
 
 
 @dataclass(frozen=True)
@@ -323,8 +375,8 @@ def _problem(records: Sequence[Record], features: _Features, inflation_limit: fl
         apart = whole - whole.mean(axis=0)
         before += apart.T @ apart
     total = np.array([float(record.residual @ record.residual) for record in records])
-    made_of = features.made_of
-    return _Problem(np.stack(squares), np.stack(right), total, made_of, before, inflation_limit)
+    problem = _Problem(np.stack(squares), np.stack(right), total, features.made_of)
+    return problem.separable(before, inflation_limit)
 
 
 def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:
@@ -333,7 +385,7 @@ def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Ar
     total = problem.total
     if not problem.made_of:
         return np.zeros(len(total)), np.zeros(len(total))
-    squares, right = problem.separable()
+    squares, right = problem.square, problem.right
     every, driving, count = squares.sum(axis=0), right.sum(axis=0), len(total)
 
     def skill(out: int, weight: Array) -> float:

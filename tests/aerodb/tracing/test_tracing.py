@@ -11,7 +11,11 @@ import pytest
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.decision.unexplained_residual import FlightResidual, unexplained_by_axis
+from aerodb.tracing.decision.unexplained_residual import (
+    FlightResidual,
+    unexplained_by_axis,
+    without_state_noise,
+)
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import (
@@ -265,6 +269,37 @@ def test_noise_that_a_variable_shares_with_the_residual_is_not_unnamed() -> None
     assert not any(r.found for r in unexplained_by_axis(given, SETTINGS))
     looser = replace(SETTINGS, inflation_limit=1e6)
     assert all(r.found for r in unexplained_by_axis(given, looser))
+
+
+def test_what_noise_of_the_states_predicts_of_itself_is_not_unnamed() -> None:
+    """Noise of a variable is in the residual too; a copy has it twice. What is predicted grows with
+    it, while a product that is really there stays what it was."""
+
+    def seen(true: Sequence[FlightResidual], times: int) -> list[FlightResidual]:
+        shown = []
+        for flight in true:
+            seed = int(flight.evidence.flight[1:])
+            noise = sum(
+                0.5 * coloured(np.random.default_rng([seed, 5, number]), 1500, 0.5)
+                for number in range(times)
+            )
+            residual = {
+                axis: values - 0.6 * noise for axis, values in flight.evidence.residual.items()
+            }
+            variables = {**flight.variables, "w": flight.variables["w"] + noise}
+            evidence = replace(flight.evidence, residual=residual)
+            shown.append(FlightResidual(evidence, variables))
+        return shown
+
+    def judged(shape: float) -> tuple[list[bool], list[bool]]:
+        once, twice = (
+            unexplained_by_axis(seen(left(6, shape), times), SETTINGS) for times in (1, 2)
+        )
+        corrected = without_state_noise(once, [twice], SETTINGS)
+        return [each.found for each in once], [each.found for each in corrected]
+
+    assert judged(0.0) == ([True, True], [False, False])
+    assert judged(0.6) == ([True, True], [True, False])
 
 
 def test_of_noise_nothing_is_left() -> None:
