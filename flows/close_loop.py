@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.loop import Accept, without_gain
+from aerodb.loop import Accept, beside_larger_unnamed, without_gain
 from aerodb.tasks.steps import (
     compare_with_version,
     freeze_library,
@@ -64,11 +64,12 @@ def close_loop_flow(
     )
     loop = steps(run_loop, plan, frozen, **where, accept=accept)
     proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
-    while idle := without_gain(loop, proof):
+    left = steps(what_is_left, plan, frozen, loop, **where)
+    while idle := without_gain(loop, proof) or beside_larger_unnamed(loop, proof, left):
         out = loop.without_gain | idle
         loop = steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out)
         proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
-    left = steps(what_is_left, plan, frozen, loop, **where)
+        left = steps(what_is_left, plan, frozen, loop, **where)
     between = steps(what_differs, plan, frozen, loop, **where)
     document = steps(publish_loop, plan, frozen, loop, left, between, proof, **where, accept=accept)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 2,
     "update": 5,
-    "gram": 8,
-    "close_loop": 12,
+    "gram": 9,
+    "close_loop": 14,
 }
 
 #: Names of versions that the product itself moves.

@@ -9,7 +9,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    that were added (`loop.added`, each with a sentence `because`).
 3. `validate_loop(source, hold_out, library, loop, Accept())` gives the error before and after on
    flights, or parts of flights, that did not identify. `without_gain(loop, validation)` names what
-   was added and lowers none of these errors; `run_loop` again leaves it out.
+   was added and lowers none of these errors, `beside_larger_unnamed` what was added beside more
+   that has no name; `run_loop` again leaves them out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
    still predictable and named by no hypothesis; `dependences_between_flights` which effects change
    with the conditions of the flights.

@@ -6,7 +6,7 @@ from .freezing import freeze_library
 from .library import Library
 from .rounds import Accept, LoopResult, run_loop
 from .unexplained import unexplained_residuals
-from .validation import validate_loop, without_gain
+from .validation import beside_larger_unnamed, validate_loop, without_gain
 
 __all__ = [
     "Accept",
@@ -14,6 +14,7 @@ __all__ = [
     "Library",
     "LoopResult",
     "Reconstruction",
+    "beside_larger_unnamed",
     "consider_parameters",
     "dependences_between_flights",
     "evidence_beside",

@@ -36,7 +36,7 @@ def copies_with_noise(
     view: FlightView,
     comparison: Comparison,
     settings: TracingSettings,
-    rotating_air: bool = True,
+    rotating_air: bool = False,
 ) -> list[tuple[Flight, Comparison]]:
     """Return copies of a flight with its state noise once more, each with its comparison.
 
@@ -60,7 +60,7 @@ def evidence_beside(
     database: AeroDatabase,
     library: Library,
     *,
-    rotating_air: bool = True,
+    rotating_air: bool = False,
 ) -> Evidence:
     """Return the evidence of a flight (its id) compared with a database.
 

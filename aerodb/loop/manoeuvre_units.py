@@ -53,10 +53,7 @@ def by_manoeuvres(
     if not too_few_took_part(traced, settings):
         return ()
     known = [finding.hypothesis for finding in traced.findings]
-    evidence = [
-        evidence_beside(source, flight, database, library, rotating_air=False)
-        for flight in traced.flights
-    ]
+    evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]
     # A stall and the way back are one event, whatever else is moved meanwhile.
     spans = {
         each.flight: () if each.flight in library.stall else manoeuvre_spans(source, each.flight)

@@ -3,7 +3,7 @@
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import FlightView, add_effects, envelopes_of, view_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
+from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
@@ -24,10 +25,14 @@ from aerodb.tracing import (
     ADDED,
     FewFlightFindings,
     Finding,
+    NormalEquations,
     Traced,
     accompanying_linear_terms,
     downgraded_on_axes,
+    driven_by_rates,
     joint_covariance,
+    lost_in_rotating_air,
+    normal_equations_of,
     trace,
 )
 
@@ -158,7 +163,8 @@ def run_loop(
         remarks += (
             (
                 f"Not added although found: {', '.join(sorted(without_gain))}; with it the error of"
-                " flights that did not identify falls by less than 1 %."
+                " flights that did not identify falls by less than 1 %, or by less than is left"
+                " without a name on its axis."
             ),
         )
     if linear_beside:
@@ -198,12 +204,46 @@ def _traced(
     traced, remarks = only_what_was_frozen(
         trace(normal_equations, library.hypotheses, library.settings, earlier), known_before
     )
+    traced = _beside_rotating_air(source, traced, database, library, earlier)
     return (
         replace(
             traced, findings=downgraded_on_axes(traced.findings, axes_of_misfit_shapes(database))
         ),
         remarks,
     )
+
+
+def _beside_rotating_air(
+    source: FlightSource,
+    traced: Traced,
+    database: AeroDatabase,
+    library: Library,
+    earlier: Mapping[str, float],
+) -> Traced:
+    """Downgrade findings of rates that the rotation of the air in gusts takes away."""
+    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
+    if not any(
+        f.hypothesis in known and driven_by_rates(known[f.hypothesis]) for f in traced.findings
+    ):
+        return traced
+    settings = library.settings
+
+    def beside(flight: str) -> NormalEquations:
+        evidence = evidence_beside(source, flight, database, library, rotating_air=True)
+        return normal_equations_of(evidence, settings)
+
+    normal_equations = in_threads(beside, traced.flights)
+    lost = lost_in_rotating_air(
+        traced.findings, normal_equations, library.hypotheses, settings, earlier
+    )
+    because = "the rotation of the air in gusts, which no gyro shows, would explain it as well"
+    findings = tuple(
+        _only_suspected(each, because)
+        if each.hypothesis in lost and each.verdict in ("confirmed", "alias_group")
+        else each
+        for each in traced.findings
+    )
+    return replace(traced, findings=findings)
 
 
 def only_what_was_frozen(
@@ -232,7 +272,10 @@ def _only_with_gain(
     findings: Sequence[Finding], without_gain: frozenset[str]
 ) -> tuple[Finding, ...]:
     """Downgrade confirmed findings whose addition lowered no error of other flights."""
-    because = "its addition lowers the error of flights that did not identify by less than 1 %"
+    because = (
+        "its addition lowers the error of flights that did not identify by less than 1 %, or by"
+        " less than is left without a name on its axis"
+    )
     return tuple(
         _only_suspected(each, because)
         if each.hypothesis in without_gain and each.verdict == "confirmed"

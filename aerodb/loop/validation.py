@@ -3,6 +3,8 @@ identify."""
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from aerodb.coefficients import Comparison
 from aerodb.increments import (
     UNCHANGED,
@@ -16,6 +18,7 @@ from aerodb.loop.library import Library
 from aerodb.loop.rounds import Accept, LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
+from aerodb.tracing import UnexplainedResidual
 
 
 def validate_loop(
@@ -69,3 +72,32 @@ def without_gain(loop: LoopResult, proof: Sequence[AxisValidation]) -> frozenset
         if finding.verdict == "confirmed"
     }
     return frozenset(id for id, falls in judged.items() if falls and min(falls) > 1.0 - UNCHANGED)
+
+
+def beside_larger_unnamed(
+    loop: LoopResult, proof: Sequence[AxisValidation], left: Sequence[UnexplainedResidual]
+) -> frozenset[str]:
+    """Return the confirmed findings that were added beside an unexplained residual larger than what
+    they explain.
+
+    A finding explains, on each axis, the fall of the mean square error of flights that did not
+    identify; what is unexplained, the mean square that is predictable and has no name. One that is
+    the smaller of the two on every axis on which it gains has the wrong name or the wrong shape.
+    """
+    unnamed = {
+        each.axis: float(np.mean(np.multiply(each.skills, each.power)))
+        for each in left
+        if each.found
+    }
+    fall = {
+        entry.axis: entry.held_out_rms_before**2 - entry.held_out_rms_after**2
+        for entry in proof
+        if entry.held_out_rms_after is not None and entry.held_out_rms_before is not None
+    }
+    smaller = set()
+    for finding in loop.added:
+        gains = {axis: fall[axis] for axis in finding.axis if fall.get(axis, 0.0) > 0.0}
+        below = [gain < unnamed.get(axis, 0.0) for axis, gain in gains.items()]
+        if finding.verdict == "confirmed" and below and all(below):
+            smaller.add(finding.hypothesis)
+    return frozenset(smaller)

@@ -9,6 +9,7 @@ from .few_flights import (
 from .findings import ADDED, Finding, Traced
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
+from .rotating_air import driven_by_rates, lost_in_rotating_air
 from .unexplained_residual import (
     FlightResidual,
     UnexplainedResidual,
@@ -30,9 +31,11 @@ __all__ = [
     "accompanying_linear_terms",
     "dependences_on_conditions",
     "downgraded_on_axes",
+    "driven_by_rates",
     "few_flight_findings",
     "joint_bands",
     "joint_fit",
+    "lost_in_rotating_air",
     "refine",
     "trace",
     "unexplained_by_axis",

@@ -46,7 +46,7 @@ class UnexplainedResidual:
     skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing). p_adjusted
     : over the axes, one-sided t over flights. variables : those that the skill rests on, the
     strongest first; empty where nothing is found. skills, power (flights,) : per flight, and the
-    residual's sum of squares that it is a part of.
+    residual's mean square in the band of tracing that it is a part of.
     """
 
     axis: str
@@ -176,7 +176,7 @@ def _judged(
         variables,
         tuple(float(s) for s in skills),
         because,
-        tuple(problem.total.tolist()),
+        tuple((problem.total / problem.samples).tolist()),
     )
 
 
@@ -287,11 +287,12 @@ def _record(variables: Array, residual: Array, tangents: Array) -> Record:
 @dataclass(frozen=True)
 class _Problem:
     """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it,
-    by flight; and the variables that each feature is made of."""
+    and its samples (g,), by flight; and the variables that each feature is made of."""
 
     square: Array
     right: Array
     total: Array
+    samples: Array
     made_of: tuple[frozenset[str], ...]
 
     def without(self, name: str) -> "_Problem":
@@ -301,6 +302,7 @@ class _Problem:
             self.square[:, kept][:, :, kept],
             self.right[:, kept],
             self.total,
+            self.samples,
             tuple(self.made_of[k] for k in kept),
         )
 
@@ -375,7 +377,8 @@ def _problem(records: Sequence[Record], features: _Features, inflation_limit: fl
         apart = whole - whole.mean(axis=0)
         before += apart.T @ apart
     total = np.array([float(record.residual @ record.residual) for record in records])
-    problem = _Problem(np.stack(squares), np.stack(right), total, features.made_of)
+    samples = np.array([float(len(record.residual)) for record in records])
+    problem = _Problem(np.stack(squares), np.stack(right), total, samples, features.made_of)
     return problem.separable(before, inflation_limit)
 
 

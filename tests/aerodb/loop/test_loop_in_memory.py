@@ -20,6 +20,7 @@ from aerodb.loop import (
     Library,
     LoopResult,
     Reconstruction,
+    beside_larger_unnamed,
     dependences_between_flights,
     evidence_beside,
     freeze_library,
@@ -28,6 +29,7 @@ from aerodb.loop import (
     without_gain,
 )
 from aerodb.tables.database import AeroDatabase
+from aerodb.tracing import UnexplainedResidual
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 from tests.support import effect_flights, varied_flights
@@ -182,6 +184,31 @@ def test_what_lowers_no_error_of_flights_left_out_stays_out(source: FlightsInMem
     assert finding.verdict == "suspected"
     assert "by less than 1 %" in finding.because
     assert any("Not added although found: pitch_damping@Cm" in text for text in again.remarks)
+
+
+def test_a_finding_beside_more_that_has_no_name_is_not_believed(source: FlightsInMemory) -> None:
+    """The proof is as it was; beside it stands an unexplained residual a little smaller, or larger,
+    than what the finding removed, on its own axis or another one."""
+    split = hold_out(source)
+    library, loop = closed(source, split.identified, database())
+    proof = validate_loop(source, split, library, loop, Accept())
+    assert [finding.hypothesis for finding in loop.added] == ["pitch_damping@Cm"]
+    removed = {
+        entry.axis: (entry.held_out_rms_before or 0.0) ** 2 - (entry.held_out_rms_after or 0.0) ** 2
+        for entry in proof
+    }
+
+    def unnamed(axis: str, power: float, found: bool = True) -> tuple[UnexplainedResidual, ...]:
+        skills = (0.4, 0.6)
+        return (
+            UnexplainedResidual(axis, found, 0.5, 0.01, (), skills, "", (2.0 * power, 2.0 * power)),
+        )
+
+    larger, smaller = 1.1 * removed["Cm"], 0.9 * removed["Cm"]
+    assert beside_larger_unnamed(loop, proof, unnamed("Cm", larger)) == {"pitch_damping@Cm"}
+    assert not beside_larger_unnamed(loop, proof, unnamed("Cm", smaller))
+    assert not beside_larger_unnamed(loop, proof, unnamed("Cm", larger, found=False))
+    assert not beside_larger_unnamed(loop, proof, unnamed("CZ", larger))
 
 
 def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemory) -> None:

@@ -1,0 +1,61 @@
+"""A finding that rates drive is lost where the rotation of the air explains it as well."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.tables.expression import parse
+from aerodb.tracing.decision.rotating_air import driven_by_rates, lost_in_rotating_air
+from aerodb.tracing.decision.verdicts import trace
+from aerodb.tracing.evidence import Evidence
+from aerodb.tracing.evidence.evidence import NUISANCE, without_nuisances
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
+from tests.support.tracing_flights import coloured
+from tests.support.tracing_small import SETTINGS, STEP, term
+
+DAMPING = replace(term("pitch_damping", "Cm"), increment=(("Cm", parse("q_hat")),))
+SLOPE = replace(term("alpha_slope", "Cm"), increment=(("Cm", parse("alpha")),))
+LIBRARY: tuple[Hypothesis, ...] = (DAMPING, SLOPE)
+
+
+def flights(damping: float, slope: float, gusts: float) -> list[Evidence]:
+    """Pitch rate, angle of attack and a gust's rotation, which is like the pitch rate; the air of
+    all flights rotates alike with this strength."""
+    found = []
+    for seed in range(6):
+        rng = np.random.default_rng([seed, 7])
+        q, alpha, gust = (coloured(rng, 1500, 0.5) for _ in range(3))
+        gust = 0.8 * q + 0.6 * gust
+        residual = damping * q + slope * alpha + gusts * gust + 0.2 * coloured(rng, 1500, 0.5)
+        columns = {DAMPING.id: q, SLOPE.id: alpha, f"{NUISANCE}q": gust}
+        found.append(
+            Evidence(
+                f"f{seed}",
+                STEP,
+                {"Cm": residual},
+                {"Cm": np.ones(1500, dtype=bool)},
+                {name: {"Cm": column} for name, column in columns.items()},
+            )
+        )
+    return found
+
+
+def lost(damping: float, slope: float, gusts: float) -> tuple[set[str], frozenset[str]]:
+    """What tracing confirms without the rotation, and what of it is lost beside it."""
+    given = flights(damping, slope, gusts)
+    plain = [normal_equations_of(without_nuisances(each), SETTINGS) for each in given]
+    findings = trace(plain, LIBRARY, SETTINGS).findings
+    beside = [normal_equations_of(each, SETTINGS) for each in given]
+    confirmed = {f.hypothesis for f in findings if f.verdict == "confirmed"}
+    return confirmed, lost_in_rotating_air(findings, beside, LIBRARY, SETTINGS)
+
+
+def test_damping_that_the_air_explains_is_lost() -> None:
+    assert lost(0.0, 0.0, 0.5) == ({DAMPING.id}, frozenset({DAMPING.id}))
+
+
+def test_damping_that_is_there_and_what_no_rate_drives_stand() -> None:
+    assert lost(0.5, 0.5, 0.3) == ({DAMPING.id, SLOPE.id}, frozenset())
+    assert driven_by_rates(DAMPING)
+    assert not driven_by_rates(SLOPE)
