@@ -113,7 +113,8 @@ def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputErro
         return InputError(
             "no usable flight: none is stored", where, "ingest flights of this vehicle"
         )
-    reasons = Counter(_without_its_flight(reason) for _, reason in excluded)
+    alone = len(excluded) == 1
+    reasons = Counter(_without_its_flight(reason, alone) for _, reason in excluded)
     shown = [
         f"{count} of {len(excluded)} {what}" for (what, _), count in reasons.most_common(_SHOWN)
     ]
@@ -125,11 +126,11 @@ def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputErro
     return InputError(f"no usable flight: {'; '.join(shown)}", where, "\n".join([*remedies, see]))
 
 
-def _without_its_flight(reason: str) -> tuple[str, str]:
+def _without_its_flight(reason: str, alone: bool) -> tuple[str, str]:
     """A reason without the flight that it names, and its remedy; rejections are one reason,
-    whatever their numbers."""
+    whatever their numbers, but for a flight `alone`."""
     what, _, remedy = reason.partition("\n")
-    if what.startswith("rejected"):
+    if what.startswith("rejected") and not alone:
         return "rejected by the check of consistency", ""
     return re.sub(r"^flight [0-9a-f]{12,64}: ", "", what), remedy
 
