@@ -25,7 +25,6 @@ from aerodb.tracing import (
     with_commanded_rates,
     with_instruments,
     with_shape_terms,
-    without_nuisances,
 )
 
 
@@ -65,8 +64,8 @@ def evidence_beside(
     """Return the evidence of a flight (its id) compared with a database.
 
     With its copies of more state noise, shape-misfit terms, and instruments from its commands.
-    rotating_air : whether the air's rotation is a nuisance, and its roll a part of the state noise;
-    a manoeuvre is too short to tell it from the aircraft's own.
+    rotating_air : whether the air's rotation is a nuisance, and its roll a part of the state noise.
+    The search does without both; findings of rates are tested once more with them.
     """
     vehicle = flights.vehicle
     whole, beside_whole = flights.comparison(flight, database)
@@ -87,12 +86,16 @@ def evidence_beside(
         rotating_air,
     )
     hypotheses = hypotheses_for_flight(library.hypotheses, reconstruction.angles)
-    evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
+    evidence = evidence_of(
+        channels, comparison, database, vehicle, hypotheses, noisy, view, rotating_air
+    )
     evidence = with_shape_terms(evidence, channels, library.hypotheses)
     commanded = with_commanded_rates(channels, library.settings.bandwidth)
     if commanded is not None:
-        evidence_commanded = evidence_of(commanded, comparison, database, vehicle, hypotheses)
+        evidence_commanded = evidence_of(
+            commanded, comparison, database, vehicle, hypotheses, rotating_air=rotating_air
+        )
         evidence = with_instruments(
             evidence, with_shape_terms(evidence_commanded, commanded, library.hypotheses)
         )
-    return evidence if rotating_air else without_nuisances(evidence)
+    return evidence

@@ -79,7 +79,8 @@ class LoopResult:
 
     The candidate, all findings and those that were added, the last round's tracing, and remarks.
     by_manoeuvre : whether manoeuvres were the units, so that heads and tails of flights validate.
-    without_gain : ids that stayed out because their addition lowered no error of other flights.
+    without_gain : ids that stayed out because their addition lowered no error of other flights, or
+    by less than stayed without a name.
     """
 
     baseline: AeroDatabase

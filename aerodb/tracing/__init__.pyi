@@ -40,7 +40,6 @@ from .evidence import (
     with_commanded_rates,
     with_instruments,
     with_shape_terms,
-    without_nuisances,
 )
 from .settings import TracingSettings
 
@@ -84,6 +83,5 @@ __all__ = [
     "with_commanded_rates",
     "with_instruments",
     "with_shape_terms",
-    "without_nuisances",
     "without_state_noise",
 ]

@@ -94,7 +94,9 @@ def closed(
             noisy = [
                 _noisier(flight, database, vehicle, 100 * number + copy) for copy in range(COPIES)
             ]
-            evidence = evidence_of(flight, comparison, database, vehicle, hypotheses, noisy)
+            evidence = evidence_of(
+                flight, comparison, database, vehicle, hypotheses, noisy, rotating_air=False
+            )
             normal_equations.append(
                 normal_equations_of(with_shape_terms(evidence, flight, hypotheses), settings)
             )

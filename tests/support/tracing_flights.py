@@ -297,7 +297,10 @@ def _seen(
         for axis in measured.values
     }
     comparison = compare(read, replace(measured, values=values), preflight(), assumed.reference)
-    evidence = replace(evidence_of(read, comparison, preflight(), assumed, hypotheses), noisy=noisy)
+    evidence = replace(
+        evidence_of(read, comparison, preflight(), assumed, hypotheses, rotating_air=False),
+        noisy=noisy,
+    )
     return with_shape_terms(evidence, read, hypotheses)
 
 
@@ -345,7 +348,9 @@ def through_the_chain(
         read, compare(read, measured, preflight(), vehicle().reference), bandwidth
     )
     return with_shape_terms(
-        evidence_of(read, comparison, preflight(), vehicle(), hypotheses), read, hypotheses
+        evidence_of(read, comparison, preflight(), vehicle(), hypotheses, rotating_air=False),
+        read,
+        hypotheses,
     )
 
 

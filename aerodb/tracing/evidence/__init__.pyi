@@ -1,5 +1,5 @@
 from .bandwidth import tracing_bandwidth
-from .evidence import NUISANCE, Evidence, halves, units, without_nuisances
+from .evidence import NUISANCE, Evidence, halves, units
 from .flight_evidence import evidence_of
 from .instrumental_variables import with_commanded_rates, with_instruments
 from .low_pass import Band, Records, band_limited, in_band, stretches
@@ -49,6 +49,5 @@ __all__ = [
     "with_commanded_rates",
     "with_instruments",
     "with_shape_terms",
-    "without_nuisances",
     "without_shape_terms",
 ]

@@ -103,19 +103,6 @@ def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> N
         )
 
 
-def without_nuisances(evidence: Evidence) -> Evidence:
-    """Return the evidence, noisy copies alike, without columns that belong to no hypothesis."""
-    return replace(
-        evidence,
-        columns={
-            name: columns
-            for name, columns in evidence.columns.items()
-            if not name.startswith(NUISANCE)
-        },
-        noisy=tuple(without_nuisances(copy) for copy in evidence.noisy),
-    )
-
-
 def units(
     evidence: Evidence, windows: Sequence[tuple[float, float]], correlation_time: float
 ) -> tuple[Evidence, ...]:

@@ -22,13 +22,15 @@ def evidence_of(
     hypotheses: Sequence[Hypothesis],
     noisy: Sequence[tuple[Flight, Comparison]] = (),
     view: FlightView | None = None,
+    rotating_air: bool = True,
 ) -> Evidence:
     """Return the residuals of a flight on the body axes and the column of every hypothesis.
 
     database : the model that `comparison` was made with. noisy : the same flight with the
     reconstruction's state noise added once more, each with its own comparison. view : of the flight
     and the database, where one exists already. A hypothesis whose channels the flight lacks gives
-    no column. Columns of the air's rotation are among the others (`air_rotation_columns`).
+    no column. rotating_air : whether columns of the air's rotation are among the others
+    (`air_rotation_columns`).
 
     Raises InputError when no body axis has a usable sample.
     """
@@ -41,7 +43,8 @@ def evidence_of(
             "see its flags: aerodb flight show",
         )
     columns = {hypothesis.id: hypothesis.columns(view) for hypothesis in hypotheses}
-    columns |= air_rotation_columns(view, comparison.measured)
+    if rotating_air:
+        columns |= air_rotation_columns(view, comparison.measured)
     return Evidence(
         flight=flight.id,
         step=flight.step,
@@ -60,6 +63,7 @@ def evidence_of(
                 vehicle,
                 hypotheses,
                 view=view_of(other, beside, database, vehicle, near=view),
+                rotating_air=rotating_air,
             )
             for other, beside in noisy
         ),

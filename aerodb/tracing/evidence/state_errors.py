@@ -3,8 +3,7 @@
 Turbulence also rolls the air. Nothing on board measures this, since it comes from how the vertical
 gust differs along the span, and the aircraft follows it; so to the aerodynamics the roll rate of
 the gyro has an error, although the gyro has none. Its power follows from that of the vertical
-gusts along the path (`rolling_air`). docs/method/tracing.md, section
-17.
+gusts along the path (`rolling_air`). docs/method/tracing.md, section 17.
 """
 
 from collections.abc import Mapping

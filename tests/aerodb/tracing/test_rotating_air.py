@@ -9,7 +9,7 @@ from aerodb.tables.expression import parse
 from aerodb.tracing.decision.rotating_air import driven_by_rates, lost_in_rotating_air
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence import Evidence
-from aerodb.tracing.evidence.evidence import NUISANCE, without_nuisances
+from aerodb.tracing.evidence.evidence import NUISANCE
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from tests.support.tracing_flights import coloured
 from tests.support.tracing_small import SETTINGS, STEP, term
@@ -19,16 +19,18 @@ SLOPE = replace(term("alpha_slope", "Cm"), increment=(("Cm", parse("alpha")),))
 LIBRARY: tuple[Hypothesis, ...] = (DAMPING, SLOPE)
 
 
-def flights(damping: float, slope: float, gusts: float) -> list[Evidence]:
+def flights(damping: float, slope: float, gusts: float, rotating_air: bool) -> list[Evidence]:
     """Pitch rate, angle of attack and a gust's rotation, which is like the pitch rate; the air of
-    all flights rotates alike with this strength."""
+    all flights rotates alike with this strength, and may have a column."""
     found = []
     for seed in range(6):
         rng = np.random.default_rng([seed, 7])
         q, alpha, gust = (coloured(rng, 1500, 0.5) for _ in range(3))
         gust = 0.8 * q + 0.6 * gust
         residual = damping * q + slope * alpha + gusts * gust + 0.2 * coloured(rng, 1500, 0.5)
-        columns = {DAMPING.id: q, SLOPE.id: alpha, f"{NUISANCE}q": gust}
+        columns = {DAMPING.id: q, SLOPE.id: alpha}
+        if rotating_air:
+            columns[f"{NUISANCE}q"] = gust
         found.append(
             Evidence(
                 f"f{seed}",
@@ -43,10 +45,11 @@ def flights(damping: float, slope: float, gusts: float) -> list[Evidence]:
 
 def lost(damping: float, slope: float, gusts: float) -> tuple[set[str], frozenset[str]]:
     """What tracing confirms without the rotation, and what of it is lost beside it."""
-    given = flights(damping, slope, gusts)
-    plain = [normal_equations_of(without_nuisances(each), SETTINGS) for each in given]
+    plain, beside = (
+        [normal_equations_of(each, SETTINGS) for each in flights(damping, slope, gusts, rotating)]
+        for rotating in (False, True)
+    )
     findings = trace(plain, LIBRARY, SETTINGS).findings
-    beside = [normal_equations_of(each, SETTINGS) for each in given]
     confirmed = {f.hypothesis for f in findings if f.verdict == "confirmed"}
     return confirmed, lost_in_rotating_air(findings, beside, LIBRARY, SETTINGS)
 
