@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.nomenclature import is_surface
 from aerodb.tables.database import AeroDatabase
 from tests.support.jsbsim_campaign import NOISE as OF_INSTRUMENTS
-from tests.support.jsbsim_campaign import STATE
+from tests.support.jsbsim_campaign import STATE, vehicle_file
 from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simulator
 from tests.support.paths import ROOT
 
@@ -202,12 +201,6 @@ def _thrust_line(
 
 def vehicle_text(craft: Airframe) -> str:
     """The vehicle file: geometry and points as the aircraft's own file states them."""
-    reference = craft.database().reference
-    metrics = ElementTree.fromstring(aircraft_file(craft.name)).find("metrics")
-    assert metrics is not None
-    seat = next(place for place in metrics.findall("location") if place.get("name") == "EYEPOINT")
-    unit = {"IN": INCH, "M": 1.0, "FT": 0.3048}[seat.get("unit", "IN").upper()]
-    x, y, z = (float(seat.findtext(axis, "").strip()) * unit for axis in "xyz")
     listed = (ROOT / "storage" / "mappings" / "canonical.toml").read_text(encoding="utf-8")
     surfaces = "".join(
         f"""[surfaces.{channel.removeprefix("delta_")}]
@@ -217,22 +210,10 @@ log = {{ topic = "table", field = "{channel}", unit = "rad" }}
         for channel in craft.channels
         if f'name = "{channel}"' not in listed
     )
-    noises = "".join(f"[sensors.{name}]\nnoise = {sigma!r}\n" for name, sigma in NOISE.items())
-    return f"""name = "{craft.vehicle}"
-[reference]
-area = {reference.area!r}
-chord = {reference.chord!r}
-span = {reference.span!r}
-[points]
-moment_reference = {list(reference.moment_reference)!r}
-imu = {[-x, y, -z]!r}
-[mass]
-source = "channels"
-[thrust]
-source = "channel"
-direction = {list(craft.direction)!r}
-point = {list(craft.point)!r}
-{surfaces}{noises}"""
+    thrust = f"direction = {list(craft.direction)!r}\npoint = {list(craft.point)!r}\n"
+    return vehicle_file(
+        craft.vehicle, craft.name, craft.database().reference, thrust + surfaces, NOISE
+    )
 
 
 #: STATE without surfaces: those that an aircraft has are its own channels.

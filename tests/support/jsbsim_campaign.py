@@ -19,6 +19,7 @@ from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.flight import Flight
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables.database import AeroDatabase
+from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simulator
 
@@ -234,15 +235,25 @@ def vehicle_of(aircraft: Aircraft, database: AeroDatabase) -> Vehicle:
 
 
 def vehicle_text(aircraft: Aircraft, database: AeroDatabase) -> str:
-    reference = database.reference
     executive = simulator(aircraft.name)
     executive.run_ic()
-    metrics = ElementTree.fromstring(aircraft_file(aircraft.name)).find("metrics")
+    thrust = f"point = {list(aircraft.thrust_point)!r}\n"
+    return vehicle_file(aircraft.name, aircraft.name, database.reference, thrust)
+
+
+def vehicle_file(
+    name: str, aircraft: str, reference: Reference, thrust: str, noise: Mapping[str, float] = NOISE
+) -> str:
+    """The text of a vehicle file: the accelerometers are at the pilot's eyes, as the aircraft's own
+    file states them. thrust : lines of its section, and sections after it; noise : of the
+    instruments, one sigma."""
+    metrics = ElementTree.fromstring(aircraft_file(aircraft)).find("metrics")
     assert metrics is not None
     seat = next(place for place in metrics.findall("location") if place.get("name") == "EYEPOINT")
-    x, y, z = (float(seat.findtext(axis, "").strip()) * INCH for axis in "xyz")
-    noises = "".join(f"[sensors.{name}]\nnoise = {sigma!r}\n" for name, sigma in NOISE.items())
-    return f"""name = "{aircraft.name}"
+    unit = {"IN": INCH, "M": 1.0, "FT": FOOT}[seat.get("unit", "IN").upper()]
+    x, y, z = (float(seat.findtext(axis, "").strip()) * unit for axis in "xyz")
+    noises = "".join(f"[sensors.{which}]\nnoise = {sigma!r}\n" for which, sigma in noise.items())
+    return f"""name = "{name}"
 [reference]
 area = {reference.area!r}
 chord = {reference.chord!r}
@@ -254,8 +265,7 @@ imu = {[-x, y, -z]!r}
 source = "channels"
 [thrust]
 source = "channel"
-point = {list(aircraft.thrust_point)!r}
-{noises}"""
+{thrust}{noises}"""
 
 
 def imported(aircraft: Aircraft, edit: Edit | None = None) -> AeroDatabase:
