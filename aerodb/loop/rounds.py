@@ -17,6 +17,7 @@ from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms, remarks_on_shapes
+from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_loop import added_loop, is_loop, one_stall, with_unused_states
 from aerodb.support import in_threads
@@ -126,6 +127,9 @@ def run_loop(
         suspected = by_manoeuvres(source, traced, library, database)
         if suspected:
             traced, by_manoeuvre = with_few_flight_findings(traced, suspected), True
+        else:
+            shaped = checked_shapes(source, flights, database, library, traced.findings)
+            traced = replace(traced, findings=shaped)
         traced = replace(traced, findings=_only_with_gain(traced.findings, without_gain))
         have = {finding.hypothesis for finding in added} | withheld | without_gain
         have |= (

@@ -11,6 +11,7 @@ from aerodb.flight import Flight
 from aerodb.loop.evidence import copies_with_noise
 from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
+from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
 from aerodb.tracing import (
@@ -41,6 +42,7 @@ def unexplained_residuals(
         return FlightResidual(
             evidence_of(flight, comparison, candidate, source.vehicle, sensors, view=view),
             variables,
+            shape_variables(view),
         )
 
     def left(id: str) -> FlightResidual:

@@ -20,6 +20,7 @@ from .decision import (
     trace,
     unexplained_by_axis,
     windows,
+    with_checked_shapes,
     without_state_noise,
 )
 from .estimates import joint_covariance
@@ -80,6 +81,7 @@ __all__ = [
     "units",
     "windows",
     "with_air_data_noise",
+    "with_checked_shapes",
     "with_commanded_rates",
     "with_instruments",
     "with_shape_terms",

@@ -225,11 +225,12 @@ def flown_together(
     truth: AeroDatabase,
     of: Vehicle | None = None,
     prescribe: Callable[[int], dict[str, Callable[[Array], Array]]] = prescribed,
+    seconds: float = SECONDS,
 ) -> list[Flight]:
     """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than
     one. prescribe : seed -> what is prescribed."""
     of = of or vehicle()
-    t = np.arange(round(SECONDS * RATE)) / RATE
+    t = np.arange(round(seconds * RATE)) / RATE
     cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
     inertia = inertia_matrix(
         *(float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz"))

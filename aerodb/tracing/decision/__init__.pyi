@@ -10,6 +10,7 @@ from .findings import ADDED, Finding, Traced
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
 from .rotating_air import driven_by_rates, lost_in_rotating_air
+from .shapes import with_checked_shapes
 from .unexplained_residual import (
     FlightResidual,
     UnexplainedResidual,
@@ -40,5 +41,6 @@ __all__ = [
     "trace",
     "unexplained_by_axis",
     "windows",
+    "with_checked_shapes",
     "without_state_noise",
 ]

@@ -74,6 +74,7 @@ class Finding:
     fallen: Mapping[str, str] = field(default_factory=dict)
     refound: tuple[int, int] = (0, 0)
     held_out_share: float = 0.0
+    shape: Mapping[str, Any] | None = None
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON of docs/reference/contract.md."""
@@ -90,6 +91,7 @@ class Finding:
             "fallen": dict(self.fallen),
             "refound": list(self.refound),
             "held_out_share": self.held_out_share,
+            **({} if self.shape is None else {"shape": dict(self.shape)}),
         }
 
 

@@ -8,18 +8,26 @@ question to the aerodynamicist, never an increment. docs/method/tracing.md, sect
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import stdtr
 
 from aerodb.errors import InputError
 from aerodb.support import Array, in_threads
-from aerodb.tracing.estimates import holm
+from aerodb.tracing.decision.functions import (
+    RANK,
+    FunctionProblem,
+    Functions,
+    functions_of,
+    separable,
+    with_rates,
+)
+from aerodb.tracing.estimates import by_families
 from aerodb.tracing.evidence import Evidence, band_limited, stretches
 from aerodb.tracing.settings import TracingSettings
 
@@ -31,10 +39,6 @@ _RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
 #: Groups of flights among which the weight is chosen: pairs of two hundred flights would be twenty
 #: thousand.
 _GROUPS = 5
-#: Part of the largest singular value below which a direction of the sensors' columns is rounding.
-_RANK = 1e-6
-#: Part of the largest variance within flights below which a feature's is rounding.
-_STANDS = 1e-12
 #: A variable matters if the model without it loses this part of the skill.
 _MATTERS = 0.2
 
@@ -46,7 +50,9 @@ class UnexplainedResidual:
     skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing). p_adjusted
     : over the axes, one-sided t over flights. variables : those that the skill rests on, the
     strongest first; empty where nothing is found. skills, power (flights,) : per flight, and the
-    residual's mean square in the band of tracing that it is a part of.
+    residual's mean square in the band of tracing that it is a part of. few : whether functions of
+    one or two variables predict it, and not all variables together; skills_all, skills_few
+    (flights,) : skills of either model.
     """
 
     axis: str
@@ -57,17 +63,26 @@ class UnexplainedResidual:
     skills: tuple[float, ...]
     because: str
     power: tuple[float, ...] = ()
+    few: bool = False
+    skills_all: tuple[float, ...] = ()
+    skills_few: tuple[float, ...] = ()
+
+    def skills_as(self, other: "UnexplainedResidual") -> tuple[float, ...]:
+        """Return the skills of the model that found another residual."""
+        return self.skills_few if other.few else self.skills_all
 
 
 class Record(NamedTuple):
     """One axis of a flight in the band.
 
-    variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain.
+    variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain; further
+    (m, w) : variables over which only functions of one or two are tried.
     """
 
     variables: Array
     residual: Array
     basis: Array
+    further: Array
 
 
 @dataclass(frozen=True)
@@ -75,11 +90,13 @@ class FlightResidual:
     """One flight's residual beside the candidate, and the variables that may predict it.
 
     evidence : its residual has the accepted terms subtracted; its columns are those of the sensors:
-    what any of them could explain, whatever its size, is not unexplained. variables : name -> (n,).
+    what any of them could explain, whatever its size, is not unexplained. variables : name -> (n,);
+    further : likewise, those over which functions of one or two are tried; all where empty.
     """
 
     evidence: Evidence
     variables: Mapping[str, Array]
+    further: Mapping[str, Array] = field(default_factory=dict)
 
 
 def unexplained_by_axis(
@@ -107,7 +124,11 @@ def unexplained_by_axis(
         for axis in left[0].evidence.residual
         if all(axis in flight.evidence.residual for flight in left)
     ]
-    flights = in_threads(partial(_in_band, axes=axes, names=names, settings=settings), left)
+    few_names = sorted(_known_in_all([flight.further or flight.variables for flight in left]))
+    more = [name for name in few_names if name not in names]
+    flights = in_threads(
+        partial(_in_band, axes=axes, names=names, more=more, settings=settings), left
+    )
     parts = {axis: [flight[axis] for flight in flights] for axis in axes}
     parts = {
         axis: records
@@ -129,11 +150,90 @@ def unexplained_by_axis(
         )
     )
     judged = dict(zip(parts, in_threads(_left_out_skills, problems.values()), strict=True))
-    p = np.array([_one_sided(skills) for skills, _ in judged.values()])
-    adjusted = holm(p, len(p)) if len(p) else p
-    return tuple(
-        _judged(axis, names, problems[axis], *judged[axis], float(adjusted[row]), settings)
-        for row, axis in enumerate(parts)
+    # functions of one or two variables need less data than all together; each test has half the
+    # level
+    shared: dict[tuple[int, ...], Functions] = {}
+    for records in parts.values():
+        if _which(records) not in shared:
+            shared[_which(records)] = _functions(records, [*names, *more], few_names)
+    few = dict(
+        zip(
+            parts,
+            in_threads(
+                lambda r: _few(r, shared[_which(r)], settings.inflation_limit), parts.values()
+            ),
+            strict=True,
+        )
+    )
+    p = [_one_sided(skills) for skills, *_ in (*judged.values(), *few.values())]
+    rows = range(len(parts))
+    adjusted = by_families(np.array(p), [rows, [len(parts) + row for row in rows]])
+    found = []
+    for row, axis in enumerate(parts):
+        p_all, p_few = float(adjusted[row]), float(adjusted[row + len(parts)])
+        of_all = _judged(axis, names, problems[axis], *judged[axis], p_all, settings)
+        skills, variables = few[axis]
+        of_all = replace(of_all, skills_few=tuple(skills.tolist()))
+        if p_few < settings.level and variables and not of_all.found:
+            found.append(_by_functions(of_all, variables, p_few))
+        else:
+            found.append(of_all)
+    return tuple(found)
+
+
+def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
+    """Names of variables that all flights have without a gap."""
+    return set.intersection(
+        *(
+            {name for name, values in flight.items() if np.isfinite(values).all()}
+            for flight in flights
+        )
+    )
+
+
+def _functions(records: Sequence[Record], names: Sequence[str], used: Sequence[str]) -> Functions:
+    """Functions of one or two of the `used` variables, and of the rates of change of those that
+    move."""
+    variables, columns = [], {name: names.index(name) for name in used}
+    for record in records:
+        values = np.concatenate([record.variables, record.further], axis=1)
+        own = {name: values[:, column] for name, column in columns.items()}
+        variables.append(with_rates(own, 1.0))
+    return functions_of(variables)
+
+
+def _few(
+    records: Sequence[Record], functions: Functions, inflation_limit: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Per flight, skill of functions of one or two variables that the others chose; and the
+    variables of those that all flights choose."""
+    matrices, before = [], np.zeros((functions.size, functions.size))
+    for record, columns in zip(records, functions.columns, strict=True):
+        whole = np.column_stack([columns, record.residual])
+        left = whole - record.basis @ (record.basis.T @ whole)
+        matrices.append(left.T @ left)
+        apart = columns - columns.mean(axis=0)
+        before += apart.T @ apart
+    problem = FunctionProblem.of(np.stack(matrices), before, functions, 0, inflation_limit)
+    total = np.where(problem.total > 0.0, problem.total, 1.0)
+    picked = problem.chosen(problem.flights, ())
+    return problem.predicted(()) / total, functions.variables(picked)
+
+
+def _by_functions(
+    of_all: UnexplainedResidual, variables: tuple[str, ...], p: float
+) -> UnexplainedResidual:
+    """The residual of an axis as functions of one or two variables predict it."""
+    skill = float(np.mean(of_all.skills_few))
+    return replace(
+        of_all,
+        found=True,
+        skill=skill,
+        p_adjusted=p,
+        variables=variables,
+        skills=of_all.skills_few,
+        because=_because(skill, of_all.axis, variables),
+        few=True,
     )
 
 
@@ -177,6 +277,7 @@ def _judged(
         tuple(float(s) for s in skills),
         because,
         tuple((problem.total / problem.samples).tolist()),
+        skills_all=tuple(float(s) for s in skills),
     )
 
 
@@ -200,7 +301,7 @@ def without_state_noise(
             left.append(each)
             continue
         power = np.maximum(each.power, 1e-300)
-        falls = [np.multiply(copy[place].skills, copy[place].power) for copy in noisy]
+        falls = [np.multiply(copy[place].skills_as(each), copy[place].power) for copy in noisy]
         skills = 2.0 * np.array(each.skills) - np.mean(falls, axis=0) / power
         p = max(each.p_adjusted, _one_sided(skills))
         skill, is_found = float(skills.mean()), bool(p < settings.level)
@@ -233,7 +334,11 @@ def _one_sided(skills: Array) -> float:
 
 
 def _in_band(
-    flight: FlightResidual, axes: Sequence[str], names: Sequence[str], settings: TracingSettings
+    flight: FlightResidual,
+    axes: Sequence[str],
+    names: Sequence[str],
+    more: Sequence[str],
+    settings: TracingSettings,
 ) -> dict[str, Record]:
     """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of
     what the columns of the evidence (sensors) could explain, in the tracing band; the residual
@@ -242,6 +347,7 @@ def _in_band(
     Axes that are usable at the same samples have the same array of variables.
     """
     evidence, variables = flight.evidence, [flight.variables[name] for name in names]
+    variables += [flight.further[name] for name in more]
     known = np.logical_and.reduce([np.isfinite(row) for row in variables])
     records: dict[str, Record] = {}
     for same in evidence.usable_alike(axes):
@@ -264,24 +370,25 @@ def _in_band(
             for part in stretches(usable, evidence.step, settings.bandwidth, settings.order)
         ]
         joined = np.concatenate(limited) if limited else np.zeros((0, len(rows)))
-        shared, first = np.ascontiguousarray(joined[:, : len(names)]), len(names)
+        shared, first = np.ascontiguousarray(joined[:, : len(names)]), len(variables)
+        further = joined[:, len(names) : first]
         for axis in same:
             last = first + 1 + len(tangents[axis])
-            records[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last])
+            records[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last], further)
             first = last
     return records
 
 
-def _record(variables: Array, residual: Array, tangents: Array) -> Record:
+def _record(variables: Array, residual: Array, tangents: Array, further: Array) -> Record:
     if len(residual) == 0:
-        return Record(variables, residual, np.zeros((0, 0)))
+        return Record(variables, residual, np.zeros((0, 0)), further)
     explained = np.column_stack([np.ones(len(residual)), tangents])
     size = np.linalg.norm(explained, axis=0)
     left, singular, _ = np.linalg.svd(
         explained[:, size > 0.0] / size[size > 0.0], full_matrices=False
     )
-    basis = left[:, singular > _RANK * singular[0]]
-    return Record(variables, residual - basis @ (basis.T @ residual), basis)
+    basis = left[:, singular > RANK * singular[0]]
+    return Record(variables, residual - basis @ (basis.T @ residual), basis, further)
 
 
 @dataclass(frozen=True)
@@ -311,20 +418,7 @@ class _Problem:
         inflation_limit`` of their variance: what is left of those is noise, and the residual shares
         it. before (f, f) : square over all flights before what sensors could explain was taken out.
         """
-        variance = np.diagonal(before)
-        # a feature that is constant within every flight has only rounding left
-        moving = np.flatnonzero(variance > _STANDS * variance.max(initial=0.0))
-        keep = np.eye(len(variance))
-        if len(moving):
-            size = np.sqrt(variance[moving])
-            scale, chosen = np.outer(size, size), np.ix_(moving, moving)
-            scaled = before[chosen] / scale
-            power, direction = eigh(scaled)
-            rank = power > _RANK * power[-1]
-            basis = direction[:, rank] / np.sqrt(power[rank])
-            share, mixed = eigh(basis.T @ (self.square.sum(axis=0)[chosen] / scale) @ basis)
-            explained = basis @ mixed[:, share * inflation_limit < 1.0]
-            keep[chosen] -= explained @ (explained.T @ scaled) * size / size[:, None]
+        keep = separable(self.square.sum(axis=0), before, inflation_limit)
         return replace(self, square=keep.T @ self.square @ keep, right=self.right @ keep)
 
 

@@ -1,7 +1,7 @@
 from .campaigns import OFFSET, campaign
 from .covariance import joint_covariance
 from .per_flight import Campaign, FlightEstimates
-from .significance import POWER, Tested, coherent_gain, holm, over_flights, paired_p
+from .significance import POWER, Tested, by_families, coherent_gain, holm, over_flights, paired_p
 
 __all__ = [
     "OFFSET",
@@ -9,6 +9,7 @@ __all__ = [
     "Campaign",
     "FlightEstimates",
     "Tested",
+    "by_families",
     "campaign",
     "coherent_gain",
     "holm",

@@ -1,28 +1,23 @@
 """The closed loop on flights that stand in no store: what is planted is found, added and validated;
 where nothing is, nothing."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerodb.coefficients import Coefficients, total_coefficients
-from aerodb.coefficients.comparison import Comparison, compare
-from aerodb.conditioning.segmentation import Segment, segments
+from aerodb.coefficients import total_coefficients
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
-from aerodb.flight import Flight
 from aerodb.increments.validation import HoldOut
 from aerodb.loop import (
     Accept,
     FlightSource,
     Library,
     LoopResult,
-    Reconstruction,
     beside_larger_unnamed,
     dependences_between_flights,
-    evidence_beside,
     freeze_library,
     run_loop,
     validate_loop,
@@ -30,48 +25,14 @@ from aerodb.loop import (
 )
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing import UnexplainedResidual
-from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
-from aerodb.vehicle import Vehicle
 from tests.support import effect_flights, varied_flights
+from tests.support.flights_in_memory import FlightsInMemory
 from tests.support.tracing_flights import FLOOR, coloured
 
 #: Flights that identify, and flights that validate.
 IDENTIFY, VALIDATE = 5, 2
 #: What the flown aircraft has beyond the database: Cm_q is -14 there.
 DAMPING = -6.0
-
-
-@dataclass(frozen=True)
-class FlightsInMemory:
-    """Flights and their coefficients, by id; implements `FlightSource`. known : what earlier looks
-    had, as `looked_before`."""
-
-    vehicle: Vehicle
-    flown: Mapping[str, tuple[Flight, Coefficients]]
-    known: frozenset[str] | None = None
-
-    def flight(self, flight: str) -> Flight:
-        return self.flown[flight][0]
-
-    def reconstruction(self, flight: str) -> Reconstruction:
-        return Reconstruction()
-
-    def segments(self, flight: str) -> tuple[Segment, ...]:
-        return segments(self.flown[flight][0])
-
-    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        channels, coefficients = self.flown[flight]
-        return channels, compare(channels, coefficients, database, self.vehicle.reference)
-
-    def normal_equations(
-        self, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
-        return normal_equations_of(
-            evidence_beside(self, flight, database, library), library.settings
-        )
-
-    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
-        return self.known
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,54 @@
+"""Check the shapes of what a round found against functions of the observed variables.
+
+docs/method/tracing.md, section 26.
+"""
+
+from collections.abc import Sequence
+
+from aerodb.effects import FlightView, surfaces_of, view_of
+from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.library import Library
+from aerodb.support import Array, in_threads
+from aerodb.tables import HAT_RATES, AeroDatabase
+from aerodb.tracing import Finding, FlightResidual, evidence_of, with_checked_shapes
+
+
+def checked_shapes(
+    source: FlightSource,
+    flights: Sequence[str],
+    database: AeroDatabase,
+    library: Library,
+    findings: Sequence[Finding],
+) -> tuple[Finding, ...]:
+    """Return the findings of a round beside `database`; see `tracing.with_checked_shapes`.
+
+    flights : ids of those that identify.
+    """
+    if not any(f.verdict in ("confirmed", "sensor") for f in findings):
+        return tuple(findings)
+    found = {f.hypothesis for f in findings}
+    columns = [h for h in library.hypotheses if h.kind == "sensor" or h.id in found]
+
+    def residual(id: str) -> FlightResidual:
+        flight, comparison = thinned_comparison(source, id, database, library.settings.bandwidth)
+        view = view_of(flight, comparison, database, source.vehicle)
+        evidence = evidence_of(flight, comparison, database, source.vehicle, columns, view=view)
+        return FlightResidual(evidence, shape_variables(view))
+
+    return with_checked_shapes(
+        in_threads(residual, flights), findings, library.hypotheses, library.settings
+    )
+
+
+def shape_variables(view: FlightView) -> dict[str, Array]:
+    """Return what an effect may depend on, name -> (n,): flow angles, rates, deflections, Mach
+    number, height above ground, thrust over dynamic pressure, time."""
+    surfaces = {surface.channel for surface in surfaces_of(view.vehicle, view.channels)}
+    names = {"alpha", "beta", "mach", "height_above_ground", *HAT_RATES, *surfaces}
+    if "mach" not in view.channels:
+        names.add("qbar")
+    variables = {name: view[name] for name in sorted(names) if view.has([name])}
+    variables["time"] = view.time - view.time[0]
+    if view.has(["thrust", "qbar"]):
+        variables["thrust"] = view["thrust"] * view.inverse_qbar
+    return variables

@@ -1,0 +1,292 @@
+"""Flexible functions of observed variables, chosen and fitted on some flights to predict others.
+
+Piecewise linear functions of one variable, and products of two, compete; which ones stand is
+decided without the flights that they predict. docs/method/tracing.md, section 26.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from aerodb.support import Array
+
+Indices = NDArray[np.intp]
+
+#: Nodes of a function of one variable: quantiles of its values over all flights.
+_QUANTILES: Final = (0.005, 0.17, 0.33, 0.5, 0.67, 0.83, 0.995)
+#: Functions that one alternative may consist of, and how many of the best inside the training
+#: flights are tried on each other.
+_MOST, _TRIED = 2, 4
+#: Ridge on a column of a function, in parts of its own information in a flight.
+_RIDGE: Final = 1e-2
+#: Least part of the remaining error by which a function must lower it.
+WORTH: Final = 0.02
+#: Groups of flights that are predicted from all others: with more flights, several are one group.
+_GROUPS: Final = 10
+#: Variables that another effect may change with: one of them is in each product of two.
+_MODULATE: Final = frozenset({"alpha", "beta", "mach", "qbar"})
+#: Beginnings of variables whose rate of change is a variable too.
+_MOVING: Final = ("delta_", "alphadot")
+#: Ending of the rate of change of a variable.
+RATE: Final = "_rate"
+#: Part of the largest singular value below which a direction is rounding.
+RANK: Final = 1e-6
+#: Part of the largest variance within flights below which a column's is rounding.
+_STANDS: Final = 1e-12
+#: Trace of ridge: a direction that no flight shows must not stop the others.
+TRACE: Final = 1e-9
+
+
+def with_rates(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
+    """Return variables (name -> (n,)) and the rates of change of deflections and of that of the
+    angle of attack; step [s]."""
+    rates = {
+        f"{name}{RATE}": np.gradient(values, step)
+        for name, values in variables.items()
+        if name.startswith(_MOVING)
+    }
+    return {**variables, **rates}
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of `variables`: its columns, by number; nodes where it is one of a single
+    variable."""
+
+    variables: tuple[str, ...]
+    columns: tuple[int, ...]
+    nodes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Functions:
+    """All functions, and the columns (n, k) of each flight."""
+
+    each: tuple[Function, ...]
+    columns: tuple[Array, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return sum(len(each.columns) for each in self.each)
+
+    def variables(self, picked: Sequence[int]) -> tuple[str, ...]:
+        """Return the variables of some of the functions."""
+        return tuple(dict.fromkeys(name for k in picked for name in self.each[k].variables))
+
+
+def functions_of(flights: Sequence[Mapping[str, Array]]) -> Functions:
+    """Return the functions of the variables (name -> (n,)) that all flights have."""
+    names = sorted(set.intersection(*(set(flight) for flight in flights)))
+    ends = np.cumsum([len(flight[names[0]]) for flight in flights])[:-1] if names else []
+    each, columns, scaled = [], list[Array](), dict[str, Array]()
+    for name in names:
+        values = np.nan_to_num(np.concatenate([flight[name] for flight in flights]))
+        level, spread = float(values.mean()), float(values.std())
+        if not spread > 1e-9 * max(1e-12, abs(level)):
+            continue
+        nodes = np.unique(np.quantile(values, _QUANTILES))
+        if len(nodes) < 3:
+            continue
+        low, high = nodes[:-1], nodes[1:]
+        numbers = tuple(range(len(columns), len(columns) + len(low)))
+        columns += [*np.clip((values - low[:, None]) / (high - low)[:, None], 0.0, 1.0)]
+        each.append(Function((name,), numbers, tuple(nodes.tolist())))
+        if not name.endswith(RATE):
+            scaled[name] = (values - level) / spread
+    for one, other in combinations(sorted(scaled), 2):
+        if {one, other} & _MODULATE:
+            each.append(Function((one, other), (len(columns),)))
+            columns.append(scaled[one] * scaled[other])
+    if not columns:
+        return Functions((), tuple(np.zeros((len(next(iter(f.values()))), 0)) for f in flights))
+    return Functions(tuple(each), tuple(np.split(np.array(columns).T, ends)))
+
+
+def separable(after: Array, before: Array, inflation_limit: float) -> Array:
+    """Return the matrix (k, k) that takes out of columns the combinations that sensors explain but
+    for a part ``1 / inflation_limit`` of their variance: what is left of those is noise, and the
+    residual shares it.
+
+    after, before (k, k) : products of the columns over all flights, without and with what sensors
+    could explain.
+    """
+    variance = np.diagonal(before)
+    # a column that is constant within every flight has only rounding left
+    moving = np.flatnonzero(variance > _STANDS * variance.max(initial=0.0))
+    keep = np.eye(len(variance))
+    if len(moving):
+        size = np.sqrt(variance[moving])
+        scale, chosen = np.outer(size, size), np.ix_(moving, moving)
+        scaled = before[chosen] / scale
+        power, direction = eigh(scaled)
+        rank = power > RANK * power[-1]
+        basis = direction[:, rank] / np.sqrt(power[rank])
+        share, mixed = eigh(basis.T @ (after[chosen] / scale) @ basis)
+        explained = basis @ mixed[:, share * inflation_limit < 1.0]
+        keep[chosen] -= explained @ (explained.T @ scaled) * size / size[:, None]
+    return keep
+
+
+@dataclass(frozen=True)
+class FunctionProblem:
+    """Products of named columns, functions and residual, by flight.
+
+    square (g, k, k), right (g, k), total (g,) of the residual. The columns are combinations of the
+    original ones: values of these are `combined` (k, k) times values of the columns. The first
+    `terms` are named ones; groups : number of a function -> its columns.
+    """
+
+    square: Array
+    right: Array
+    total: Array
+    combined: Array
+    terms: int
+    groups: Mapping[int, tuple[int, ...]]
+
+    @classmethod
+    def of(
+        cls,
+        matrix: Array,
+        before: Array,
+        functions: Functions,
+        terms: int,
+        inflation_limit: float,
+        used: bool = True,
+    ) -> "FunctionProblem":
+        """Return the problem of products (g, k + 1, k + 1), residual last.
+
+        before (k, k) : products over all flights before sensors were eliminated. What sensors
+        explain of a function but for one part in `inflation_limit` is taken out of it. used :
+        whether there are columns of the functions, after the named ones.
+        """
+        k = matrix.shape[1] - 1
+        every = matrix[:, :k, :k].sum(axis=0)
+        after = np.diagonal(every)
+        unit = np.sqrt(np.where(after > 0.0, after, 1.0) / len(matrix))
+        combined = np.diag(1.0 / unit)
+        groups, mixed = dict[int, tuple[int, ...]](), list[list[int]]()
+        for number, function in enumerate(functions.each if used else ()):
+            own = [terms + column for column in function.columns]
+            block = np.ix_(own, own)
+            if len(own) == 1:
+                if every[own[0], own[0]] * inflation_limit > before[own[0], own[0]]:
+                    groups[number] = tuple(own)
+                continue
+            keep = separable(every[block], before[block], inflation_limit)
+            if np.trace(keep) > 0.5:
+                groups[number] = tuple(own)
+                combined[block] = keep / unit[own]
+                mixed += [own] if np.any(keep != np.eye(len(own))) else []
+        square = matrix[:, :k, :k] / np.outer(unit, unit)
+        right = matrix[:, :k, k] / unit
+        for own in mixed:
+            keep = unit[own, None] * combined[np.ix_(own, own)]
+            square[:, own] = keep.T @ square[:, own]
+            square[:, :, own] = square[:, :, own] @ keep
+            right[:, own] = right[:, own] @ keep
+        return cls(square, right, matrix[:, k, k], combined, terms, groups)
+
+    @property
+    def flights(self) -> Indices:
+        """(g,) numbers of all flights."""
+        return np.arange(len(self.total))
+
+    def ridge(self, active: Sequence[int]) -> Array:
+        """(a,) ridge of active columns in a flight: none on named ones."""
+        return np.where(np.asarray(active, dtype=np.intp) < self.terms, 0.0, _RIDGE)
+
+    def with_functions(self, named: Sequence[int], picked: Sequence[int]) -> list[int]:
+        """Return the columns of named terms and of functions."""
+        return [*named, *(column for k in picked for column in self.groups[k])]
+
+    def solved(self, flights: Indices, active: Sequence[int]) -> Array:
+        """Return the values (a,) of the active columns that these flights give."""
+        index = np.asarray(active, dtype=np.intp)
+        square = self.square[np.ix_(flights, index, index)].sum(axis=0)
+        square += np.diag(len(flights) * self.ridge(active) + TRACE)
+        right = self.right[np.ix_(flights, index)].sum(axis=0)
+        return np.asarray(np.linalg.solve(square, right))
+
+    def gain(self, flights: Indices, active: Sequence[int], values: Array) -> Array:
+        """Return the fall (f,) of the sum of squares of flights under these values, (a,) or
+        (f, a)."""
+        index = np.asarray(active, dtype=np.intp)
+        square, right = self.square[np.ix_(flights, index, index)], self.right[flights][:, index]
+        values = np.broadcast_to(values, right.shape)
+        return np.asarray(
+            2.0 * np.einsum("fa,fa->f", values, right)
+            - np.einsum("fa,fab,fb->f", values, square, values)
+        )
+
+    def left_out(self, flights: Indices, active: Sequence[int]) -> Array:
+        """Return the gain of each of the flights under the values of the others."""
+        if not len(active):
+            return np.zeros(len(flights))
+        index = np.asarray(active, dtype=np.intp)
+        square, right = self.square[np.ix_(flights, index, index)], self.right[flights][:, index]
+        others = square.sum(axis=0) - square
+        others += np.diag((len(flights) - 1) * self.ridge(active) + TRACE)
+        values = np.linalg.solve(others, (right.sum(axis=0) - right)[:, :, None])[:, :, 0]
+        return self.gain(flights, active, values)
+
+    def chosen(self, flights: Indices, named: Sequence[int]) -> tuple[int, ...]:
+        """Return the functions that stand beside the named columns, chosen on these flights alone.
+
+        Each time the one that predicts each of them from the others best, until none lowers their
+        error by more than `WORTH`.
+        """
+        picked: tuple[int, ...] = ()
+        total = float(self.total[flights].sum())
+        now = float(self.left_out(flights, named).sum())
+        square, right = self.square[flights].sum(axis=0), self.right[flights].sum(axis=0)
+        while len(picked) < _MOST:
+            active = self.with_functions(named, picked)
+            gains = {
+                k: float(self.left_out(flights, [*active, *self.groups[k]]).sum())
+                for k in self._inside(square, right, len(flights), active, picked)[:_TRIED]
+            }
+            best = max(gains, key=lambda k: gains[k], default=None)
+            if best is None or gains[best] - now <= WORTH * (total - now):
+                break
+            picked, now = (*picked, best), gains[best]
+        return picked
+
+    def predicted(self, named: Sequence[int]) -> Array:
+        """Return the gain (g,) of each flight under functions that the others chose and fitted,
+        beside the named columns."""
+        gains = np.zeros(len(self.total))
+        for out in np.array_split(self.flights, min(len(self.total), _GROUPS)):
+            others = np.setdiff1d(self.flights, out)
+            active = self.with_functions(named, self.chosen(others, named))
+            if active:
+                gains[out] = self.gain(out, active, self.solved(others, active))
+        return gains
+
+    def _inside(
+        self, square: Array, right: Array, count: int, active: list[int], barred: Sequence[int]
+    ) -> list[int]:
+        """Functions by the gain on the flights that they are fitted to, largest first.
+
+        square (k, k), right (k,) : sums over the `count` flights.
+        """
+        if active:
+            own = square[np.ix_(active, active)] + np.diag(count * self.ridge(active) + TRACE)
+            share = np.linalg.solve(own, square[active])
+            square = square - square[:, active] @ share
+            right = right - share.T @ right[active]
+        gains: dict[int, float] = {}
+        for size in {len(columns) for columns in self.groups.values()}:
+            alike = [k for k, columns in self.groups.items() if len(columns) == size]
+            index = np.array([self.groups[k] for k in alike], dtype=np.intp)
+            blocks = square[index[:, :, None], index[:, None, :]]
+            blocks += (count * _RIDGE + TRACE) * np.eye(size)
+            driven = right[index]
+            values = np.linalg.solve(blocks, driven[:, :, None])[:, :, 0]
+            gains |= dict(zip(alike, np.einsum("ks,ks->k", values, driven).tolist(), strict=True))
+        return sorted(gains.keys() - set(barred), key=lambda k: (-gains[k], k))

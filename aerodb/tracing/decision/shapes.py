@@ -1,0 +1,406 @@
+"""Whether a claimed shape fits: named terms against flexible functions of the observed variables.
+
+A term of the library is a name and a shape. Where the truth has another shape, or depends on other
+variables, the nearest term of the library is significant all the same, and no rival of the library
+tells. Here each named term competes on its axis with functions of one or two observed variables
+that are chosen and fitted without the flight that they predict. docs/method/tracing.md, section 26.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from aerodb.effects import Hypothesis
+from aerodb.support import Array, in_threads
+from aerodb.tables import HAT_RATES
+from aerodb.tracing.decision.explanation_sets import LOST
+from aerodb.tracing.decision.findings import Finding
+from aerodb.tracing.decision.functions import (
+    RATE,
+    TRACE,
+    WORTH,
+    FunctionProblem,
+    Functions,
+    functions_of,
+    with_rates,
+)
+from aerodb.tracing.decision.unexplained_residual import FlightResidual
+from aerodb.tracing.estimates import OFFSET, paired_p
+from aerodb.tracing.evidence import Evidence, normal_equations_of
+from aerodb.tracing.settings import TracingSettings
+
+#: Flights from which shapes are compared.
+FEWEST: Final = 4
+#: Part of a sensor's gain that a function must reach to stand beside it; and where the sensor gains
+#: on no other axis.
+_AS_WELL, _ON_ONE_AXIS = 0.8, 0.25
+
+
+def with_checked_shapes(
+    flights: Sequence[FlightResidual],
+    findings: Sequence[Finding],
+    hypotheses: Sequence[Hypothesis],
+    settings: TracingSettings,
+) -> tuple[Finding, ...]:
+    """Return the findings; names that another shape beats no longer stand alone.
+
+    Parameters
+    ----------
+    flights : residuals beside the current database, with the columns of all accepted terms and of
+        all sensors, and the variables that effects may depend on
+    findings : of tracing beside the same database
+    hypotheses : the library
+
+    Returns
+    -------
+    tuple : where a function of observed variables predicts flights that were left out better than a
+        confirmed term, the finding has a `shape`. If it depends on what the term depends on, the
+        term stays confirmed; else it is suspected. A sensor beside which such a function on one
+        axis gains as much is ambiguous. Below four flights nothing changes.
+
+    References
+    ----------
+    docs/method/tracing.md, section 26; Ibragimov & Mueller, JBES 28(4), 2010 (flights as units).
+    """
+    judged = [f for f in findings if f.verdict in ("confirmed", "sensor")]
+    if len(flights) < FEWEST or not judged:
+        return tuple(findings)
+    known = {h.id: h for h in hypotheses}
+    functions = functions_of(
+        [with_rates(flight.variables, flight.evidence.step) for flight in flights]
+    )
+    shapes = _Shapes(flights, functions, known, findings, settings)
+    changed = {}
+    for finding in judged:
+        if finding.verdict == "sensor":
+            changed[finding.hypothesis] = shapes.sensor(finding)
+        elif finding.effect == OFFSET:
+            changed[finding.hypothesis] = shapes.constant(finding)
+        elif shapes.observed(finding):
+            changed[finding.hypothesis] = shapes.term(finding)
+    return tuple(changed.get(f.hypothesis, f) for f in findings)
+
+
+@dataclass(frozen=True)
+class _Shapes:
+    """The comparison of names and functions. findings : all of this round."""
+
+    flights: Sequence[FlightResidual]
+    functions: Functions
+    known: Mapping[str, Hypothesis]
+    findings: Sequence[Finding]
+    settings: TracingSettings
+    cached: dict[str, FunctionProblem] = field(default_factory=dict, init=False, repr=False)
+
+    def term(self, finding: Finding) -> Finding:
+        """A confirmed term against the functions that could stand in its place on its axes."""
+        for axis in finding.axis:
+            named = self._named(axis)
+            if finding.hypothesis not in named:
+                continue
+            problem, own = self._problem(axis), named.index(finding.hypothesis)
+            rest = [k for k in range(len(named)) if k != own]
+            before = problem.left_out(problem.flights, range(len(named)))
+            after = problem.predicted(rest)
+            fall, p = self._fall(problem, after, before)
+            if fall > WORTH and p < self.settings.level:
+                picked = problem.chosen(problem.flights, rest)
+                information = (
+                    float(problem.square[:, own, own].sum()) / problem.combined[own, own] ** 2
+                )
+                misfit = np.sqrt(max(0.0, float((after - before).sum())) / information)
+                if picked and not self._stands(problem, own, rest, picked):
+                    return self._other(finding, axis, problem, rest, picked, fall, p, misfit)
+        return finding
+
+    def constant(self, finding: Finding) -> Finding:
+        """A constant is suspected where a function beside the named terms predicts its axis: the
+        level of an effect is that of its shape."""
+        (axis,) = finding.axis
+        problem = self._problem(axis)
+        named = range(problem.terms)
+        before = problem.left_out(problem.flights, named)
+        fall, p = self._fall(problem, problem.predicted(named), before)
+        variables = self.functions.variables(problem.chosen(problem.flights, named))
+        if not (fall > WORTH and p < self.settings.level and variables):
+            return finding
+        return replace(
+            finding,
+            verdict="suspected",
+            because=(
+                f"{finding.because}; but an effect of {', '.join(variables)} on {axis} is not"
+                " named, and its level may be this constant"
+            ),
+            shape=_shape(axis, variables, fall, p, []),
+        )
+
+    def sensor(self, finding: Finding) -> Finding:
+        """A freed sensor against functions on the one axis on which it gains most.
+
+        A sensor that gains on several axes is known by that; one that gains on a single axis has no
+        other witness.
+        """
+        axes = [
+            axis
+            for axis in finding.axis
+            if all(axis in flight.evidence.residual for flight in self.flights)
+        ]
+        gains = {axis: self._freed_gain(axis, finding.hypothesis) for axis in axes}
+        if not gains:
+            return finding
+        total = np.sum(list(gains.values()), axis=0)
+        axis = max(gains, key=lambda a: float(gains[a].sum()))
+        nothing = np.zeros(len(total))
+        alone = not any(
+            paired_p(gain, nothing) < self.settings.level
+            for other, gain in gains.items()
+            if other != axis
+        )
+        problem = self._problem(axis)
+        named = range(problem.terms)
+        instead = problem.predicted(named) - problem.left_out(problem.flights, named)
+        share = float(instead.sum()) / max(float(total.sum()), TRACE)
+        as_well = share >= _AS_WELL and paired_p(total, instead) >= self.settings.level
+        may_be = alone and share >= _ON_ONE_AXIS
+        variables = self.functions.variables(problem.chosen(problem.flights, named))
+        p = paired_p(instead, nothing)
+        names = [*self._named(axis), finding.hypothesis]
+        freed = self._made(axis, names, finding.hypothesis, True)
+        rest = range(len(names) - 1)
+        picked = freed.chosen(freed.flights, rest)
+        if not alone and self._stands(freed, len(names) - 1, rest, picked):
+            return finding
+        if not variables or not (as_well or may_be) or p >= self.settings.level:
+            return finding
+        how = "as well" if as_well else "too, and no other axis speaks for the sensor"
+        return replace(
+            finding,
+            verdict="ambiguous_sensor",
+            because=(
+                f"{finding.because}; but an effect of {', '.join(variables)} on {axis}, of a shape"
+                f" that the library lacks, predicts left-out flights {how}"
+            ),
+            shape=_shape(axis, variables, share, p, []),
+        )
+
+    def _stands(
+        self, problem: FunctionProblem, own: int, rest: Sequence[int], picked: Sequence[int]
+    ) -> bool:
+        """Whether a named column keeps its gain beside the functions: these then stand for another
+        defect of the axis."""
+        alone = problem.left_out(problem.flights, [*rest, own])
+        alone = alone - problem.left_out(problem.flights, rest)
+        beside = problem.left_out(problem.flights, problem.with_functions([*rest, own], picked))
+        beside = beside - problem.left_out(problem.flights, problem.with_functions(rest, picked))
+        kept = float(beside.sum()) >= LOST * float(alone.sum())
+        return kept and paired_p(beside, np.zeros(len(beside))) < self.settings.level
+
+    @staticmethod
+    def _fall(problem: FunctionProblem, after: Array, before: Array) -> tuple[float, float]:
+        """Mean over the flights of the part by which the remaining error falls, and its p."""
+        fall = (after - before) / np.maximum(problem.total - before, TRACE)
+        return float(fall.mean()), paired_p(fall, np.zeros(len(fall)))
+
+    def _other(
+        self,
+        finding: Finding,
+        axis: str,
+        problem: FunctionProblem,
+        rest: Sequence[int],
+        picked: Sequence[int],
+        fall: float,
+        p: float,
+        misfit: float,
+    ) -> Finding:
+        """The finding with another shape. misfit : rms error of the effect in units of its
+        parameter, by what its shape misses."""
+        variables = self.functions.variables(picked)
+        same = self._drivers(finding) <= _channels(variables)
+        shape = _shape(axis, variables, fall, p, self._bands(problem, rest, picked))
+        text = (
+            f"{finding.because}; but an effect of {', '.join(variables)} on {axis} of another shape"
+            f" predicts left-out flights better by {fall:.0%} of what is left (p = {p:.1g})"
+        )
+        if same:
+            middle = 0.5 * (finding.ci95[0] + finding.ci95[1])
+            half = float(np.hypot(0.5 * (finding.ci95[1] - finding.ci95[0]), ndtri(0.975) * misfit))
+            return replace(finding, shape=shape, because=text, ci95=(middle - half, middle + half))
+        return replace(finding, verdict="suspected", shape=shape, because=text)
+
+    def _bands(
+        self, problem: FunctionProblem, rest: Sequence[int], picked: Sequence[int]
+    ) -> list[dict[str, Any]]:
+        """Each function of one variable at its nodes, with its pointwise 95 % band; zero at the
+        mean over the flights."""
+        active = problem.with_functions(rest, picked)
+        count = len(problem.total)
+        values = problem.solved(problem.flights, active)
+        square = problem.square[:, active][:, :, active]
+        inverse = np.linalg.inv(square.sum(axis=0) + np.diag(count * problem.ridge(active) + TRACE))
+        score = problem.right[:, active] - square @ values
+        between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
+        combined = problem.combined[np.ix_(active, active)]
+        values, between = combined @ values, combined @ between @ combined.T
+        wide = float(stdtrit(count - 1, 0.975))
+        bands, first = [], len(rest)
+        for p in picked:
+            group, size = self.functions.each[p], len(problem.groups[p])
+            part = slice(first, first + size)
+            first += size
+            if len(group.nodes) != size + 1:
+                continue
+            mean = np.mean(
+                [own[:, group.columns].mean(axis=0) for own in self.functions.columns], axis=0
+            )
+            at = np.tril(np.ones((size + 1, size)), -1) - mean
+            error = wide * np.sqrt(np.einsum("nk,kl,nl->n", at, between[part, part], at))
+            level = at @ values[part]
+            bands.append(
+                {
+                    "variable": group.variables[0],
+                    "at": list(group.nodes),
+                    "effect": level.tolist(),
+                    "low": (level - error).tolist(),
+                    "high": (level + error).tolist(),
+                }
+            )
+        return bands
+
+    def _drivers(self, finding: Finding) -> frozenset[str]:
+        """Channels that a term depends on."""
+        return _channels(self.known[finding.hypothesis].drivers)
+
+    def observed(self, finding: Finding) -> bool:
+        """Whether functions may depend on all that a term depends on: not on the state of a stall,
+        which no variable shows."""
+        return self._drivers(finding) <= _channels(self.flights[0].variables)
+
+    def _named(self, axis: str) -> list[str]:
+        """Terms that stand on the axis: everything found but constants and sensors."""
+        return [
+            f.hypothesis
+            for f in self.findings
+            if axis in f.axis
+            and f.effect != OFFSET
+            and self.known[f.hypothesis].kind == "aerodynamic"
+            and all(f.hypothesis in flight.evidence.columns for flight in self.flights)
+        ]
+
+    def _freed_gain(self, axis: str, sensor: str) -> Array:
+        """Gain (g,) of a sensor's common value on one axis, each flight under that of the others,
+        beside the named terms and over what they gain with the sensor under its prior."""
+        named = self._named(axis)
+        with_prior = self._made(axis, named, "")
+        freed = self._made(axis, [*named, sensor], sensor)
+        return np.asarray(
+            freed.left_out(freed.flights, range(freed.terms))
+            - with_prior.left_out(with_prior.flights, range(with_prior.terms))
+        )
+
+    def _problem(self, axis: str) -> FunctionProblem:
+        """Named terms and functions on one axis."""
+        if axis not in self.cached:
+            self.cached[axis] = self._made(axis, self._named(axis), "", True)
+        return self.cached[axis]
+
+    def _made(
+        self, axis: str, named: Sequence[str], freed: str, with_functions: bool = False
+    ) -> FunctionProblem:
+        """The problem of an axis; all sensors but the `freed` one are eliminated under their
+        priors."""
+        priors = {
+            h.id: (h.prior_sigma or np.inf) ** -2.0
+            for h in self.known.values()
+            if h.kind == "sensor" and h.id != freed
+        }
+        made = in_threads(
+            lambda each: _eliminated(
+                each[0].evidence,
+                axis,
+                named,
+                each[1] if with_functions else each[1][:, :0],
+                priors,
+                self.settings,
+            ),
+            list(zip(self.flights, self.functions.columns, strict=True)),
+        )
+        return FunctionProblem.of(
+            np.stack([part for part, _ in made]),
+            np.sum([alone for _, alone in made], axis=0),
+            self.functions,
+            len(named),
+            self.settings.inflation_limit,
+            with_functions,
+        )
+
+
+def _shape(
+    axis: str, variables: Sequence[str], fall: float, p: float, bands: Sequence[dict[str, Any]]
+) -> dict[str, Any]:
+    """The `shape` of a finding: docs/reference/contract.md."""
+    return {
+        "kind": "other",
+        "axis": axis,
+        "variables": list(variables),
+        "fall": fall,
+        "p": p,
+        "bands": list(bands),
+    }
+
+
+def _channels(names: Iterable[str]) -> frozenset[str]:
+    """Channels that variables are made of; Mach number, airspeed and dynamic pressure are one in a
+    flight."""
+    plain = {name.removesuffix(RATE) for name in names}
+    plain = {HAT_RATES[name][0] if name in HAT_RATES else name for name in plain}
+    if plain & {"mach", "qbar", "V"}:
+        plain |= {"mach", "qbar", "V"}
+    return frozenset(plain | ({"mach", "qbar", "V"} if "thrust" in plain else set()))
+
+
+def _eliminated(
+    evidence: Evidence,
+    axis: str,
+    named: Sequence[str],
+    functions: Array,
+    priors: Mapping[str, float],
+    settings: TracingSettings,
+) -> tuple[Array, Array]:
+    """Products (k + 1, k + 1) of named columns, functions (n, f) and residual of one axis without
+    the intercept and the sensors, which have these prior precisions; and those (k, k) with the
+    sensors."""
+    zero = np.zeros(evidence.samples)
+    sensors = [id for id in priors if axis in evidence.columns.get(id, {})]
+    flexible = [f"function {number}" for number in range(functions.shape[1])]
+    columns = {
+        **{name: {axis: evidence.columns[name].get(axis, zero)} for name in named},
+        **{name: {axis: values} for name, values in zip(flexible, functions.T, strict=True)},
+        **{id: {axis: evidence.columns[id][axis]} for id in sensors},
+    }
+    one = replace(
+        evidence,
+        residual={axis: evidence.residual[axis]},
+        usable={axis: evidence.usable[axis]},
+        columns=columns,
+        noisy=(),
+        instruments={},
+    )
+    made = normal_equations_of(one, settings)
+    place = {name: number for number, name in enumerate(made.hypotheses)}
+    order = [place[name] for name in (*named, *flexible, *sensors)]
+    index = 1 + np.array([*order, len(made.hypotheses)], dtype=np.intp)
+    full = made.matrix[np.ix_(index, index)]
+    level = made.matrix[0, index]
+    full = full - np.outer(level, level) / made.matrix[0, 0]
+    k, s = len(named) + len(flexible), len(sensors)
+    kept, out = [*range(k), k + s], list(range(k, k + s))
+    alone = full[:k, :k]
+    block = full[np.ix_(out, out)] + np.diag([priors[id] for id in sensors])
+    scale = np.sqrt(np.maximum(np.diagonal(block), TRACE))
+    across = full[np.ix_(out, kept)] / scale[:, None]
+    inner = block / np.outer(scale, scale) + TRACE * np.eye(s)
+    left = full[np.ix_(kept, kept)] - across.T @ np.linalg.solve(inner, across)
+    return left, alone

@@ -1,0 +1,103 @@
+"""Shapes that the library lacks: functions against direct least squares, and closed loops of a dozen
+families of wrong shapes: what they confirm, what their bands hold, and what they say.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from aerodb.tracing.decision.functions import FunctionProblem, Functions, functions_of
+from tests.support import wrong_shapes as wrong
+
+Trials = Callable[[int, int], int]
+FLIGHTS, SAMPLES = 6, 300
+
+
+def problem(shape: Callable[[np.ndarray], np.ndarray]) -> tuple[FunctionProblem, Functions]:
+    """Flights whose residual is a function of "u" and noise, a named column of "u" itself, and the
+    functions of "u", "v" and alpha."""
+    rng = np.random.default_rng(3)
+    flights = [
+        {n: rng.uniform(-1.0, 1.0, SAMPLES) for n in ("alpha", "u", "v")} for _ in range(FLIGHTS)
+    ]
+    functions = functions_of(flights)
+    matrices = []
+    for flight, own in zip(flights, functions.columns, strict=True):
+        residual = shape(flight["u"]) + 0.3 * rng.standard_normal(SAMPLES)
+        columns = np.column_stack([flight["u"], own, residual])
+        columns -= columns.mean(axis=0)
+        matrices.append(columns.T @ columns)
+    matrix = np.stack(matrices)
+    before = matrix.sum(axis=0)[:-1, :-1]
+    return FunctionProblem.of(matrix, before, functions, 1, 100.0), functions
+
+
+def test_functions_are_of_one_variable_or_products_with_what_modulates() -> None:
+    _, functions = problem(np.abs)
+    assert [each.variables for each in functions.each] == [
+        ("alpha",),
+        ("u",),
+        ("v",),
+        ("alpha", "u"),
+        ("alpha", "v"),
+    ]
+    ramps = functions.columns[0][:, functions.each[1].columns]
+    assert ramps.min() == 0.0
+    assert ramps.max() == 1.0
+
+
+def test_values_are_those_of_ridge_regression() -> None:
+    made, _ = problem(np.abs)
+    active = made.with_functions([0], [1])
+    values = made.solved(made.flights, active)
+    square = made.square.sum(axis=0)[np.ix_(active, active)]
+    square = square + np.diag(FLIGHTS * np.r_[0.0, np.full(len(active) - 1, 0.01)])
+    assert values == pytest.approx(
+        np.linalg.solve(square, made.right.sum(axis=0)[active]), rel=1e-6
+    )
+    direct = made.total[0] - made.gain(made.flights[:1], active, values)[0]
+    left = values @ made.square[0][np.ix_(active, active)] @ values
+    assert direct == pytest.approx(made.total[0] - 2 * values @ made.right[0, active] + left)
+
+
+def test_the_right_variable_is_chosen_and_only_where_there_is_something() -> None:
+    made, functions = problem(np.abs)
+    assert functions.variables(made.chosen(made.flights, [0])) == ("u",)
+    before = made.left_out(made.flights, [0])
+    assert np.all(made.predicted([0]) > before)
+    linear, _ = problem(lambda u: 0.7 * u)
+    assert linear.chosen(linear.flights, [0]) == ()
+    nothing, _ = problem(np.zeros_like)
+    assert nothing.chosen(nothing.flights, []) == ()
+
+
+@pytest.mark.heavy
+def test_a_shape_of_the_library_keeps_its_name(trials: Trials) -> None:
+    family = wrong.PLAIN[0]
+    for seed in range(trials(1, 10)):
+        found = wrong.closed_loop(family, seed)
+        assert found.wrong == ()
+        assert found.named == ("control_effectiveness@Cl:aileron",)
+        assert found.after <= 1.2
+
+
+#: Families of the reduced form: one whose nearest names were of other variables, one whose nearest
+#: was of the same, and one that was taken for a constant.
+REDUCED = ("one-sided spoiler", "roll damping that changes with alpha", "yaw with the size")
+
+
+@pytest.mark.heavy
+def test_wrong_shapes_get_no_wrong_name(trials: Trials, capsys: pytest.CaptureFixture[str]) -> None:
+    """A dozen families, ten loops each (reduced: three families, one loop each, none wrong)."""
+    table = wrong.Table()
+    full = trials(0, 1)
+    for family in wrong.FAMILIES:
+        if full or family.name.startswith(REDUCED):
+            for seed in range(trials(1, 10)):
+                table.add(family, wrong.closed_loop(family, seed))
+    with capsys.disabled():
+        print("", table.text(), f"coverage {table.coverage():.2f}", sep="\n")
+    assert table.wrong() <= 0.03
+    if not full:
+        assert table.said() == 1.0
