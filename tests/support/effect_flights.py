@@ -225,12 +225,12 @@ def flown_together(
     truth: AeroDatabase,
     of: Vehicle | None = None,
     prescribe: Callable[[int], dict[str, Callable[[Array], Array]]] = prescribed,
-    seconds: float = SECONDS,
+    seconds: float | None = None,
 ) -> list[Flight]:
     """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than
-    one. prescribe : seed -> what is prescribed."""
+    one. prescribe : seed -> what is prescribed; seconds : `SECONDS` if None."""
     of = of or vehicle()
-    t = np.arange(round(seconds * RATE)) / RATE
+    t = np.arange(round((seconds or SECONDS) * RATE)) / RATE
     cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
     inertia = inertia_matrix(
         *(float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz"))

@@ -335,7 +335,7 @@ def _judged(
 ) -> Outcome:
     known = {h.id: h for h in library.hypotheses}
     said = {f.hypothesis: f for f in (*loop.findings, *loop.traced.findings)}
-    right, wrong = [], []
+    right, wrong = list[str](), list[str]()
     for finding in said.values():
         hypothesis = known[finding.hypothesis]
         if finding.verdict == "sensor" and finding.effect not in family.sensors:
@@ -345,9 +345,11 @@ def _judged(
             (right if fits else wrong).append(finding.hypothesis)
     unnamed = {entry.axis: entry.variables for entry in left if entry.found}
     covered, before, after = _on_unseen(family, loop, flights, effects, noises, unseen, library)
-    rates = {"p_hat": "p", "q_hat": "q", "r_hat": "r"}
+    rates = {"p_hat": "p", "q_hat": "q", "r_hat": "r", "alphadot_hat": "alphadot"}
     good = any(
-        axis in family.acts_on and {rates.get(v, v) for v in variables} & family.variables
+        axis in family.acts_on
+        and {rates.get(v.removesuffix("_rate"), v.removesuffix("_rate")) for v in variables}
+        & family.variables
         for axis, variables in unnamed.items()
     )
     return Outcome(

@@ -30,8 +30,8 @@ WORTH: Final = 0.02
 _GROUPS: Final = 10
 #: Variables that another effect may change with: one of them is in each product of two.
 _MODULATE: Final = frozenset({"alpha", "beta", "mach", "qbar"})
-#: Beginnings of variables whose rate of change is a variable too.
-_MOVING: Final = ("delta_", "alphadot")
+#: Beginning of variables whose rate of change is a variable too: deflections.
+_MOVING: Final = "delta_"
 #: Ending of the rate of change of a variable.
 RATE: Final = "_rate"
 #: Part of the largest singular value below which a direction is rounding.
@@ -43,8 +43,7 @@ TRACE: Final = 1e-9
 
 
 def with_rates(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
-    """Return variables (name -> (n,)) and the rates of change of deflections and of that of the
-    angle of attack; step [s]."""
+    """Return variables (name -> (n,)) and the rates of change of deflections; step [s]."""
     rates = {
         f"{name}{RATE}": np.gradient(values, step)
         for name, values in variables.items()
@@ -83,7 +82,7 @@ class Functions:
 def functions_of(flights: Sequence[Mapping[str, Array]]) -> Functions:
     """Return the functions of the variables (name -> (n,)) that all flights have."""
     names = sorted(set.intersection(*(set(flight) for flight in flights)))
-    ends = np.cumsum([len(flight[names[0]]) for flight in flights])[:-1] if names else []
+    ends = np.cumsum([len(next(iter(flight.values()))) for flight in flights])[:-1]
     each, columns, scaled = [], list[Array](), dict[str, Array]()
     for name in names:
         values = np.nan_to_num(np.concatenate([flight[name] for flight in flights]))

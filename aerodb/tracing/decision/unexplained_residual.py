@@ -25,7 +25,6 @@ from aerodb.tracing.decision.functions import (
     Functions,
     functions_of,
     separable,
-    with_rates,
 )
 from aerodb.tracing.estimates import by_families
 from aerodb.tracing.evidence import Evidence, band_limited, stretches
@@ -192,13 +191,12 @@ def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
 
 
 def _functions(records: Sequence[Record], names: Sequence[str], used: Sequence[str]) -> Functions:
-    """Functions of one or two of the `used` variables, and of the rates of change of those that
-    move."""
+    """Functions of one or two of the `used` variables, not of their rates of change: there the noise
+    of a flow angle is that of the residual."""
     variables, columns = [], {name: names.index(name) for name in used}
     for record in records:
         values = np.concatenate([record.variables, record.further], axis=1)
-        own = {name: values[:, column] for name, column in columns.items()}
-        variables.append(with_rates(own, 1.0))
+        variables.append({name: values[:, column] for name, column in columns.items()})
     return functions_of(variables)
 
 
