@@ -14,13 +14,16 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
    still predictable and named by no hypothesis; `dependences_between_flights` which effects change
    with the conditions of the flights.
-5. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
+5. `with_model_error(source, flights, loop, library)` gives the candidate with bands that contain
+   what the shapes of the additions miss.
+6. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
    open, for declared increments.
 
 Modules: `flights` (what a source of flights gives), `freezing` and `library`, `evidence` (of one
 flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall` and `stall_loop`,
 `refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`,
-`between_flights`, `consider`. The method: docs/method/tracing.md, sections 13 to 16 and 25.
+`between_flights`, `shapes` and `model_error`, `consider`. The method: docs/method/tracing.md,
+sections 13 to 16, 25 and 26.
 """
 
 import lazy_loader as lazy

@@ -4,6 +4,7 @@ from .evidence import evidence_beside
 from .flights import FlightSource, Reconstruction
 from .freezing import freeze_library
 from .library import Library
+from .model_error import with_model_error
 from .rounds import Accept, LoopResult, run_loop
 from .unexplained import unexplained_residuals
 from .validation import beside_larger_unnamed, validate_loop, without_gain
@@ -23,5 +24,6 @@ __all__ = [
     "run_loop",
     "unexplained_residuals",
     "validate_loop",
+    "with_model_error",
     "without_gain",
 ]

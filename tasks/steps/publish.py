@@ -19,12 +19,13 @@ from aerodb.exchange import (
     to_document,
 )
 from aerodb.increments import AxisValidation, Update, sign_reasons
-from aerodb.loop import Accept, Library, LoopResult
+from aerodb.loop import Accept, Library, LoopResult, with_model_error
 from aerodb.report import hold_out_remarks, loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
 from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
+from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.update import Plan
@@ -199,9 +200,10 @@ def publish_loop(
     label = None
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
+        source = flights_of(workspace, plan.vehicle, run)
         version = _add(
             access,
-            loop.candidate,
+            with_model_error(source, plan.hold_out.identified, loop, library),
             plan.vehicle,
             plan.baseline,
             list(plan.keys),

@@ -24,6 +24,7 @@ from aerodb.loop import (
     freeze_library,
     run_loop,
     unexplained_residuals,
+    with_model_error,
 )
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
@@ -311,6 +312,8 @@ def closed_loop(family: Family, seed: int, floors: float = FLOORS) -> Outcome:
     library = freeze_library(source, identified, database())
     loop = run_loop(source, identified, database(), library, Accept())
     left = unexplained_residuals(source, identified, loop.candidate, library)
+    candidate = with_model_error(source, identified, loop, library)
+    loop = replace(loop, candidate=candidate)
     outcome = _judged(family, library, loop, left, flights, effects, noises, unseen)
     between = dependences_between_flights(source, identified, library, loop)
     return replace(
@@ -412,8 +415,8 @@ def _on_unseen(
 
 
 def _sigma(loop: LoopResult, axis: str, flight: Flight) -> Array | None:
-    """Standard error (n,) of what the loop added on an axis, about its mean over the flight; None
-    where nothing was added."""
+    """Standard error (n,) of what the loop added on an axis, about its mean over the flight, and of
+    the shape; None where nothing was added."""
     channels = loop.candidate.resolved(loop.candidate.needs, flight.channels)
     square = np.zeros(len(flight.time))
     found = False
@@ -422,7 +425,9 @@ def _sigma(loop: LoopResult, axis: str, flight: Flight) -> Array | None:
             found = True
             held, weights = increment.columns(channels)
             columns = held * weights
-            columns = columns - columns.mean(axis=0)
+            of_shape = np.array([not each.names for each in increment.regressors])
+            of_shape &= increment.estimates == 0.0
+            columns = columns - np.where(of_shape, 0.0, columns.mean(axis=0))
             square += np.einsum("nk,kl,nl->n", columns, increment.covariance, columns)
     return np.sqrt(square) if found else None
 

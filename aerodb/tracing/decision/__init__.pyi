@@ -14,6 +14,7 @@ from .shapes import with_checked_shapes
 from .unexplained_residual import (
     FlightResidual,
     UnexplainedResidual,
+    model_errors,
     unexplained_by_axis,
     without_state_noise,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "joint_bands",
     "joint_fit",
     "lost_in_rotating_air",
+    "model_errors",
     "refine",
     "trace",
     "unexplained_by_axis",

@@ -180,6 +180,33 @@ def unexplained_by_axis(
     return tuple(found)
 
 
+def model_errors(
+    left: Sequence[FlightResidual], axes: Sequence[str], settings: TracingSettings
+) -> dict[str, float]:
+    """Return, for each axis, the rms [coefficient] of what functions of one or two variables
+    predict of the residual of flights that were left out; zero where that is nothing.
+
+    Columns of the evidence count as explained: without any, also what sensors could explain is part
+    of the error. Fewer flights than `settings.fewest` show none.
+    """
+    if len(left) < settings.fewest:
+        return dict.fromkeys(axes, 0.0)
+    names = sorted(_known_in_all([flight.variables for flight in left]))
+    flights = in_threads(
+        partial(_in_band, axes=axes, names=names, more=(), settings=settings), left
+    )
+
+    def error(axis: str) -> float:
+        records = [flight[axis] for flight in flights]
+        if not all(len(record.residual) for record in records):
+            return 0.0
+        skills, _ = _few(records, _functions(records, names, names), settings.inflation_limit)
+        power = [float(np.mean(record.residual**2)) for record in records]
+        return float(np.sqrt(max(0.0, float(np.mean(skills * power)))))
+
+    return dict(zip(axes, in_threads(error, axes), strict=True))
+
+
 def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
     """Names of variables that all flights have without a gap."""
     return set.intersection(
@@ -191,8 +218,8 @@ def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
 
 
 def _functions(records: Sequence[Record], names: Sequence[str], used: Sequence[str]) -> Functions:
-    """Functions of one or two of the `used` variables, not of their rates of change: there the noise
-    of a flow angle is that of the residual."""
+    """Functions of one or two of the `used` variables, not of their rates of change: the noise of a
+    flow angle in these is that of the residual."""
     variables, columns = [], {name: names.index(name) for name in used}
     for record in records:
         values = np.concatenate([record.variables, record.further], axis=1)
