@@ -5,6 +5,7 @@ docs/method/tracing.md, section 26.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment, Number
-from aerodb.tracing import FlightResidual, evidence_of, model_errors
+from aerodb.tracing import Finding, FlightResidual, evidence_of, model_errors
+
+#: Flights from which a scatter between them is estimated.
+FEWEST: Final = 4
 
 
 def with_model_error(
@@ -23,11 +27,13 @@ def with_model_error(
 ) -> AeroDatabase:
     """Return the candidate of a loop; the bands of what it added contain the error of its shapes.
 
-    What functions of one or two variables still predict of the residual beside the candidate, on
-    flights left out, is an error that the covariance of the estimates does not know: flights that
-    agree on a wrong shape give it narrow bands. Each increment on such an axis gets a constant
-    whose value is zero and whose standard error is the rms of what is predicted. Values and
-    verdicts stay. What a sensor could explain counts as error too.
+    Two errors are not in the covariance of the estimates, as flights that agree on a wrong shape
+    give it narrow bands. Where the estimates of single flights scatter by more than their standard
+    errors, the effect of a flight to come differs from the mean: the variance between flights is
+    added to that of the estimate (DerSimonian & Laird, Control. Clin. Trials 7, 1986). What
+    functions of one or two variables still predict of the residual beside the candidate, on flights
+    left out, becomes the standard error of a constant whose value is zero. Values and verdicts
+    stay. What a sensor could explain counts as error too.
 
     flights : ids of those that identify.
     """
@@ -45,15 +51,44 @@ def with_model_error(
         return FlightResidual(evidence, shape_variables(view))
 
     errors = model_errors(in_threads(residual, flights), axes, settings)
+    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
+    between = {
+        (axis, regressor): between_flights(finding)
+        for finding in loop.added
+        if finding.hypothesis in known
+        for axis, regressor in known[finding.hypothesis].increment
+    }
+
+    def widened(increment: Increment) -> Increment:
+        variances = [between.get((increment.axis, each), 0.0) for each in increment.regressors]
+        # a term that was fitted once more stands twice: it differs between flights once
+        once = [
+            0.0 if regressor in increment.regressors[:place] else variances[place]
+            for place, regressor in enumerate(increment.regressors)
+        ]
+        wider = replace(increment, covariance=increment.covariance + np.diag(once))
+        return _with_error(wider, max(errors[axis] for axis in _body_axes(increment)))
+
     return replace(
         loop.candidate,
         increments=tuple(
-            each
-            if id(each) in earlier
-            else _with_error(each, max(errors[axis] for axis in _body_axes(each)))
-            for each in loop.candidate.increments
+            each if id(each) in earlier else widened(each) for each in loop.candidate.increments
         ),
     )
+
+
+def between_flights(finding: Finding) -> float:
+    """Return the variance of an effect between flights: that of the estimates of single flights
+    less that of their errors, in squared units of the parameter."""
+    values = np.array([vote.value for vote in finding.votes])
+    if len(values) < FEWEST:
+        return 0.0
+    errors = np.array([vote.se for vote in finding.votes])
+    weight = errors**-2.0
+    mean = float(weight @ values) / float(weight.sum())
+    excess = float(weight @ (values - mean) ** 2) - (len(values) - 1.0)
+    scale = float(weight.sum()) - float(weight @ weight) / float(weight.sum())
+    return max(0.0, excess / scale)
 
 
 def _body_axes(increment: Increment) -> tuple[str, ...]:

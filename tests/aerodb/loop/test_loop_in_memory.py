@@ -21,8 +21,10 @@ from aerodb.loop import (
     freeze_library,
     run_loop,
     validate_loop,
+    with_model_error,
     without_gain,
 )
+from aerodb.support import Mask
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing import UnexplainedResidual
 from tests.support import effect_flights, varied_flights
@@ -99,6 +101,34 @@ def test_what_is_planted_is_found_added_and_lowers_the_error_of_flights_left_out
 def _error(source: FlightSource, flight: str, model: AeroDatabase, axis: str) -> float:
     _, beside = source.comparison(flight, model)
     return float(np.sqrt(np.mean(beside.residual(axis)[beside.usable[axis]] ** 2)))
+
+
+def test_bands_contain_what_the_shape_of_an_addition_misses(source: FlightsInMemory) -> None:
+    """The candidate of the loop, and the same with half of the damping: the other half is left,
+    and is the error of its shape on every flight."""
+    split = hold_out(source)
+    library, loop = closed(source, split.identified, database())
+    right = with_model_error(source, split.identified, loop, library)
+    (increment,) = loop.candidate.increments
+    half = replace(increment, estimates=0.5 * increment.estimates)
+    wrong = replace(loop, candidate=replace(loop.candidate, increments=(half,)))
+    wide = with_model_error(source, split.identified, wrong, library)
+    missing, noise, held, narrow = [], [], list[Mask](), list[Mask]()
+    for id in split.held_out:
+        channels = loop.candidate.resolved(loop.candidate.needs, source.flight(id).channels)
+        value, model = half.evaluate(channels), wide.increments[0].evaluate(channels)
+        assert np.array_equal(model.value, value.value)
+        left = np.abs(value.value - value.value.mean())
+        held += [left < 1.96 * model.standard_error]
+        narrow += [left < 1.96 * value.standard_error]
+        missing.append(float(np.std(value.value)))
+        noise.append(_error(source, id, database(-14.0 + DAMPING), "Cm"))
+    assert np.mean(held) > 0.9 > 2.0 * np.mean(narrow)
+    (error,) = np.sqrt(np.diag(wide.increments[0].covariance)[1:])
+    assert error == pytest.approx(np.sqrt(np.mean(np.square(missing))), rel=0.3)
+    rest = np.sqrt(np.diag(right.increments[0].covariance)[1:])
+    assert np.all(rest < 0.3 * max(noise))
+    assert with_model_error(source, split.identified, replace(loop, candidate=database()), library)
 
 
 def test_where_nothing_lacks_nothing_is_confirmed(source: FlightsInMemory) -> None:

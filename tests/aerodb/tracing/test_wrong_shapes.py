@@ -3,14 +3,22 @@ families of wrong shapes: what they confirm, what their bands hold, and what the
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from aerodb.loop.model_error import between_flights
+from aerodb.tracing import Finding
+from aerodb.tracing.decision.findings import Vote
 from aerodb.tracing.decision.functions import FunctionProblem, Functions, functions_of
 from tests.support import wrong_shapes as wrong
 
 Trials = Callable[[int, int], int]
+FINDING = Finding(
+    "beta_slope@Cl", "beta_slope", ("Cl",), "", "confirmed", "Cl_beta", "1", 1.0, (0.9, 1.1),
+    0.001, (), (), "",
+)  # fmt: skip
 FLIGHTS, SAMPLES = 6, 300
 
 
@@ -70,6 +78,23 @@ def test_the_right_variable_is_chosen_and_only_where_there_is_something() -> Non
     assert linear.chosen(linear.flights, [0]) == ()
     nothing, _ = problem(np.zeros_like)
     assert nothing.chosen(nothing.flights, []) == ()
+
+
+def test_a_term_whose_estimates_scatter_differs_between_flights() -> None:
+    errors = np.array([0.1, 0.2, 0.1, 0.3, 0.2, 0.1])
+
+    def variance(values: np.ndarray, count: int = 6) -> float:
+        votes = tuple(Vote(f"f{k}", float(values[k]), float(errors[k])) for k in range(count))
+        return between_flights(replace(FINDING, votes=votes))
+
+    rng = np.random.default_rng(2)
+    alike = [variance(1.0 + errors * rng.standard_normal(6)) for _ in range(400)]
+    apart = [
+        variance(1.0 + rng.standard_normal(6) + errors * rng.standard_normal(6)) for _ in range(400)
+    ]
+    assert np.mean(alike) < 0.01
+    assert np.mean(apart) == pytest.approx(1.0, rel=0.15)
+    assert variance(np.arange(6.0), 3) == 0.0
 
 
 @pytest.mark.heavy
