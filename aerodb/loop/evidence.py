@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.coefficients import Comparison
+from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, hypotheses_for_flight, view_of
 from aerodb.flight import Flight
 from aerodb.loop.flights import FlightSource, Reconstruction
@@ -28,6 +29,21 @@ from aerodb.tracing import (
 )
 
 
+def noise_within_limits(
+    reconstruction: Reconstruction,
+    view: FlightView,
+    comparison: Comparison,
+    settings: TracingSettings,
+) -> StateNoise | None:
+    """Return the state noise of a flight, as large as its own residuals allow; None where nothing
+    was reconstructed.
+    """
+    if reconstruction.noise is None:
+        return None
+    bound = bounded_noise if "alpha" in reconstruction.angles else with_air_data_noise
+    return bound(reconstruction.noise, view, comparison, settings)
+
+
 def copies_with_noise(
     flight: Flight,
     duration: float,
@@ -43,10 +59,9 @@ def copies_with_noise(
     rate for tracing; duration [s] : of the whole flight; rotating_air : whether gusts roll the air
     in them. One copy of a long flight, none where nothing was reconstructed.
     """
-    if reconstruction.noise is None:
+    noise = noise_within_limits(reconstruction, view, comparison, settings)
+    if noise is None:
         return []
-    bound = bounded_noise if "alpha" in reconstruction.angles else with_air_data_noise
-    noise = bound(reconstruction.noise, view, comparison, settings)
     copies, near = settings.noisy_copies, None
     if duration >= LONG:
         copies, near = min(copies, 1), comparison

@@ -10,6 +10,7 @@ from aerodb.conditioning import STATES
 from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
+from aerodb.loop.moving_air import moving_air
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     Evidence,
@@ -45,13 +46,15 @@ def by_manoeuvres(
     """Return what the manoeuvres of all flights suspect together, one plane of motion after the
     other.
 
-    Beside what whole flights have found. Empty where there are enough flights, or fewer than two
-    manoeuvres. Two passes: how far apart manoeuvres must be depends on the correlation time of the
-    remaining residual, and that on what has been found.
+    Beside what whole flights have found. Empty where there are enough flights, fewer than two
+    manoeuvres, or where the air evidently moved. Two passes: how far apart manoeuvres must be
+    depends on the correlation time of the remaining residual, and that on what has been found.
     """
     hypotheses, settings = library.hypotheses, library.settings
     if not too_few_took_part(traced, settings):
         return ()
+    if moving_air(source, traced.flights, database, library):
+        return ()  # too short to tell the air's rotation from the aircraft's own
     known = [finding.hypothesis for finding in traced.findings]
     evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]
     # A stall and the way back are one event, whatever else is moved meanwhile.

@@ -3,7 +3,7 @@
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +12,10 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import FlightView, add_effects, envelopes_of, view_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
-from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
+from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms, remarks_on_shapes
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
@@ -26,14 +26,11 @@ from aerodb.tracing import (
     ADDED,
     FewFlightFindings,
     Finding,
-    NormalEquations,
     Traced,
     accompanying_linear_terms,
     downgraded_on_axes,
-    driven_by_rates,
     joint_covariance,
-    lost_in_rotating_air,
-    normal_equations_of,
+    only_suspected,
     trace,
 )
 
@@ -206,49 +203,15 @@ def _traced(
         lambda flight: source.normal_equations(flight, database, library), flights
     )
     earlier = {finding.hypothesis: finding.value for finding in added}
-    traced, remarks = only_what_was_frozen(
-        trace(normal_equations, library.hypotheses, library.settings, earlier), known_before
-    )
-    traced = _beside_rotating_air(source, traced, database, library, earlier)
+    traced = trace(normal_equations, library.hypotheses, library.settings, earlier)
+    traced = beside_rotating_air(source, traced, database, library, earlier)
+    traced, remarks = only_what_was_frozen(traced, known_before)
     return (
         replace(
             traced, findings=downgraded_on_axes(traced.findings, axes_of_misfit_shapes(database))
         ),
         remarks,
     )
-
-
-def _beside_rotating_air(
-    source: FlightSource,
-    traced: Traced,
-    database: AeroDatabase,
-    library: Library,
-    earlier: Mapping[str, float],
-) -> Traced:
-    """Downgrade findings of rates that the rotation of the air in gusts takes away."""
-    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    if not any(
-        f.hypothesis in known and driven_by_rates(known[f.hypothesis]) for f in traced.findings
-    ):
-        return traced
-    settings = library.settings
-
-    def beside(flight: str) -> NormalEquations:
-        evidence = evidence_beside(source, flight, database, library, rotating_air=True)
-        return normal_equations_of(evidence, settings)
-
-    normal_equations = in_threads(beside, traced.flights)
-    lost = lost_in_rotating_air(
-        traced.findings, normal_equations, library.hypotheses, settings, earlier
-    )
-    because = "the rotation of the air in gusts, which no gyro shows, would explain it as well"
-    findings = tuple(
-        _only_suspected(each, because)
-        if each.hypothesis in lost and each.verdict in ("confirmed", "alias_group")
-        else each
-        for each in traced.findings
-    )
-    return replace(traced, findings=findings)
 
 
 def only_what_was_frozen(
@@ -267,7 +230,7 @@ def only_what_was_frozen(
     )
     late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
     findings = tuple(
-        _only_suspected(f, _LATE) if is_late else f
+        only_suspected(f, _LATE) if is_late else f
         for f, is_late in zip(traced.findings, late, strict=True)
     )
     return replace(traced, findings=findings), (remark,)
@@ -282,15 +245,11 @@ def _only_with_gain(
         " less than is left without a name on its axis"
     )
     return tuple(
-        _only_suspected(each, because)
+        only_suspected(each, because)
         if each.hypothesis in without_gain and each.verdict == "confirmed"
         else each
         for each in findings
     )
-
-
-def _only_suspected(finding: Finding, but: str) -> Finding:
-    return replace(finding, verdict="suspected", because=f"{finding.because}; but {but}")
 
 
 def _with_linear_terms(

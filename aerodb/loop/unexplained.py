@@ -58,6 +58,7 @@ def unexplained_residuals(
             view,
             comparison,
             settings,
+            rotating_air=True,
         )
         return [beside(*copy) for copy in copies]
 

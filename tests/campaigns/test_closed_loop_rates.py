@@ -78,6 +78,15 @@ def test_a_noisy_vane_makes_no_finding_and_hides_none(tmp_path: Path) -> None:
     assert line["removed"] >= 0.85
 
 
+@pytest.mark.heavy
+def test_gusts_are_no_effects(tmp_path: Path) -> None:
+    """Severe turbulence turns the air faster than the aircraft turns: three flights without any
+    error of the database then looked like errors of three dampings."""
+    (line,) = run_null("A320", "severe turbulence", [3], 1, tmp_path)
+    assert not line["refused"]
+    assert {kind: line[kind] for kind in CLASSES} == {kind: [] for kind in CLASSES}
+
+
 def _null(aircraft: str, cell: str, seed: int, folder: Path) -> list[dict[str, Any]]:
     flights = [3, 6, 12] if cell == "declared" else [3, 6]
     return [*run_null(aircraft, cell, flights, seed, folder)]

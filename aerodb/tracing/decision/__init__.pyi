@@ -6,7 +6,7 @@ from .few_flights import (
     few_flight_findings,
     windows,
 )
-from .findings import ADDED, Finding, Traced
+from .findings import ADDED, Finding, Traced, only_suspected
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
 from .rotating_air import driven_by_rates, lost_in_rotating_air
@@ -39,6 +39,7 @@ __all__ = [
     "joint_fit",
     "lost_in_rotating_air",
     "model_errors",
+    "only_suspected",
     "refine",
     "trace",
     "unexplained_by_axis",

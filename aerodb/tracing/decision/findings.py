@@ -4,7 +4,7 @@ Frozen; names and verdicts as in docs/reference/contract.md.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 Verdict = Literal[
@@ -93,6 +93,11 @@ class Finding:
             "held_out_share": self.held_out_share,
             **({} if self.shape is None else {"shape": dict(self.shape)}),
         }
+
+
+def only_suspected(finding: Finding, but: str) -> Finding:
+    """Return the finding as `suspected`, with one more reason in its sentence."""
+    return replace(finding, verdict="suspected", because=f"{finding.because}; but {but}")
 
 
 @dataclass(frozen=True)

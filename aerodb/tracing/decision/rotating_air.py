@@ -1,4 +1,4 @@
-"""Check findings that rates drive beside the rotation of the air, which no gyro shows.
+"""Check findings beside the rotation of the air, which no gyro shows.
 
 docs/method/tracing.md, section 4.
 """
@@ -32,7 +32,7 @@ def lost_in_rotating_air(
     settings: TracingSettings,
     earlier: Mapping[str, float] | None = None,
 ) -> frozenset[str]:
-    """Return the findings that rates drive and that the rotation of the air takes away.
+    """Return the findings that the rotation of the air takes away, sensors included.
 
     Lost is what is no longer significant over the library, or changes its sign, in the model of all
     findings where each flight has its own share of the rotation. normal_equations : of the flights
@@ -54,6 +54,8 @@ def lost_in_rotating_air(
         for finding in findings
         if finding.value is not None
         and finding.hypothesis in number
-        and driven_by_rates(hypotheses[index := number[finding.hypothesis]])
-        and not (test.significant[index] and np.sign(test.mean[index]) == np.sign(finding.value))
+        and not (
+            test.significant[index := number[finding.hypothesis]]
+            and np.sign(test.mean[index]) == np.sign(finding.value)
+        )
     )

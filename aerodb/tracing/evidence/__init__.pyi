@@ -18,7 +18,7 @@ from .shape_misfit import (
     with_shape_terms,
     without_shape_terms,
 )
-from .state_errors import noisy_copies
+from .state_errors import noisy_copies, roll_rates
 from .thinning import LONG, thinned
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "normal_equations_of",
     "normal_equations_of_band",
     "parent",
+    "roll_rates",
     "shape_term_columns",
     "stretches",
     "thinned",

@@ -17,6 +17,7 @@ from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
+from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.vehicle import Vehicle
 
 #: Length of vertical gusts above 2000 ft [m] (MIL-F-8785C, 1980, 3.7.2.1); one sigma of the air's
@@ -108,6 +109,22 @@ def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | 
         pressure_slope=0.0,
         unsteady={},
     )
+
+
+def roll_rates(
+    noise: StateNoise, flight: Flight, span: float, bandwidth: float
+) -> tuple[float, float]:
+    """Return how fast the air rolls about an aircraft, and how fast the aircraft itself, rad/s.
+
+    Standard deviations up to the `bandwidth` [Hz]. noise : with the error that the flow angles may
+    have (`with_air_data_noise`), so that what a sensor does is no motion of the air; span : m. The
+    first is zero where the air did not move, both are where the flight has no roll rate.
+    """
+    if "p" not in flight:
+        return 0.0, 0.0
+    own = band_limited([flight["p"]], np.isfinite(flight["p"]), flight.step, bandwidth).std()
+    rolling = rolling_air(noise, flight, span)
+    return 0.0 if rolling is None else rolling.rms("p", rolling.edges[0], bandwidth), float(own)
 
 
 def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:

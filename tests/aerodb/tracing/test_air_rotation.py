@@ -20,7 +20,7 @@ from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import NUISANCE
 from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.evidence.state_errors import rolling_air
+from aerodb.tracing.evidence.state_errors import roll_rates, rolling_air
 from aerodb.vehicle import Vehicle
 from tests.support.jsbsim_campaign import STEP, Plan, flown, imported, vehicle_of
 from tests.support.jsbsim_cases import B737, lowering
@@ -156,6 +156,13 @@ def test_the_gusts_that_alpha_shows_say_how_fast_the_air_rolls() -> None:
     assert shown / 1.5 < rolling.rms("p", 0.2, 1.0) < 1.5 * shown
     calm = replace(noise, unsteady={"alpha": none})
     assert rolling_air(calm, flight, view.reference.span) is None
+    air, own = roll_rates(noise, flight, view.reference.span, 1.0)
+    assert air == pytest.approx(rolling.rms("p", 0.1, 1.0))
+    assert own == pytest.approx(np.sqrt(welch(channels["p"], 1.0 / STEP, nperseg=800)[1][:17].sum()
+                                        * 0.03125), rel=0.3)  # fmt: skip
+    assert roll_rates(calm, flight, view.reference.span, 1.0) == (0.0, own)
+    blind = Flight("blind", "737", view.time, {"V": channels["V"]})
+    assert roll_rates(noise, blind, view.reference.span, 1.0) == (0.0, 0.0)
 
 
 def test_a_nuisance_column_is_eliminated_with_a_prior_of_one() -> None:

@@ -1,0 +1,124 @@
+"""What tracing finds in moving air, whose rotation no gyro shows.
+
+docs/method/tracing.md, section 4.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.effects import view_of
+from aerodb.loop.evidence import evidence_beside, noise_within_limits
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
+from aerodb.support import in_threads
+from aerodb.tables import AeroDatabase
+from aerodb.tracing import (
+    NormalEquations,
+    Traced,
+    driven_by_rates,
+    lost_in_rotating_air,
+    normal_equations_of,
+    only_suspected,
+    roll_rates,
+    thinned,
+    trace,
+)
+
+#: The air evidently moves where it rolls more than half as fast as the aircraft: half of the roll
+#: damping could then be air, if the aircraft follows it altogether.
+_MOVING: Final = 0.5
+
+
+def moving_air(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library
+) -> bool:
+    """Return whether the air evidently moved in these flights (ids).
+
+    It did where its roll, as vanes show it beyond what they may be wrong (`roll_rates`), is
+    material beside the aircraft's own, over all flights together and in the band of tracing.
+    """
+
+    def rates(flight: str) -> tuple[float, float]:
+        reconstruction = source.reconstruction(flight)
+        if reconstruction.noise is None or "alpha" not in reconstruction.noise.unsteady:
+            return 0.0, 0.0  # no vane that could have shown it
+        channels, comparison = thinned(
+            *source.comparison(flight, database), library.settings.bandwidth
+        )
+        view = view_of(channels, comparison, database, source.vehicle)
+        noise = noise_within_limits(reconstruction, view, comparison, library.settings)
+        span, band = source.vehicle.reference.span, library.settings.bandwidth
+        return (0.0, 0.0) if noise is None else roll_rates(noise, channels, span, band)
+
+    air, own = np.linalg.norm(in_threads(rates, flights), axis=0)
+    return bool(air > _MOVING * own)
+
+
+def beside_rotating_air(
+    source: FlightSource,
+    traced: Traced,
+    database: AeroDatabase,
+    library: Library,
+    earlier: Mapping[str, float],
+) -> Traced:
+    """Return what stands beside the rotation of the air in gusts.
+
+    traced : as found without it; earlier : as in `trace`. Where the air evidently moved, every
+    finding is tested beside its rotation; if one is lost, the search is repeated beside it, and
+    only what both find is claimed. Elsewhere a finding of a rate that is lost is suspected.
+    """
+    if not traced.findings:
+        return traced
+    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
+    moving = moving_air(source, traced.flights, database, library)
+    examined = {
+        finding.hypothesis
+        for finding in traced.findings
+        if finding.hypothesis in known and (moving or driven_by_rates(known[finding.hypothesis]))
+    }
+    if not examined:
+        return traced
+    settings = library.settings
+
+    def beside(flight: str) -> NormalEquations:
+        evidence = evidence_beside(source, flight, database, library, rotating_air=True)
+        return normal_equations_of(evidence, settings)
+
+    normal_equations = in_threads(beside, traced.flights)
+    lost = examined & lost_in_rotating_air(
+        traced.findings, normal_equations, library.hypotheses, settings, earlier
+    )
+    if not lost:
+        return traced
+    if moving:
+        again = trace(normal_equations, library.hypotheses, settings, earlier)
+        return claimed_by_both(traced, again)
+    because = "the rotation of the air in gusts, which no gyro shows, would explain it as well"
+    findings = tuple(
+        only_suspected(each, because)
+        if each.hypothesis in lost and each.verdict in ("confirmed", "alias_group")
+        else each
+        for each in traced.findings
+    )
+    return replace(traced, findings=findings)
+
+
+def claimed_by_both(still: Traced, rotating: Traced) -> Traced:
+    """Return the search beside rotating air, with only the findings that the other names too.
+
+    still : without the rotation, where gusts look like effects; rotating : beside it, where a
+    flight's share of it may take a part of an effect and leave the rest to another name.
+    """
+    named = {name for each in still.findings for name in (each.hypothesis, *each.explanation_set)}
+    findings = tuple(each for each in rotating.findings if each.hypothesis in named)
+    claimed = {each.hypothesis for each in findings}
+    every = {each.hypothesis for each in (*still.findings, *rotating.findings)}
+    open_ = ", ".join(sorted(every - claimed))
+    note = (
+        f"Not decidable in the moving air of these flights: {open_}. The rotation of the air in"
+        " gusts, which no gyro shows, explains as much; fly in calm air to decide."
+    )
+    return replace(rotating, findings=findings, notes=(*rotating.notes, *([note] if open_ else ())))
