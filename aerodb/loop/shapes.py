@@ -10,7 +10,7 @@ from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
 from aerodb.support import Array, in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
-from aerodb.tracing import Finding, FlightResidual, evidence_of, with_checked_shapes
+from aerodb.tracing import FEWEST_SHAPED, Finding, FlightResidual, evidence_of, with_checked_shapes
 
 
 def checked_shapes(
@@ -24,7 +24,8 @@ def checked_shapes(
 
     flights : ids of those that identify.
     """
-    if not any(f.verdict in ("confirmed", "sensor") for f in findings):
+    claimed = any(f.verdict in ("confirmed", "sensor") for f in findings)
+    if len(flights) < FEWEST_SHAPED or not claimed:
         return tuple(findings)
     found = {f.hypothesis for f in findings}
     columns = [h for h in library.hypotheses if h.kind == "sensor" or h.id in found]

@@ -1,5 +1,6 @@
 from .decision import (
     ADDED,
+    FEWEST_SHAPED,
     LINEAR,
     FewFlightFindings,
     Finding,
@@ -49,6 +50,7 @@ from .settings import TracingSettings
 
 __all__ = [
     "ADDED",
+    "FEWEST_SHAPED",
     "LINEAR",
     "LONG",
     "Evidence",

@@ -10,7 +10,7 @@ from .findings import ADDED, Finding, Traced, only_suspected
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
 from .rotating_air import driven_by_rates, lost_in_rotating_air
-from .shapes import with_checked_shapes
+from .shapes import FEWEST_SHAPED, with_checked_shapes
 from .unexplained_residual import (
     FlightResidual,
     UnexplainedResidual,
@@ -22,6 +22,7 @@ from .verdicts import trace
 
 __all__ = [
     "ADDED",
+    "FEWEST_SHAPED",
     "LINEAR",
     "FewFlightFindings",
     "Finding",

@@ -33,7 +33,7 @@ from aerodb.tracing.evidence import Evidence, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which shapes are compared.
-FEWEST: Final = 4
+FEWEST_SHAPED: Final = 4
 #: Part of a sensor's gain that a function must reach to stand beside it; and where the sensor gains
 #: on no other axis.
 _AS_WELL, _ON_ONE_AXIS = 0.8, 0.25
@@ -66,7 +66,7 @@ def with_checked_shapes(
     docs/method/tracing.md, section 26; Ibragimov & Mueller, JBES 28(4), 2010 (flights as units).
     """
     judged = [f for f in findings if f.verdict in ("confirmed", "sensor")]
-    if len(flights) < FEWEST or not judged:
+    if len(flights) < FEWEST_SHAPED or not judged:
         return tuple(findings)
     known = {h.id: h for h in hypotheses}
     functions = functions_of(
