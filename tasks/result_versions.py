@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "update": 5,
     "gram": 9,
-    "close_loop": 16,
+    "close_loop": 17,
 }
 
 #: Names of versions that the product itself moves.

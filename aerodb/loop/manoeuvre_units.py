@@ -10,7 +10,7 @@ from aerodb.conditioning import STATES
 from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
-from aerodb.loop.moving_air import moving_air
+from aerodb.loop.moving_air import rolling_share
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     Evidence,
@@ -25,6 +25,9 @@ from aerodb.tracing import (
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)
+#: Manoeuvres vote where the air rolls no faster than this part of the aircraft's own roll rate: it
+#: can then change a damping by a tenth of itself at most. They have no error rate to be kept.
+_STILL = 0.1
 #: Axes on which units must be independent for a finding of that plane of motion.
 _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 
@@ -47,13 +50,13 @@ def by_manoeuvres(
     other.
 
     Beside what whole flights have found. Empty where there are enough flights, fewer than two
-    manoeuvres, or where the air evidently moved. Two passes: how far apart manoeuvres must be
+    manoeuvres, or where the air moved. Two passes: how far apart manoeuvres must be
     depends on the correlation time of the remaining residual, and that on what has been found.
     """
     hypotheses, settings = library.hypotheses, library.settings
     if not too_few_took_part(traced, settings):
         return ()
-    if moving_air(source, traced.flights, database, library):
+    if rolling_share(source, traced.flights, database, library) > _STILL:
         return ()  # too short to tell the air's rotation from the aircraft's own
     known = [finding.hypothesis for finding in traced.findings]
     evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]

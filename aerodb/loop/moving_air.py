@@ -32,13 +32,13 @@ from aerodb.tracing import (
 _MOVING: Final = 0.5
 
 
-def moving_air(
+def rolling_share(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library
-) -> bool:
-    """Return whether the air evidently moved in these flights (ids).
+) -> float:
+    """Return how fast the air rolled in these flights (ids), as a part of the aircraft's own rate.
 
-    It did where its roll, as vanes show it beyond what they may be wrong (`roll_rates`), is
-    material beside the aircraft's own, over all flights together and in the band of tracing.
+    As vanes show it beyond what they may be wrong (`roll_rates`), over all flights together and in
+    the band of tracing. Zero without a vane or a roll rate.
     """
 
     def rates(flight: str) -> tuple[float, float]:
@@ -54,7 +54,7 @@ def moving_air(
         return (0.0, 0.0) if noise is None else roll_rates(noise, channels, span, band)
 
     air, own = np.linalg.norm(in_threads(rates, flights), axis=0)
-    return bool(air > _MOVING * own)
+    return float(air / own) if own > 0.0 else 0.0
 
 
 def beside_rotating_air(
@@ -73,7 +73,7 @@ def beside_rotating_air(
     if not traced.findings:
         return traced
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    moving = moving_air(source, traced.flights, database, library)
+    moving = rolling_share(source, traced.flights, database, library) > _MOVING
     examined = {
         finding.hypothesis
         for finding in traced.findings

@@ -33,7 +33,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (2, "55d832b7fb7ce95d", "9ddddc1b635ef5d7"),
     "compare": (1, "2b5a86a278be52f3", "75ab953bf9aaf46f"),
     "gram": (9, "08e71b284b3eae45", "397ceeca15787f07"),
-    "close_loop": (16, "51d1316ecba849e5", "6303239909fbe35c"),
+    "close_loop": (17, "5d970bfb27b22f05", "6303239909fbe35c"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (5, "6502842cd26ff14e", "6b1983884f9e9ae7"),
 }
