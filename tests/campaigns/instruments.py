@@ -21,6 +21,7 @@ MEMORY = 0.5  # s, of coloured noise
 BIASES: Mapping[str, float] = {
     "alpha": 0.0035, "beta": 0.0035, "p": 0.001, "q": 0.001, "r": 0.001, "qbar": 20.0,
     "ax_imu": 0.05, "ay_imu": 0.05, "az_imu": 0.05,
+    "delta_elevator": 0.0087, "delta_aileron": 0.0087, "delta_rudder": 0.0087,
 }  # fmt: skip
 
 
@@ -48,6 +49,7 @@ class Cell:
         found = set()
         if self.biases:
             found |= {"alpha_bias", "beta_bias", "gyro_bias", "accelerometer_bias", "qbar_offset"}
+            found |= {"surface_bias"}
         found |= {f"{channel}_delay" for channel in self.delays}
         return frozenset(found)
 

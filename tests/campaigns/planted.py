@@ -252,12 +252,14 @@ PLANTED: Mapping[str, Planted] = {
 
 
 def measured_text(craft: Airframe) -> str:
-    """What a vehicle file says where mass properties and deflections were measured to 1 %."""
+    """What a vehicle file says where mass properties and deflections were measured to 1 %, and the
+    zeros of the surfaces to a tenth of a degree."""
     reference = craft.database().reference
     share = dict.fromkeys(("mass", "Ixx", "Iyy", "Izz", "thrust", *craft.channels), 0.01)
     share |= dict.fromkeys(("cg_x", "cg_z"), 0.01 * reference.chord)
     lines = [f'{name} = {{ sigma = {sigma!r}, by = "rig" }}' for name, sigma in share.items()]
-    return "\n[measured]\n" + "\n".join(lines) + "\n"
+    zeros = "".join(f"[sensors.{name}]\nbias_prior = 0.002\n" for name in craft.channels)
+    return "\n[measured]\n" + "\n".join(lines) + "\n" + zeros
 
 
 def lacks(

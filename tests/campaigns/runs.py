@@ -165,7 +165,10 @@ def judged(found: Mapping[str, Any], cell: Cell, true: frozenset[str] = frozense
     classes: dict[str, list[str]] = {name: [] for name in Judged.__dataclass_fields__}
     for finding in found["findings"]:
         verdict, hypothesis = finding["verdict"], finding["hypothesis"]
-        if hypothesis in true or true & set(finding.get("explanation_set", ())):
+        members = set(finding.get("explanation_set", ()))
+        if hypothesis in true or true & members:
+            continue
+        if verdict == "ambiguous_sensor" and cell.wrong() & {m.split("@")[0] for m in members}:
             continue
         p = finding.get("p_adjusted")
         text = f"{hypothesis} {verdict}" + (f" p={p:.1e}" if p is not None else "")

@@ -3,10 +3,15 @@
 ``surface_scale``: the log shows ``(1 + s)`` times the deflection. Tangent ``-sum delta dC/ddelta``
 over one surface, or over both deflections of a left/right pair, which share one calibration.
 
+``surface_bias``: the log shows the deflection plus b, a zero that was rigged or calibrated wrong.
+Tangent ``-dC/ddelta``. Where the model is linear in the deflection this is a constant, and each
+flight's own constant takes it: a residual shows little of it, but it limits what a zero term means.
+
 ``surface_asymmetry`` as a vehicle fault: one surface of a pair moves less than logged by a share k,
 which is 1 when it is jammed. Tangent ``-delta dC/ddelta`` of that surface alone.
 
-Believable size: 3 % for a calibration; anything up to 1 for a fault, also of a single surface.
+Believable size: 3 % for a calibration, half a degree for its zero; anything up to 1 for a fault,
+also of a single surface.
 Source: 003, eq. 6; docs/reference/conventions.md, "Axes, signs, units" (logs hold commands).
 """
 
@@ -14,7 +19,7 @@ from functools import partial
 
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.measurement.sensor import predicted_change, sensor
+from aerodb.effects.measurement.sensor import bias_prior, predicted_change, sensor
 from aerodb.effects.surfaces import Surface
 from aerodb.effects.template import LibraryContext, Template
 
@@ -24,6 +29,11 @@ SOURCE = "003, eq. 6"
 def scale(view: FlightView, channels: tuple[str, ...]) -> Columns:
     """Columns of surface_scale of deflections that share one calibration."""
     return predicted_change(view, **{name: view[name] for name in channels})
+
+
+def bias(view: FlightView, channel: str) -> Columns:
+    """Columns of surface_bias of one deflection."""
+    return predicted_change(view, **{channel: 1.0})
 
 
 def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side: float) -> Columns:
@@ -89,6 +99,31 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
     ]
 
 
+def _bias(context: LibraryContext) -> list[Hypothesis]:
+    return [
+        sensor(
+            context,
+            "surface_bias",
+            f"{surface.channel}_bias",
+            partial(bias, channel=surface.channel),
+            unit="rad",
+            plausible=(-0.06, 0.06),
+            natural=0.0087,
+            because=(
+                f"the {surface.name.replace('_', ' ')} deflects by a constant less or more than"
+                " the log says"
+            ),
+            formula=f"-dC/d{surface.channel}",
+            needs=(surface.channel,),
+            source=SOURCE,
+            subject=surface.name,
+            declared=bias_prior(context, surface.channel),
+        )
+        for surface in context.surfaces
+        if not surface.name.endswith("gear")
+    ]
+
+
 def _fault(context: LibraryContext) -> list[Hypothesis]:
     hypotheses = []
     for sides, combined in pairs(context).items():
@@ -126,5 +161,6 @@ def _fault(context: LibraryContext) -> list[Hypothesis]:
 
 
 SCALE = Template("surface_scale", "sensor", "-delta*dC/ddelta", SOURCE, _scale)
+BIAS = Template("surface_bias", "sensor", "-dC/ddelta", SOURCE, _bias)
 FAULT = Template("surface_asymmetry", "sensor", "-delta*dC/ddelta of one side", SOURCE, _fault)
-TEMPLATES = (SCALE, FAULT)
+TEMPLATES = (SCALE, BIAS, FAULT)

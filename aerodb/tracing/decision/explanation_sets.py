@@ -60,6 +60,8 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
         else ([], {})
     )
     broken = _breaking(tests, terms, freed, index, fewest) if index not in sensors else ()
+    if index in tests.campaign.offsets:
+        broken = (*broken, *_constant(tests, terms, freed, index))
     rivals = tuple(i for i in fitting if i not in sensors)
     behind = tuple(dict.fromkeys([*broken, *(i for i in fitting if i in sensors)]))
     for i in (*rivals, *behind):
@@ -158,6 +160,25 @@ def _breaking(
         if not holds and not implausible(tests, absent, sensor):
             broken.append(sensor)
     return tuple(broken)
+
+
+def _constant(
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int
+) -> list[int]:
+    """Sensors a believable error of which, the same in all flights, leaves an axis' constant.
+
+    However well a flight seems to know the sensor otherwise: a constant is what each flight's own
+    constant takes from it.
+    """
+    products = tests.campaign.products
+    each = products.intercepts[:, products.offsets[index]].mean(axis=0)
+    value = tests.tested(terms, freed).mean[index]
+    able = []
+    for sensor in tests.campaign.sensors:
+        least, most = tests.campaign.hypotheses[sensor].plausible
+        if each[sensor] != 0.0 and least <= value / each[sensor] <= most:
+            able.append(sensor)
+    return able
 
 
 def finding_of(

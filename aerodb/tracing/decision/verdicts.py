@@ -118,7 +118,7 @@ def _finding(
     index = explanation.index
     fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
-    verdict = _verdict(decision, explanation)
+    verdict = _verdict(decision, explanation, bool(test.adjusted[index] < tests.settings.level))
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     on = np.flatnonzero(test.included[:, index])
     return finding_of(
@@ -134,14 +134,17 @@ def _finding(
     )
 
 
-def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
+def _verdict(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:
     if explanation.index in decision.freed:
         return "ambiguous_sensor" if explanation.rivals else "sensor"
     if explanation.sensors:
         return "ambiguous_sensor"
     if explanation.index in decision.suspected:
         return "suspected"
-    return "alias_group" if explanation.rivals else "confirmed"
+    if explanation.rivals:
+        return "alias_group"
+    # significant when it was found, but perhaps not beside what was found later
+    return "confirmed" if significant else "suspected"
 
 
 def _because(

@@ -250,9 +250,9 @@ def over_flights(
     between = np.einsum("gk,gk->k", deviation, deviation) / np.maximum(dof, 1.0)
     within = np.divide(1.0, information, out=deviation, where=included).sum(axis=0) / number
     inflation = _median_inflation(estimates, included)
-    separable = inflation <= settings.inflation_limit
     constant = np.zeros(len(mean), dtype=bool)
     constant[list(constants)] = True
+    separable = (inflation <= settings.inflation_limit) | constant
     ratio = between / np.where(within > 0.0, within, 1.0)
     among = separable & (count >= 2)
     excess = np.where(constant, _excess(ratio[among & constant]), _excess(ratio[among & ~constant]))

@@ -70,6 +70,7 @@ SENSORS = [
     "inertia_error",
     "thrust_scale",
     "surface_scale",
+    "surface_bias",
 ]
 
 
