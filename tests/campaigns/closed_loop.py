@@ -10,14 +10,25 @@ import json
 import shutil
 import tempfile
 import warnings
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tests.campaigns.fleet import CONDITIONS, airframe
 from tests.campaigns.instruments import CELLS
-from tests.campaigns.planted import PLANTED, NotThere, Planted, lacks, measured_text, true_value
+from tests.campaigns.planted import (
+    PLANTED,
+    NotThere,
+    Planted,
+    as_measured,
+    lacks,
+    measured_text,
+    true_value,
+)
 from tests.campaigns.runs import channels_of, judged, looped, prepared, record
 
 CLASSES = ("confirmed", "aerodynamic", "unnamed", "sensor")
@@ -66,12 +77,18 @@ def run_planted(
     cell: str = "declared",
 ) -> Iterable[dict[str, Any]]:
     """The runs with one error planted in the database, all on the same flights with the
-    instruments of `cell`, mass properties and deflections measured to 1 %."""
+    instruments of `cell`; mass properties and deflections are measured to 1 %, and wrong by as
+    much."""
     craft = airframe(aircraft)
     here = Path(tempfile.mkdtemp(prefix=f"{craft.vehicle}-", dir=folder))
     numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
-    more = measured_text(craft)
-    ready = prepared(craft, cell, numbers, seed, here / "all", folder / "flights", more)
+
+    def seen(log: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        key = [seed, zlib.crc32(craft.name.encode())]
+        return as_measured(craft, log, np.random.default_rng(key))
+
+    where = (here / "all", folder / "flights")
+    ready = prepared(craft, cell, numbers, seed, *where, measured_text(craft), seen)
     clean = {
         str(number): channels_of(craft, number, CELLS[cell], folder / "flights")
         for number in numbers

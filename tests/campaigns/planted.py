@@ -32,6 +32,7 @@ _MACH = "velocities/mach"
 _THRUST = "planted/thrust"
 #: Share of what is lacking that one hypothesis must be, or there is no value that is true of it.
 EXACT = 0.98
+ZERO = 0.002  # rad; one sigma of a surface's zero, where it was measured
 
 
 class NotThere(Exception):
@@ -251,15 +252,37 @@ PLANTED: Mapping[str, Planted] = {
 }  # fmt: skip
 
 
-def measured_text(craft: Airframe) -> str:
-    """What a vehicle file says where mass properties and deflections were measured to 1 %, and the
-    zeros of the surfaces to a tenth of a degree."""
+def stated(craft: Airframe) -> dict[str, float]:
+    """Channel -> one sigma of what the vehicle file says was measured outside flight: mass
+    properties, thrust and deflections to 1 %, the CG to 1 % of the chord."""
     reference = craft.database().reference
     share = dict.fromkeys(("mass", "Ixx", "Iyy", "Izz", "thrust", *craft.channels), 0.01)
-    share |= dict.fromkeys(("cg_x", "cg_z"), 0.01 * reference.chord)
-    lines = [f'{name} = {{ sigma = {sigma!r}, by = "rig" }}' for name, sigma in share.items()]
-    zeros = "".join(f"[sensors.{name}]\nbias_prior = 0.002\n" for name in craft.channels)
+    return share | dict.fromkeys(("cg_x", "cg_z"), 0.01 * reference.chord)
+
+
+def measured_text(craft: Airframe) -> str:
+    """What a vehicle file says of `stated`, and of the zeros of the surfaces."""
+    lines = [
+        f'{name} = {{ sigma = {sigma!r}, by = "rig" }}' for name, sigma in stated(craft).items()
+    ]
+    zeros = "".join(f"[sensors.{name}]\nbias_prior = {ZERO!r}\n" for name in craft.channels)
     return "\n[measured]\n" + "\n".join(lines) + "\n" + zeros
+
+
+def as_measured(
+    craft: Airframe, log: Mapping[str, Array], rng: np.random.Generator
+) -> dict[str, Array]:
+    """A log whose mass properties, thrust and deflections, channels (n,), are as wrong as stated;
+    the same `rng` gives the same errors."""
+    found = dict(log)
+    for name, sigma in stated(craft).items():
+        error, zero = sigma * rng.standard_normal(), ZERO * rng.standard_normal()
+        if name not in log:
+            continue
+        found[name] = log[name] + error if name.startswith("cg_") else log[name] * (1.0 + error)
+        if name in craft.channels:
+            found[name] = found[name] + zero
+    return found
 
 
 def lacks(

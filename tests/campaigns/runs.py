@@ -3,7 +3,7 @@
 import shutil
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -60,11 +60,11 @@ def channels_of(
 
 def prepared(
     craft: Airframe, name: str, numbers: Sequence[int], seed: int, folder: Path, cache: Path,
-    more: str = "",
+    more: str = "", seen: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]] = lambda log: log,
 ) -> Prepared:  # fmt: skip
     """The workspace of a cell with these flights, new in `folder`.
 
-    more : appended to the vehicle file.
+    more : appended to the vehicle file. seen : log -> log, what else is wrong in it.
     """
     cell, workspace = CELLS[name], folder / "workspace"
     folder.mkdir(parents=True)
@@ -87,7 +87,7 @@ def prepared(
         else:
             channels = channels_of(craft, number, cell, cache)
             noise = noise_of(cell, tuple(channels), len(channels["V"]), rng)
-        log = shown(channels, noise, biases, cell)
+        log = seen(shown(channels, noise, biases, cell))
         t = cell.step * np.arange(len(log["V"]))
         file = write_csv(folder / f"{craft.vehicle}-{number}.csv", {"time": t, **log})
         answer = asked(
