@@ -14,7 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 2,
     "update": 5,
-    "gram": 9,
+    "gram": 10,
+    "close_loop": 18,
     "close_loop": 17,
 }
 

@@ -4,10 +4,14 @@ docs/method/tracing.md, section 14.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import view_of
 from aerodb.flight import Flight
+from aerodb.increments import UNCHANGED
 from aerodb.loop.evidence import copies_with_noise
 from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
@@ -62,9 +66,35 @@ def unexplained_residuals(
         )
         return [beside(*copy) for copy in copies]
 
-    found = unexplained_by_axis(in_threads(left, flights), settings)
+    residuals = in_threads(left, flights)
+    found = material(unexplained_by_axis(residuals, settings), residuals)
     if not any(each.found for each in found):
         return found
     copies = list(zip(*in_threads(noisier, flights), strict=False))
     noisy = [unexplained_by_axis(copy, settings) for copy in copies]
     return without_state_noise(found, noisy, settings) if noisy else found
+
+
+def material(
+    found: Sequence[UnexplainedResidual], residuals: Sequence[FlightResidual]
+) -> tuple[UnexplainedResidual, ...]:
+    """What is found, less what is too small to matter: without it, the rms error of the axis, each
+    flight's constant apart, would fall by no more than the fraction `UNCHANGED`, as little as no
+    effect is confirmed for."""
+    judged = []
+    for each in found:
+        if each.found:
+            errors = [
+                flight.evidence.residual[each.axis][flight.evidence.usable[each.axis]]
+                for flight in residuals
+            ]
+            whole = float(np.mean(np.square(np.concatenate([e - e.mean() for e in errors]))))
+            part = float(np.mean(np.multiply(each.skills, each.power)))
+            if part <= (1.0 - (1.0 - UNCHANGED) ** 2) * whole:
+                because = (
+                    f"what can be predicted of {each.axis} on flights that were left out is"
+                    f" {part / whole:.1%} of its variance: too little to matter"
+                )
+                each = replace(each, found=False, variables=(), because=because)
+        judged.append(each)
+    return tuple(judged)

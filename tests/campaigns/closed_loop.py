@@ -135,9 +135,14 @@ def power(
     right = [f for f in findings if planted.names(f["hypothesis"])]
     others = [f for f in findings if not planted.names(f["hypothesis"], near=True)]
     members = [name for f in findings for name in (f["hypothesis"], *f["explanation_set"])]
+    differs = [
+        "differs between flights"
+        for entry in found["between_flights"]
+        if entry["hypothesis"].startswith(planted.differs)
+    ]
     return {
-        "named": [f["verdict"] for f in right],
-        "in_set": any(planted.names(name, near=True) for name in members),
+        "named": [*(f["verdict"] for f in right), *differs],
+        "in_set": bool(differs) or any(planted.names(name, near=True) for name in members),
         "covered": [
             f["ci95"][0] <= value <= f["ci95"][1]
             for f in right

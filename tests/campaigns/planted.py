@@ -43,13 +43,15 @@ class NotThere(Exception):
 class Planted:
     """One error of the database. right : hypotheses, or their beginnings, that name it. near : others
     that an explanation set may hold in its place. axis : on which the error is judged. bindings :
-    of properties that it brings."""
+    of properties that it brings. differs : hypotheses, or their beginnings, whose size then differs
+    between flights: where flights of one minute hardly change what it depends on, that names it."""
 
     change: Change
     right: tuple[str, ...]
     axis: str
     near: tuple[str, ...] = ()
     bindings: Mapping[str, str] = field(default_factory=dict)
+    differs: tuple[str, ...] = ()
 
     def file(self, craft: Airframe) -> bytes:
         """The aircraft's file with the error. Raises NotThere."""
@@ -244,9 +246,13 @@ PLANTED: Mapping[str, Planted] = {
         scaled("DRAG", ("beta",), -1.0, ("fcs/", *_RATES)), ("table_sign@C_drag:",), "CX",
         ("sideslip_coupling@C_drag",),
     ),
-    "Mach": Planted(by_mach, ("mach_effect@C_lift",), "CZ", ("dynamic_pressure_effect@C_lift",)),
+    "Mach": Planted(
+        by_mach, ("mach_effect@C_lift",), "CZ", ("dynamic_pressure_effect@C_lift",),
+        differs=("alpha_slope@C_lift",),
+    ),
     "dynamic pressure": Planted(
-        by_pressure, ("dynamic_pressure_effect@C_lift",), "CZ", ("mach_effect@C_lift",)
+        by_pressure, ("dynamic_pressure_effect@C_lift",), "CZ", ("mach_effect@C_lift",),
+        differs=("alpha_slope@C_lift",),
     ),
     "offset of Cm": Planted(added("PITCH", 0.02, *_MOMENT), ("zero_offset@Cm",), "Cm"),
 }  # fmt: skip

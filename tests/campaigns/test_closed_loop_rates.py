@@ -128,7 +128,12 @@ def test_no_cell_confirms_often_what_is_not_there(cell: str, folder: Path) -> No
 
 
 def _power(aircraft: str, folder: Path) -> list[dict[str, Any]]:
-    return [*run_planted(aircraft, [*PLANTED], [6], 1, folder)]
+    between = [kind for kind, planted in PLANTED.items() if planted.differs]
+    within = [kind for kind in PLANTED if kind not in between]
+    return [
+        *run_planted(aircraft, within, [6], 1, folder),
+        *run_planted(aircraft, between, [12], 1, folder),
+    ]
 
 
 @lru_cache(maxsize=1)

@@ -165,18 +165,20 @@ def _breaking(
 def _constant(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int
 ) -> list[int]:
-    """Sensors a believable error of which, the same in all flights, leaves an axis' constant.
-
-    However well a flight seems to know the sensor otherwise: a constant is what each flight's own
-    constant takes from it.
+    """Sensors a believable error of which, the same in all flights, leaves an axis' constant; one
+    that these flights' own estimate of the sensor does not exclude.
     """
     products = tests.campaign.products
     each = products.intercepts[:, products.offsets[index]].mean(axis=0)
-    value = tests.tested(terms, freed).mean[index]
+    test = tests.tested(terms, freed)
     able = []
     for sensor in tests.campaign.sensors:
+        if each[sensor] == 0.0:
+            continue
+        needed = test.mean[index] / each[sensor]
         least, most = tests.campaign.hypotheses[sensor].plausible
-        if each[sensor] != 0.0 and least <= value / each[sensor] <= most:
+        low, high = test.interval(sensor)
+        if least <= needed <= most and (not test.testable[sensor] or low <= needed <= high):
             able.append(sensor)
     return able
 

@@ -184,12 +184,17 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
         "CX is off by a constant",
     )
 
-    def shown(levels: Sequence[float]) -> list[Evidence]:
+    def shown(levels: Sequence[float], zero: str = "") -> list[Evidence]:
+        """zero : a sensor whose error is a constant too, twice as large per unit."""
         return [
             replace(
                 e,
                 residual={**e.residual, "CX": e.residual["CX"] + level},
-                columns={**e.columns, offset.id: {"CX": np.ones(e.samples)}},
+                columns={
+                    **e.columns,
+                    offset.id: {"CX": np.ones(e.samples)},
+                    **({zero: {"CX": np.full(e.samples, 2.0)}} if zero else {}),
+                },
             )
             for e, level in zip(flights(6), levels, strict=True)
         ]
@@ -198,6 +203,11 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
     assert (common.hypothesis, common.verdict) == (offset.id, "confirmed")
     assert common.ci95[0] < 1.0 < common.ci95[1]
     assert traced(shown([1.0, -1.1, 0.8, -0.9, 1.2, -1.0]), [*LIBRARY, offset]).findings == ()
+    for size, verdict in ((0.6, "ambiguous_sensor"), (0.4, "confirmed")):
+        rigged = instrument("zero", 0.01, (-size, size))
+        (finding,) = traced(shown([1.0] * 6, rigged.id), [*LIBRARY, offset, rigged]).findings
+        assert (finding.hypothesis, finding.verdict) == (offset.id, verdict)
+        assert (rigged.id in finding.explanation_set) == (verdict == "ambiguous_sensor")
 
 
 def test_the_same_flight_under_two_names_has_one_vote() -> None:
