@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation import Theil, rms, theil
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
@@ -179,20 +179,42 @@ def validate_by_leaving_one_out(
 
 
 def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
-    """Body axes on which the rms error over the usable samples of all flights grew by more than
-    the fraction `UNCHANGED`.
+    """Body axes on which the error over the usable samples of all flights grew by more than the
+    fraction `UNCHANGED`.
+
+    The error is the rms, once about each flight's mean and once as it is. What grew only as it is
+    counts unless the error about the means fell on the axis, or on the three forces together in
+    units of their noise: then what was added is right about the changes within flights, and the
+    level of the axis has another error, such as that of a centre of gravity or of a surface's zero.
 
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small beside each flight's constant, and a small growth there is chance.
     """
-    grown = []
+    whole, varying = {}, {}
     for axis in AXES:
-        first, error = (
-            _pooled(_residuals(axis, compared, tuple(compared))) for compared in (before, after)
+        pairs = [_residuals(axis, compared, tuple(compared)) for compared in (before, after)]
+        if not all(pairs):
+            continue
+        floor = _pooled([c.sigma[axis][c.usable[axis]] for c in after.values() if axis in c.sigma])
+        unit = floor or 1.0
+        whole[axis] = [(_pooled(each) or 0.0) / unit for each in pairs]
+        varying[axis] = [(_pooled([r - r.mean() for r in each]) or 0.0) / unit for each in pairs]
+
+    def falls(axes: Sequence[str]) -> bool:
+        first, error = (rms(np.array([varying[axis][k] for axis in axes])) for k in (0, 1))
+        return error < first * (1.0 - UNCHANGED)
+
+    forces = [axis for axis in FORCE_AXES if axis in varying]
+    return frozenset(
+        axis
+        for axis, (first, error) in whole.items()
+        if varying[axis][1] > varying[axis][0] * (1.0 + UNCHANGED)
+        or (
+            error > first * (1.0 + UNCHANGED)
+            and not falls([axis])
+            and not (axis in forces and falls(forces))
         )
-        if first is not None and error is not None and error > first * (1.0 + UNCHANGED):
-            grown.append(axis)
-    return frozenset(grown)
+    )
 
 
 def _axis_validation(
