@@ -16,7 +16,6 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "update": 5,
     "gram": 10,
     "close_loop": 18,
-    "close_loop": 17,
 }
 
 #: Names of versions that the product itself moves.

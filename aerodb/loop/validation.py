@@ -57,14 +57,14 @@ def validate_loop(
 def without_gain(loop: LoopResult, proof: Sequence[AxisValidation]) -> frozenset[str]:
     """Return the confirmed findings that were added and lower the error of no axis materially.
 
-    Errors are those on flights that did not identify. A finding gains with any of its axes, an axis
-    by more than the fraction `increments.UNCHANGED` of its rms error; one whose axes nothing
-    validates is not judged.
+    Errors are those on flights that did not identify, rms, as they are or about each flight's mean.
+    A finding gains with any of its axes, an axis by more than the fraction `increments.UNCHANGED`
+    of either; one whose axes nothing validates is not judged.
     """
     ratios = {
-        entry.axis: entry.held_out_rms_after / entry.held_out_rms_before
+        entry.axis: min(after / before for before, after in _errors(entry) if before > 0.0)
         for entry in proof
-        if entry.held_out_rms_after is not None and entry.held_out_rms_before
+        if any(before > 0.0 for before, _ in _errors(entry))
     }
     judged = {
         finding.hypothesis: [ratios[axis] for axis in finding.axis if axis in ratios]
@@ -74,6 +74,16 @@ def without_gain(loop: LoopResult, proof: Sequence[AxisValidation]) -> frozenset
     return frozenset(id for id, falls in judged.items() if falls and min(falls) > 1.0 - UNCHANGED)
 
 
+def _errors(entry: AxisValidation) -> list[tuple[float, float]]:
+    """Errors before and after on flights that did not identify: as they are, and about each
+    flight's mean, which other errors of an axis' level do not touch."""
+    pairs = (
+        (entry.held_out_rms_before, entry.held_out_rms_after),
+        (entry.held_out_shape_before, entry.held_out_shape_after),
+    )
+    return [(before, after) for before, after in pairs if before is not None and after is not None]
+
+
 def beside_larger_unnamed(
     loop: LoopResult, proof: Sequence[AxisValidation], left: Sequence[UnexplainedResidual]
 ) -> frozenset[str]:
@@ -81,8 +91,9 @@ def beside_larger_unnamed(
     they explain.
 
     A finding explains, on each axis, the fall of the mean square error of flights that did not
-    identify; what is unexplained, the mean square that is predictable and has no name. One that is
-    the smaller of the two on every axis on which it gains has the wrong name or the wrong shape.
+    identify, as it is or about each flight's mean; what is unexplained, the mean square that is
+    predictable and has no name. One that is the smaller of the two on every axis on which it gains
+    has the wrong name or the wrong shape.
     """
     unnamed = {
         each.axis: float(np.mean(np.multiply(each.skills, each.power)))
@@ -90,9 +101,9 @@ def beside_larger_unnamed(
         if each.found
     }
     fall = {
-        entry.axis: entry.held_out_rms_before**2 - entry.held_out_rms_after**2
+        entry.axis: max(before**2 - after**2 for before, after in _errors(entry))
         for entry in proof
-        if entry.held_out_rms_after is not None and entry.held_out_rms_before is not None
+        if _errors(entry)
     }
     smaller = set()
     for finding in loop.added:

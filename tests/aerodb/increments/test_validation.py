@@ -127,6 +127,14 @@ def test_an_axis_is_worse_when_its_error_grew_beyond_what_counts_as_unchanged(
     assert worse_axes(before, after) == set()
 
 
+def test_an_axis_is_not_worse_when_only_its_level_grew_and_its_changes_are_met_better() -> None:
+    measured = [1.0, 2.0, 3.0, 4.0]
+    before = {"a": compared("a", measured, [-0.5, 0.5, -0.5, 0.5], 0.1)}
+    for change, level, worse in ((0.9, 1.0, set()), (1.0, 1.0, {"CZ"}), (1.1, 0.0, {"CZ"})):
+        residual = [level + change * r for r in (-0.5, 0.5, -0.5, 0.5)]
+        assert worse_axes(before, {"a": compared("a", measured, residual, 0.1)}) == worse
+
+
 SPLIT = HoldOut(("a",), ("b",), "held-out")
 
 

@@ -162,8 +162,17 @@ def test_what_lowers_no_error_of_flights_left_out_stays_out(source: FlightsInMem
     library, loop = closed(source, split.identified, database())
     proof = validate_loop(source, split, library, loop, Accept())
     assert without_gain(loop, proof) == frozenset()
+    level = tuple(
+        replace(entry, held_out_rms_after=1.5 * (entry.held_out_rms_before or 0.0))
+        for entry in proof
+    )
+    assert without_gain(loop, level) == frozenset()  # the error about each flight's mean falls
     idle = tuple(
-        replace(entry, held_out_rms_after=0.995 * (entry.held_out_rms_before or 0.0))
+        replace(
+            entry,
+            held_out_rms_after=0.995 * (entry.held_out_rms_before or 0.0),
+            held_out_shape_after=0.995 * (entry.held_out_shape_before or 0.0),
+        )
         for entry in proof
     )
     assert without_gain(loop, idle) == {"pitch_damping@Cm"}
