@@ -27,6 +27,9 @@ FEWEST_FOR_HOLD_OUT = 5
 NEAR_FLOOR = 1.1
 #: An error that changed by less than this fraction counts as unchanged.
 UNCHANGED = 0.01
+#: Part of the samples in which what is added is less than this part of its largest value, where
+#: flights are flown without it.
+_NIL = 0.1
 #: A declared structure that explains less than this fraction of the measured variance does not
 #: describe the axis, however much it reduced the error.
 EXPLAINED = 0.5
@@ -183,22 +186,26 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     fraction `UNCHANGED`.
 
     The error is the rms, once about each flight's mean and once as it is. What grew only as it is
-    counts unless the error about the means fell on the axis, or on the three forces together in
-    units of their noise: then what was added is right about the changes within flights, and the
-    level of the axis has another error, such as that of a centre of gravity or of a surface's zero.
+    is excused if a part of the flights is flown where what was added is nil, and the error about
+    the means fell, on the axis or on the three forces together in units of their noise: then what
+    was added is right about the changes within flights, and the level of the axis has another
+    error, such as that of a centre of gravity or of a surface's zero.
 
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small beside each flight's constant, and a small growth there is chance.
     """
-    whole, varying = {}, {}
+    whole, varying, excused = {}, {}, {}
     for axis in AXES:
         pairs = [_residuals(axis, compared, tuple(compared)) for compared in (before, after)]
         if not all(pairs):
             continue
-        floor = _pooled([c.sigma[axis][c.usable[axis]] for c in after.values() if axis in c.sigma])
-        unit = floor or 1.0
-        whole[axis] = [(_pooled(each) or 0.0) / unit for each in pairs]
-        varying[axis] = [(_pooled([r - r.mean() for r in each]) or 0.0) / unit for each in pairs]
+        unit = _pooled([c.sigma[axis][c.usable[axis]] for c in after.values() if axis in c.usable])
+        whole[axis], varying[axis] = (
+            [(_pooled(each) or 0.0) / (unit or 1.0) for each in residuals]
+            for residuals in (pairs, [[r - r.mean() for r in each] for each in pairs])
+        )
+        added = np.abs(np.concatenate(pairs[1]) - np.concatenate(pairs[0]))
+        excused[axis] = np.quantile(added, _NIL) <= _NIL * added.max()
 
     def falls(axes: Sequence[str]) -> bool:
         first, error = (rms(np.array([varying[axis][k] for axis in axes])) for k in (0, 1))
@@ -211,8 +218,7 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
         if varying[axis][1] > varying[axis][0] * (1.0 + UNCHANGED)
         or (
             error > first * (1.0 + UNCHANGED)
-            and not falls([axis])
-            and not (axis in forces and falls(forces))
+            and not (excused[axis] and (falls([axis]) or (axis in forces and falls(forces))))
         )
     )
 

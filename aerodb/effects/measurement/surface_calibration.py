@@ -10,16 +10,17 @@ flight's own constant takes it: a residual shows little of it, but it limits wha
 ``surface_asymmetry`` as a vehicle fault: one surface of a pair moves less than logged by a share k,
 which is 1 when it is jammed. Tangent ``-delta dC/ddelta`` of that surface alone.
 
-Believable size: 3 % for a calibration, half a degree for its zero; anything up to 1 for a fault,
-also of a single surface.
+Believable size: 3 % for a calibration, a quarter of a degree for its zero; anything up to 1 for a
+fault, also of a single surface.
 Source: 003, eq. 6; docs/reference/conventions.md, "Axes, signs, units" (logs hold commands).
 """
 
+from dataclasses import replace
 from functools import partial
 
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.measurement.sensor import bias_prior, predicted_change, sensor
+from aerodb.effects.measurement.sensor import BELIEVED, bias_prior, predicted_change, sensor
 from aerodb.effects.surfaces import Surface
 from aerodb.effects.template import LibraryContext, Template
 
@@ -100,15 +101,21 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
 
 
 def _bias(context: LibraryContext) -> list[Hypothesis]:
-    return [
-        sensor(
+    hypotheses = []
+    for surface in context.surfaces:
+        if surface.name.endswith("gear"):
+            continue
+        parts = (surface.channel, f"delta_{surface.right}", f"delta_{surface.left}")
+        stated = max(bias_prior(context, part) for part in parts)
+        most = BELIEVED * stated if stated else 0.06
+        found = sensor(
             context,
             "surface_bias",
             f"{surface.channel}_bias",
             partial(bias, channel=surface.channel),
             unit="rad",
-            plausible=(-0.06, 0.06),
-            natural=0.0087,
+            plausible=(-most, most),
+            natural=0.0044,
             because=(
                 f"the {surface.name.replace('_', ' ')} deflects by a constant less or more than"
                 " the log says"
@@ -117,11 +124,10 @@ def _bias(context: LibraryContext) -> list[Hypothesis]:
             needs=(surface.channel,),
             source=SOURCE,
             subject=surface.name,
-            declared=bias_prior(context, surface.channel),
+            declared=stated,
         )
-        for surface in context.surfaces
-        if not surface.name.endswith("gear")
-    ]
+        hypotheses.append(replace(found, known_by="the vehicle file" if stated else ""))
+    return hypotheses
 
 
 def _fault(context: LibraryContext) -> list[Hypothesis]:

@@ -165,15 +165,16 @@ def _breaking(
 def _constant(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int
 ) -> list[int]:
-    """Sensors a believable error of which, the same in all flights, leaves an axis' constant; one
-    that these flights' own estimate of the sensor does not exclude.
+    """Sensors of which a believable constant error, the same in all flights, leaves an axis'
+    constant; one that these flights' own estimate of the sensor does not exclude.
     """
     products = tests.campaign.products
     each = products.intercepts[:, products.offsets[index]].mean(axis=0)
     test = tests.tested(terms, freed)
     able = []
     for sensor in tests.campaign.sensors:
-        if each[sensor] == 0.0:
+        constant = tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
+        if not constant or each[sensor] == 0.0:
             continue
         needed = test.mean[index] / each[sensor]
         least, most = tests.campaign.hypotheses[sensor].plausible

@@ -164,7 +164,7 @@ def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:
     """
     hypothesis = tests.campaign.hypotheses[index]
     least, most = hypothesis.plausible
-    return bool(hypothesis.known_by) and not least <= float(test.mean[index]) <= most
+    return not least <= float(test.mean[index]) <= most
 
 
 def _largest(gain: Array, indices: Sequence[int]) -> int | None:

@@ -189,14 +189,48 @@ class _Shapes:
     def _stands(
         self, problem: FunctionProblem, own: int, rest: Sequence[int], picked: Sequence[int]
     ) -> bool:
-        """Whether a named column keeps its gain beside the functions: these then stand for another
-        defect of the axis."""
-        alone = problem.left_out(problem.flights, [*rest, own])
-        alone = alone - problem.left_out(problem.flights, rest)
-        beside = problem.left_out(problem.flights, problem.with_functions([*rest, own], picked))
-        beside = beside - problem.left_out(problem.flights, problem.with_functions(rest, picked))
+        """Whether a named column keeps its gain beside the functions, which then stand for other
+        defects of the axis; or beside all but one of them, where that one predicts no more than the
+        named column does in its place."""
+        alone = self._gain(problem, own, rest, ())
+        if self._kept(problem, own, rest, picked, alone):
+            return True
+        every = problem.left_out(problem.flights, problem.with_functions(rest, picked))
+        for one in picked if len(picked) > 1 else ():
+            others = [p for p in picked if p != one]
+            if not self._kept(problem, own, rest, others, alone):
+                continue
+            instead = problem.left_out(
+                problem.flights, problem.with_functions([*rest, own], others)
+            )
+            fall, p = self._fall(problem, every, instead)
+            if not (fall > WORTH and p < self.settings.level):
+                return True
+        return False
+
+    def _kept(
+        self,
+        problem: FunctionProblem,
+        own: int,
+        rest: Sequence[int],
+        functions: Sequence[int],
+        alone: Array,
+    ) -> bool:
+        """Whether a named column keeps its gain `alone` (g,) beside functions."""
+        beside = self._gain(problem, own, rest, functions)
         kept = float(beside.sum()) >= LOST * float(alone.sum())
         return kept and paired_p(beside, np.zeros(len(beside))) < self.settings.level
+
+    @staticmethod
+    def _gain(
+        problem: FunctionProblem, own: int, rest: Sequence[int], functions: Sequence[int]
+    ) -> Array:
+        """What a named column gains on flights left out (g,), beside `rest` and functions."""
+        with_own, without = (
+            problem.left_out(problem.flights, problem.with_functions(columns, functions))
+            for columns in ([*rest, own], rest)
+        )
+        return np.asarray(with_own - without)
 
     @staticmethod
     def _fall(problem: FunctionProblem, after: Array, before: Array) -> tuple[float, float]:

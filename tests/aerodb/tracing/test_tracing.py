@@ -204,7 +204,7 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
     assert common.ci95[0] < 1.0 < common.ci95[1]
     assert traced(shown([1.0, -1.1, 0.8, -0.9, 1.2, -1.0]), [*LIBRARY, offset]).findings == ()
     for size, verdict in ((0.6, "ambiguous_sensor"), (0.4, "confirmed")):
-        rigged = instrument("zero", 0.01, (-size, size))
+        rigged = instrument("zero_bias", 0.01, (-size, size))
         (finding,) = traced(shown([1.0] * 6, rigged.id), [*LIBRARY, offset, rigged]).findings
         assert (finding.hypothesis, finding.verdict) == (offset.id, verdict)
         assert (rigged.id in finding.explanation_set) == (verdict == "ambiguous_sensor")
