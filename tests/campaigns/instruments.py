@@ -21,7 +21,7 @@ MEMORY = 0.5  # s, of coloured noise
 BIASES: Mapping[str, float] = {
     "alpha": 0.0035, "beta": 0.0035, "p": 0.001, "q": 0.001, "r": 0.001, "qbar": 20.0,
     "ax_imu": 0.05, "ay_imu": 0.05, "az_imu": 0.05,
-    "delta_elevator": 0.0087, "delta_aileron": 0.0087, "delta_rudder": 0.0087,
+    "delta_elevator": 0.0044, "delta_aileron": 0.0044, "delta_rudder": 0.0044,
 }  # fmt: skip
 
 
