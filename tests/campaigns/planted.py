@@ -243,8 +243,9 @@ PLANTED: Mapping[str, Planted] = {
         ("table_sign@Cl:", "beta_slope@Cl"), "Cl", ("sideslip_coupling@Cl",),
     ),
     "sign of CD_beta": Planted(
-        scaled("DRAG", ("beta",), -1.0, ("fcs/", *_RATES)), ("table_sign@C_drag:",), "CX",
-        ("sideslip_coupling@C_drag",),
+        scaled("DRAG", ("beta",), -1.0, ("fcs/", *_RATES)),
+        # in the range flown the tables are linear in |beta|: both names are the same function
+        ("table_sign@C_drag:", "sideslip_coupling@C_drag"), "CX",
     ),
     "Mach": Planted(
         by_mach, ("mach_effect@C_lift",), "CZ", ("dynamic_pressure_effect@C_lift",),
