@@ -15,7 +15,7 @@ from aerodb.tracing.decision.selection import (
     Decision,
     decide,
 )
-from aerodb.tracing.estimates import Tested, campaign
+from aerodb.tracing.estimates import OFFSET, Tested, campaign
 from aerodb.tracing.evidence import NormalEquations
 from aerodb.tracing.settings import TracingSettings
 
@@ -188,7 +188,7 @@ def _not_found(
     verdict: Verdict = "not_detected"
     if not test.excited[index]:
         verdict = "not_excited"
-    elif test.inflation[index] > settings.inflation_limit:
+    elif hypothesis.effect != OFFSET and test.inflation[index] > settings.inflation_limit:
         verdict = "not_separable"
     elif test.count[index] < settings.fewest:
         verdict = "not_testable"

@@ -203,6 +203,9 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
     assert (common.hypothesis, common.verdict) == (offset.id, "confirmed")
     assert common.ci95[0] < 1.0 < common.ci95[1]
     assert traced(shown([1.0, -1.1, 0.8, -0.9, 1.2, -1.0]), [*LIBRARY, offset]).findings == ()
+    silent = traced(shown([0.0] * 6), [*LIBRARY, offset])
+    (level,) = (item for item in silent.not_found if item.hypothesis == offset.id)
+    assert level.verdict == "not_detected"
     for size, verdict in ((0.6, "ambiguous_sensor"), (0.4, "confirmed")):
         rigged = instrument("zero_bias", 0.01, (-size, size))
         (finding,) = traced(shown([1.0] * 6, rigged.id), [*LIBRARY, offset, rigged]).findings
