@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "update": 5,
     "gram": 10,
-    "close_loop": 19,
+    "close_loop": 20,
 }
 
 #: Names of versions that the product itself moves.

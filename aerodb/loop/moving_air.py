@@ -116,9 +116,11 @@ def claimed_by_both(still: Traced, rotating: Traced) -> Traced:
     findings = tuple(each for each in rotating.findings if each.hypothesis in named)
     claimed = {each.hypothesis for each in findings}
     every = {each.hypothesis for each in (*still.findings, *rotating.findings)}
-    open_ = ", ".join(sorted(every - claimed))
+    undecided = ", ".join(sorted(every - claimed))
     note = (
-        f"Not decidable in the moving air of these flights: {open_}. The rotation of the air in"
+        f"Not decidable in the moving air of these flights: {undecided}. The rotation of the air in"
         " gusts, which no gyro shows, explains as much; fly in calm air to decide."
     )
-    return replace(rotating, findings=findings, notes=(*rotating.notes, *([note] if open_ else ())))
+    return replace(
+        rotating, findings=findings, notes=(*rotating.notes, *([note] if undecided else ()))
+    )

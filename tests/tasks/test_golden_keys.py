@@ -33,7 +33,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (2, "55d832b7fb7ce95d", "9ddddc1b635ef5d7"),
     "compare": (1, "2b5a86a278be52f3", "75ab953bf9aaf46f"),
     "gram": (10, "b3f6031869a59034", "d0b83ad7b0621ca0"),
-    "close_loop": (19, "eab1eaacf97eeb12", "d3af299eab4e5a54"),
+    "close_loop": (20, "c280ba28d76d947f", "d3af299eab4e5a54"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (5, "6502842cd26ff14e", "6b1983884f9e9ae7"),
 }

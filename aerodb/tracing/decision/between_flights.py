@@ -15,6 +15,7 @@ from scipy.special import fdtri, stdtr, stdtrit
 
 from aerodb.effects import Hypothesis
 from aerodb.support import Array, Mask
+from aerodb.tracing.decision.explanation_sets import may_be_off_by
 from aerodb.tracing.decision.few_flights import LINEAR
 from aerodb.tracing.decision.findings import Traced, Vote, with_unit
 from aerodb.tracing.decision.selection import CrossFlightTests
@@ -309,10 +310,7 @@ class _Search:
             per_unit = float(claim.lever @ bias.sensor_bias[:, number])
             if sensor in self.freed or per_unit == 0.0:
                 continue
-            needed = claim.slope / per_unit
-            least, most = self.tests.campaign.hypotheses[sensor].plausible
-            low, high = test.interval(sensor)
-            if least <= needed <= most and (not test.testable[sensor] or low <= needed <= high):
+            if may_be_off_by(self.tests, test, sensor, claim.slope / per_unit):
                 able.append(sensor)
         return able
 

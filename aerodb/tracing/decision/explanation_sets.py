@@ -176,12 +176,17 @@ def _constant(
         constant = tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
         if not constant or each[sensor] == 0.0:
             continue
-        needed = test.mean[index] / each[sensor]
-        least, most = tests.campaign.hypotheses[sensor].plausible
-        low, high = test.interval(sensor)
-        if least <= needed <= most and (not test.testable[sensor] or low <= needed <= high):
+        if may_be_off_by(tests, test, sensor, test.mean[index] / each[sensor]):
             able.append(sensor)
     return able
+
+
+def may_be_off_by(tests: CrossFlightTests, test: Tested, sensor: int, error: float) -> bool:
+    """Return whether an error of a sensor is believable, and these flights' own estimate of it does
+    not exclude that."""
+    least, most = tests.campaign.hypotheses[sensor].plausible
+    low, high = test.interval(sensor)
+    return least <= error <= most and (not test.testable[sensor] or low <= error <= high)
 
 
 def finding_of(

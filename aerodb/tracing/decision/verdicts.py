@@ -118,7 +118,7 @@ def _finding(
     index = explanation.index
     fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
-    verdict = _verdict(decision, explanation, bool(test.adjusted[index] < tests.settings.level))
+    verdict = verdict_of(decision, explanation, bool(test.adjusted[index] < tests.settings.level))
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     on = np.flatnonzero(test.included[:, index])
     return finding_of(
@@ -129,12 +129,13 @@ def _finding(
         verdict=verdict,
         value=float(test.mean[index]),
         ci95=test.interval(index),
-        because=_because(tests, explanation, verdict, test, len(on)),
+        because=_because(tests, decision, explanation, verdict, test, len(on)),
         refound=(again, len(repeated)),
     )
 
 
-def _verdict(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:
+def verdict_of(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:
+    """Return the verdict; significant : whether it is over the library, in the model of all."""
     if explanation.index in decision.freed:
         return "ambiguous_sensor" if explanation.rivals else "sensor"
     if explanation.sensors:
@@ -148,7 +149,12 @@ def _verdict(decision: Decision, explanation: Explanation, significant: bool) ->
 
 
 def _because(
-    tests: CrossFlightTests, explanation: Explanation, verdict: Verdict, test: Tested, flights: int
+    tests: CrossFlightTests,
+    decision: Decision,
+    explanation: Explanation,
+    verdict: Verdict,
+    test: Tested,
+    flights: int,
 ) -> str:
     """One plain sentence: what, how large, how sure, and what may explain it as well."""
     names = tests.campaign.hypotheses
@@ -161,14 +167,14 @@ def _because(
     start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {flights} flights"
     rivals = ", ".join(names[i].id for i in explanation.rivals)
     sensors = ", ".join(names[i].id for i in explanation.sensors)
+    weak = "significant when it was found, but not in the model of all findings"
+    few = f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}"
     ends: dict[str, str] = {
         "confirmed": (
             "no rival in the library explains it as well and no single sensor error takes it away"
         ),
         "alias_group": f"these flights cannot tell it from {rivals}",
-        "suspected": (
-            f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}"
-        ),
+        "suspected": few if explanation.index in decision.suspected else weak,
         "sensor": (
             "it acts on all axes as this sensor would, and every aerodynamic rival explains less"
         ),

@@ -10,13 +10,15 @@ import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
+from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.decision.selection import Decision
 from aerodb.tracing.decision.unexplained_residual import (
     FlightResidual,
     unexplained_by_axis,
     without_state_noise,
 )
-from aerodb.tracing.decision.verdicts import trace
+from aerodb.tracing.decision.verdicts import trace, verdict_of
 from aerodb.tracing.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import (
     normal_equations_from_arrays,
@@ -218,6 +220,13 @@ def test_the_same_flight_under_two_names_has_one_vote() -> None:
     result = traced([*given, replace(given[0], flight="copy")])
     assert result.flights == ("f100", "f101", "f102", "f103")
     assert any("copy" in note for note in result.notes)
+
+
+def test_what_is_no_longer_significant_in_the_model_of_all_findings_is_suspected() -> None:
+    decision, alone = Decision((0,), (), ()), Explanation(0, (), (), {})
+    assert verdict_of(decision, alone, significant=True) == "confirmed"
+    assert verdict_of(decision, alone, significant=False) == "suspected"
+    assert verdict_of(decision, replace(alone, rivals=(1,)), significant=False) == "alias_group"
 
 
 def test_nothing_to_trace_is_refused() -> None:
