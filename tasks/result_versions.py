@@ -9,13 +9,13 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 2,
-    "consistency": 5,
+    "consistency": 6,
     "coefficients": 2,
     "compare": 1,
     "import": 2,
     "update": 5,
     "gram": 10,
-    "close_loop": 20,
+    "close_loop": 21,
 }
 
 #: Names of versions that the product itself moves.

@@ -13,12 +13,13 @@ import numpy as np
 
 from aerodb.coefficients import specific_force_at_cg
 from aerodb.conditioning import FEWEST_SAMPLES, bridge, local_gravity, smooth
+from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs import velocity_at_cg
-from aerodb.physics import Earth
+from aerodb.physics import HIGHEST_LATITUDE, Earth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 
@@ -184,6 +185,7 @@ def records_from_flight(
     *,
     seconds: float = 60.0,
     decimation: int = 1,
+    rotating: bool = True,
 ) -> tuple[Record, ...]:
     """Records of the usable stretches of a flight, named ``<flight id>/<number>``.
 
@@ -193,7 +195,8 @@ def records_from_flight(
     alpha and beta are moved back from the CG to the probe, whose errors are estimated; if they were
     computed from the raw pressures of a five-hole probe, these pressures replace them. With a
     logged latitude gravity is that of the place, and long flights are reconstructed over a rotating
-    earth, because gyros measure its rate.
+    earth, because gyros measure its rate. Of others the inertial channels are those over a flat
+    earth (`over_flat_earth`).
 
     Parameters
     ----------
@@ -201,6 +204,7 @@ def records_from_flight(
     vehicle : sensor positions, mounting and calibration.
     seconds : longest record, about [s].
     decimation : decimation factor; a low-pass filter is applied first.
+    rotating : whether the earth may rotate below a long flight.
 
     Raises InputError when specific force, rates or attitude are not logged, or no stretch is long
     enough.
@@ -214,14 +218,16 @@ def records_from_flight(
             "see its flags for what was lost",
         )
     outputs, raw = _outputs(flight, vehicle, moved)
-    how, earth = installation_from_vehicle(vehicle, moved.cg, raw), _earth(flight)
+    how = installation_from_vehicle(vehicle, moved.cg, raw)
+    earth = _earth(flight) if rotating else None
+    integrated = moved.values if earth is not None else _over_flat_earth(flight, moved)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     gravity = _gravity(flight)
     records: list[Record] = []
     for start, stop in runs:
         whole = slice(start, stop)
         inputs = np.column_stack(
-            [_decimated(moved.values[whole, k], flight.step, decimation) for k in range(6)]
+            [_decimated(integrated[whole, k], flight.step, decimation) for k in range(6)]
         )
         shown = {
             name: _decimated(values[whole], flight.step, decimation)
@@ -308,6 +314,31 @@ def _earth(flight: Flight) -> Earth | None:
     return (
         _local_earth(flight) if flight.time[-1] - flight.time[0] > ROTATING_EARTH_DURATION else None
     )
+
+
+def _over_flat_earth(flight: Flight, moved: InertialInputs) -> Array:
+    """The inertial channels (n, 6) over a flat earth; as measured where no velocity is known."""
+
+    def logged(name: str) -> Array | None:
+        known = name in flight and np.isfinite(flight[name]).any()
+        return bridge(flight[name]) if known else None
+
+    speed, psi = logged("V"), logged("psi")
+    phi, theta = logged("phi"), logged("theta")
+    if speed is None or phi is None or theta is None:
+        return moved.values
+    still = np.zeros(len(speed))
+    alpha, beta = (logged(name) for name in ("alpha", "beta"))
+    alpha, beta = still if alpha is None else alpha, still if beta is None else beta
+    # the wind changes the earth's terms by its share of the airspeed, which does not matter
+    ahead = speed * np.cos(beta)
+    velocity = np.stack([ahead * np.cos(alpha), speed * np.sin(beta), ahead * np.sin(alpha)])
+    latitude = logged("latitude") if psi is not None else None
+    place = None if latitude is None else float(np.median(latitude))
+    if place is not None and abs(place) > HIGHEST_LATITUDE:
+        place = None
+    attitude = np.stack([phi, theta, still if psi is None else psi])
+    return over_flat_earth(moved.values, attitude, velocity, place)
 
 
 def _gravity(flight: Flight) -> float:

@@ -5,6 +5,7 @@ docs/method/tracing.md, section 14.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -26,6 +27,10 @@ from aerodb.tracing import (
     without_state_noise,
 )
 
+#: Rates of change of the flow angles. They follow from the accelerations, whose noise is in the
+#: forces as well: it would predict itself.
+_OF_ACCELERATIONS: Final = frozenset({"alphadot", "betadot", "alphadot_hat"})
+
 
 def unexplained_residuals(
     source: FlightSource, flights: Sequence[str], candidate: AeroDatabase, library: Library
@@ -41,12 +46,12 @@ def unexplained_residuals(
 
     def beside(flight: Flight, comparison: Comparison) -> FlightResidual:
         view = view_of(flight, comparison, candidate, source.vehicle)
-        names = {*candidate.flight_inputs, *HAT_RATES}
+        names = {*candidate.flight_inputs, *HAT_RATES} - _OF_ACCELERATIONS
         variables = {name: view.channels[name] for name in sorted(names) if view.has([name])}
         return FlightResidual(
             evidence_of(flight, comparison, candidate, source.vehicle, sensors, view=view),
             variables,
-            shape_variables(view),
+            {n: v for n, v in shape_variables(view).items() if n not in _OF_ACCELERATIONS},
         )
 
     def left(id: str) -> FlightResidual:

@@ -7,12 +7,20 @@ from .atmosphere import (
     standard_atmosphere,
 )
 from .frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
-from .geodesy import EARTH_RATE, PLUMB_LINE_CURVATURE, Earth, normal_gravity, radii_of_curvature
+from .geodesy import (
+    EARTH_RATE,
+    HIGHEST_LATITUDE,
+    PLUMB_LINE_CURVATURE,
+    Earth,
+    normal_gravity,
+    radii_of_curvature,
+)
 
 __all__ = [
     "DENSITY_0",
     "EARTH_RATE",
     "GRAVITY",
+    "HIGHEST_LATITUDE",
     "PLUMB_LINE_CURVATURE",
     "Earth",
     "density",

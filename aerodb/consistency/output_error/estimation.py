@@ -68,10 +68,11 @@ def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
     They are reconstructed over a rotating earth if the flight is long and this makes its residuals
     clearly more likely. Raises InputError as `records_from_flight`.
     """
-    records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
+    decimation = max(1, round(SLOW / flight.step))
+    records = records_from_flight(flight, vehicle, decimation=decimation)
     if records[0].earth is None:
         return records
-    flat = tuple(replace(record, earth=None) for record in records)
+    flat = records_from_flight(flight, vehicle, decimation=decimation, rotating=False)
     plan = make_plan(records, vehicle)
     misfit = [_misfit(solve(most_active(each), plan)) for each in (flat, records)]
     return records if misfit[0] - misfit[1] > TURNS else flat

@@ -11,6 +11,8 @@ from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.verdict import judge
+from aerodb.tasks.steps import load_consistent
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import Accuracy
 
 pytest.importorskip("jsbsim")
@@ -189,3 +191,23 @@ def test_a_straight_flight_does_not_tell_the_wind_from_airspeed(flight):
         if name in told:
             assert told[name].standard_error > 5 * whole[name].standard_error, name
             assert abs(told[name].value - WIND.get(name, 0.0)) < 4 * told[name].standard_error, name
+
+
+def test_a_fast_flight_over_the_round_earth_shows_no_sideslip_error(tmp_path, monkeypatch):
+    """A 737 banks at 140 m/s over JSBSim's WGS-84 earth, its instruments without error: over a flat
+    earth its vane was given .0016 rad of bias, nine standard errors, and its gyro the curvature."""
+    from tests.campaigns import runs
+    from tests.campaigns.fleet import airframe
+
+    monkeypatch.setattr(runs, "noise_of", lambda *_: {})
+    ready = runs.prepared(
+        airframe("737"), "declared", [0], 1, tmp_path / "flights", tmp_path / "cache"
+    )
+    (id,) = ready.flights
+    access = access_workspace(str(ready.workspace))
+    document = load_consistent(access, access.catalogue.flight(id), "test").document
+    found = {each["parameter"]: each["value"] for each in document["estimates"]}
+    assert document["earth"] == "flat"
+    assert abs(found["beta_bias"]) < 5e-5
+    assert abs(found["q_bias"]) < 1e-6
+    assert abs(found["az_bias"]) < 5e-4

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.kinematics import INPUTS, integrate
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.sensors.prediction import Record
@@ -205,6 +206,39 @@ def test_the_inertial_frame_gives_the_same_motion():
         assert np.abs(states[row] - at[name]).max() < 4e-6, name
     flat, _ = integrate(inputs, 0.02, first, normal_gravity(ORIGIN.latitude, 6000.0).gravity)
     assert np.hypot(flat[6] - north, flat[7] - east).max() > 3000.0
+
+
+def test_a_minute_over_a_flat_earth_without_the_earths_terms():
+    """Forces and rates of the inertial frame, the earth's own rate taken off as an attitude
+    reference does: without curvature and Coriolis they give the motion over a flat earth. With
+    them, the velocity across is off by a tenth of a degree of sideslip after a minute."""
+    time = np.arange(0.0, 60.0, 0.02)
+    at, inputs = _inertial_sensors(time)
+    attitude = np.array([at["phi"], at["theta"], at["psi"]])
+    to_body = Rotation.from_euler("ZYX", attitude[::-1].T).inv()
+    earth = EARTH_RATE * np.array([np.cos(ORIGIN.latitude), 0.0, -np.sin(ORIGIN.latitude)])
+    inputs[:, 3:] -= to_body.apply(earth)
+    meridian, normal = radii_of_curvature(ORIGIN.latitude)[:2]
+    height = meridian + at["altitude"], normal + at["altitude"]
+    over = np.array([
+        (2e-5 + 5e-6 * np.cos(0.05 * time)) * height[0],
+        (4e-5 + 7e-6 * np.cos(0.07 * time)) * height[1] * np.cos(at["latitude"]),
+        -12.0 * np.cos(0.04 * time),
+    ])  # fmt: skip
+    body = to_body.apply(over.T).T
+    first = np.r_[body[:, 0], attitude[:, 0], 0.0, 0.0, 6000.0]
+    gravity = float(normal_gravity(ORIGIN.latitude, 6100.0).gravity)
+    flat, _ = integrate(
+        over_flat_earth(inputs, attitude, body, ORIGIN.latitude), 0.02, first, gravity
+    )
+    bent, _ = integrate(inputs, 0.02, first, gravity)
+    speed = np.linalg.norm(body, axis=0)
+    assert np.abs(flat[3:6] - attitude).max() < 1e-5
+    assert np.abs((flat[1] - body[1]) / speed).max() < 1e-4
+    assert np.abs((bent[1] - body[1]) / speed).max() > 1.7e-3
+    # without a latitude what is left is Coriolis and the convergence of the meridians
+    curved, _ = integrate(over_flat_earth(inputs, attitude, body, None), 0.02, first, gravity)
+    assert np.abs(curved[3:5] - attitude[:2]).max() < 0.3 * np.abs(bent[3:5] - attitude[:2]).max()
 
 
 def test_jsbsim_flies_the_same_earth():
