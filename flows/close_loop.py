@@ -14,6 +14,7 @@ from aerodb.tasks.steps import (
     trace_flight,
     what_differs,
     what_is_left,
+    with_bands,
     write_update_page,
 )
 from aerodb.tasks.workspace_access import access_workspace
@@ -71,5 +72,6 @@ def close_loop_flow(
         proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
         left = steps(what_is_left, plan, frozen, loop, **where)
     between = steps(what_differs, plan, frozen, loop, **where)
+    loop = steps(with_bands, plan, frozen, loop, **where)
     document = steps(publish_loop, plan, frozen, loop, left, between, proof, **where, accept=accept)
     return {**document, "page": steps(write_update_page, document, **where)}

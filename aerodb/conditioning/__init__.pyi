@@ -14,11 +14,10 @@ from .local_gravity import local_gravity
 from .plausibility import Suspicion, clock_suspicions
 from .resampling import (
     PASS_EDGE,
-    RIPPLE_DB,
-    STOP_EDGE,
     Resampler,
     first_order_lag,
     hold,
+    low_pass_taps,
     resampler,
     uniform_grid,
 )
@@ -30,9 +29,7 @@ __all__ = [
     "FEWEST_MARKS",
     "FEWEST_SAMPLES",
     "PASS_EDGE",
-    "RIPPLE_DB",
     "STATES",
-    "STOP_EDGE",
     "Conditioning",
     "Resampler",
     "Segment",
@@ -52,6 +49,7 @@ __all__ = [
     "interval",
     "is_uniform",
     "local_gravity",
+    "low_pass_taps",
     "low_passed",
     "resampler",
     "runs",

@@ -4,11 +4,16 @@ See docs/reference/contract.md, "JSON".
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from aerodb.increments import AxisValidation, HoldOut
+from aerodb.nomenclature import AXES
 from aerodb.report.document import axis_document, opening
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
+
+#: An error of this many noise floors, each flight's constant apart, is no matter of noise as
+#: declared.
+_FAR_ABOVE_FLOOR: Final = 3.0
 
 
 def loop_document(
@@ -63,8 +68,34 @@ def loop_document(
         ],
         "between_flights": [entry.document() for entry in between],
         "next_flight": [*traced.next_flight, *(entry.settled_by for entry in between)],
-        "remarks": [*remarks, *traced.notes],
+        "remarks": [*remarks, *traced.notes, *_without_a_name(proof, findings, left, between)],
     }
+
+
+def _without_a_name(
+    proof: Sequence[AxisValidation],
+    findings: Sequence[Finding],
+    left: Sequence[UnexplainedResidual],
+    between: Sequence[FlightDependence],
+) -> list[str]:
+    """A remark on each axis whose error stays far above the noise although nothing is said of
+    it."""
+    said = {axis for finding in findings for axis in finding.axis}
+    said |= {entry.axis for entry in left if entry.found}
+    said |= {axis for entry in between for axis in entry.hypothesis.axes}
+    remarks = []
+    for entry in proof:
+        error = entry.held_out_shape_after
+        if error is None or entry.axis in said or entry.axis not in AXES:
+            continue
+        if error > _FAR_ABOVE_FLOOR * entry.noise_floor > 0.0:
+            remarks.append(
+                f"{entry.axis} stays at {error / entry.noise_floor:.0f} times its noise floor, each"
+                " flight's constant apart, and nothing in these flights names the reason: more"
+                " flights at other Mach numbers, dynamic pressures and loadings may, or the"
+                " sensors are noisier than declared."
+            )
+    return remarks
 
 
 def _term(finding: Finding) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 from .advance import FLOWS, Due, due, parameters_of
 from .calibration import bind, calibrate
-from .close_loop import prove_loop, run_loop, what_differs, what_is_left
+from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
 from .coefficients import load_coefficients, reconstruct
 from .compare import compare_with_database, compare_with_version
 from .consistency import (
@@ -86,5 +86,6 @@ __all__ = [
     "version_page",
     "what_differs",
     "what_is_left",
+    "with_bands",
     "write_update_page",
 ]

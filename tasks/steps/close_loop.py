@@ -1,6 +1,8 @@
 """The closed loop: its rounds, their validation, what stays unexplained, and what differs between
 flights."""
 
+from dataclasses import replace
+
 from aerodb.increments import AxisValidation
 from aerodb.loop import (
     Accept,
@@ -9,6 +11,7 @@ from aerodb.loop import (
     dependences_between_flights,
     unexplained_residuals,
     validate_loop,
+    with_model_error,
 )
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
@@ -58,6 +61,17 @@ def what_is_left(
     """
     return unexplained_residuals(
         flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
+    )
+
+
+def with_bands(
+    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
+) -> LoopResult:
+    """Return the loop with the errors of its shapes, and the scatter between flights, in the bands
+    of what it added; values stay."""
+    source = flights_of(workspace, plan.vehicle, run)
+    return replace(
+        loop, candidate=with_model_error(source, plan.hold_out.identified, loop, library)
     )
 
 

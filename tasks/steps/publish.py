@@ -19,13 +19,12 @@ from aerodb.exchange import (
     to_document,
 )
 from aerodb.increments import AxisValidation, Update, sign_reasons
-from aerodb.loop import Accept, Library, LoopResult, with_model_error
+from aerodb.loop import Accept, Library, LoopResult
 from aerodb.report import hold_out_remarks, loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
 from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
-from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.update import Plan
@@ -200,10 +199,9 @@ def publish_loop(
     label = None
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-        source = flights_of(workspace, plan.vehicle, run)
         version = _add(
             access,
-            with_model_error(source, plan.hold_out.identified, loop, library),
+            loop.candidate,
             plan.vehicle,
             plan.baseline,
             list(plan.keys),

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.conditioning import PASS_EDGE, RIPPLE_DB, STOP_EDGE, runs
+from aerodb.conditioning import PASS_EDGE, low_pass_taps, runs
 from aerodb.errors import InputError
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.evidence import Columns, Evidence
@@ -142,12 +142,8 @@ def _kernel(ratio: int) -> tuple[Array, int]:
     """Taps of the low-pass, symmetric, and their half width."""
     if ratio == 1:
         return np.ones(1), 0
-    from scipy.signal import firwin, kaiserord  # slow to import
-
-    taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
-    half = taps // 2
-    kernel = firwin(2 * half + 1, (PASS_EDGE + STOP_EDGE) / ratio, window=("kaiser", beta))
-    return kernel, half
+    taps = low_pass_taps(ratio)
+    return taps, len(taps) // 2
 
 
 @lru_cache(maxsize=64)

@@ -339,6 +339,17 @@ def page_of(document: dict[str, Any]) -> Any:
     return checked(update_report(UpdateStory(document, labels, "v0001", None, None, {}, {}, {})))
 
 
+def test_an_error_that_nothing_names_is_said() -> None:
+    """Far above the noise, and no finding on the axis: said once, and not where something is."""
+    far = proof("CX", 0.2, 0.2, outcome="unchanged", held_out_shape_after=0.1)
+    near = proof("CZ", 0.2, 0.2, outcome="unchanged", held_out_shape_after=0.002)
+    said = [r for r in loop([], [], [far, near])["remarks"] if "noise floor" in r]
+    assert len(said) == 1
+    assert said[0].startswith("CX stays at 100 times its noise floor")
+    remarks = loop([found(verdict="suspected")], [], [far])["remarks"]
+    assert not any("noise floor" in remark for remark in remarks)
+
+
 def test_the_page_says_what_differs_between_flights() -> None:
     document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
     assert document["between_flights"] == []

@@ -1,0 +1,25 @@
+"""The low-pass and the lag, against scipy.signal."""
+
+import numpy as np
+import pytest
+from scipy.signal import firwin, kaiserord, lfilter
+
+from aerodb.conditioning import first_order_lag, low_pass_taps
+
+
+@pytest.mark.parametrize("ratio", [1.5, 2.0, 3.7, 25.0, 100.0])
+def test_the_low_pass_is_that_of_scipy(ratio: float) -> None:
+    taps, beta = kaiserord(60.0, 2.0 * (0.5 - 0.35) / ratio)
+    expected = firwin(2 * (taps // 2) + 1, (0.35 + 0.5) / ratio, window=("kaiser", beta))
+    assert low_pass_taps(ratio) == pytest.approx(expected, rel=0.0, abs=1e-15)
+
+
+def test_the_lag_is_that_of_scipy_and_stops_at_a_gap() -> None:
+    command = np.random.default_rng(1).standard_normal(4000)
+    a = np.exp(-0.02 / 0.3)
+    expected, _ = lfilter([0.0, 1.0 - a], [1.0, -a], command, zi=np.array([command[0]]))
+    assert first_order_lag(command, 0.02, 0.3) == pytest.approx(expected, rel=0.0, abs=1e-13)
+    command[100] = np.nan
+    response = first_order_lag(command, 0.02, 0.3)
+    assert np.isfinite(response[:101]).all()
+    assert np.isnan(response[101:]).all()
