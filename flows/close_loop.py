@@ -31,6 +31,7 @@ def close_loop_flow(
     hold_out: list[str] | None = None,
     accept_lumped: list[str] | None = None,
     accept_suspected: list[str] | None = None,
+    accept_ambiguous: list[str] | None = None,
     effects: str = "",
     library: str = "",
 ) -> dict[str, Any]:
@@ -43,7 +44,9 @@ def close_loop_flow(
     of its report; ``candidate`` is None if nothing was added.
     """
     where = {"workspace": workspace, "run": run}
-    accept = Accept(tuple(accept_lumped or ()), tuple(accept_suspected or ()))
+    accept = Accept(
+        tuple(accept_lumped or ()), tuple(accept_suspected or ()), tuple(accept_ambiguous or ())
+    )
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
     plan = steps(
         plan_update,

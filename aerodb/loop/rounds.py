@@ -46,23 +46,33 @@ _PITCH = frozenset({"CX", "CZ", "Cm"})
 class Accept:
     """Effects (names or hypotheses' ids) that the user admits beyond the confirmed ones.
 
-    lumped : although they are in an alias group; suspected : although they are only suspected.
+    lumped : although they are in an alias group; suspected : although they are only suspected;
+    ambiguous : although an error of a sensor explains them as well.
     """
 
     lumped: tuple[str, ...] = ()
     suspected: tuple[str, ...] = ()
+    ambiguous: tuple[str, ...] = ()
 
     def admits(self, finding: Finding) -> bool:
         """Return whether a finding enters the database."""
-        wanted = {"alias_group": self.lumped, "suspected": self.suspected}.get(finding.verdict, ())
-        return finding.verdict in ADDED or finding.hypothesis in wanted or finding.effect in wanted
+        return finding.verdict in ADDED or self.asks_for(finding)
+
+    def asks_for(self, finding: Finding) -> bool:
+        """Return whether the user asked for this finding with its verdict."""
+        wanted = {
+            "alias_group": self.lumped,
+            "suspected": self.suspected,
+            "ambiguous_sensor": self.ambiguous,
+        }.get(finding.verdict, ())
+        return finding.hypothesis in wanted or finding.effect in wanted
 
     def check(self, library: Library) -> None:
         """Raise InputError for a name that is neither an effect nor an id of the library."""
         known = {
             name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)
         }
-        for name in (*self.lumped, *self.suspected):
+        for name in (*self.lumped, *self.suspected, *self.ambiguous):
             if name not in known:
                 raise InputError(
                     f"no effect '{name}' in the library",

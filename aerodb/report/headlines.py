@@ -25,7 +25,9 @@ def headline(document: Mapping[str, Any]) -> str:
         finding for finding in document["findings"] if finding["hypothesis"] in document["added"]
     ]
     if added:
-        return f"{_lacked(added)}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
+        asked_for = document.get("asked_for", document["added"])  # not in older documents
+        lacked = _lacked(added, asked_for)
+        return f"{lacked}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
     if document["findings"]:
         effects = listed(
             [
@@ -49,10 +51,13 @@ def headline(document: Mapping[str, Any]) -> str:
     )
 
 
-def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
-    """Clause about the added effects; an unconfirmed one, added on request, is no stated fact."""
+def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str:
+    """Clause about the added effects; an unconfirmed one, added on request, is no stated fact, nor
+    is what had to come with it."""
     proved = [finding for finding in added if finding["verdict"] in ADDED]
-    requested = [finding for finding in added if finding not in proved]
+    others = [finding for finding in added if finding not in proved]
+    requested = [finding for finding in others if finding["hypothesis"] in asked_for]
+    companions = [finding for finding in others if finding not in requested]
     clauses = []
     if proved:
         gloss = f" ({added[0]['because'].partition(':')[0]})" if len(added) == 1 else ""
@@ -70,6 +75,11 @@ def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
             f"{words} {'is' if one else 'are'} {note}"
             if proved
             else f"The database may lack {words}: {note}"
+        )
+    if companions:
+        clauses.append(
+            f"{listed([effect_words(finding) for finding in companions])} came along, beside which"
+            f" {'it was' if len(requested) == 1 else 'they were'} estimated"
         )
     return "; ".join(clauses)
 

@@ -33,10 +33,12 @@ def loop_document(
     remarks: Sequence[str],
     within_flights: bool = False,
     between: Sequence[FlightDependence] = (),
+    asked_for: Sequence[Finding] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
-    findings : of all rounds. added : those that entered the candidate. traced : the last round,
+    findings : of all rounds. added : those that entered the candidate; asked_for : those of them
+    that did because the user asked. traced : the last round,
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. ``candidate`` is left
@@ -55,6 +57,7 @@ def loop_document(
         "library": {"sha256": library, "rounds": rounds},
         "axes": {entry.axis: axis_document(entry) for entry in proof},
         "added": [finding.hypothesis for finding in added],
+        "asked_for": [finding.hypothesis for finding in asked_for],
         "increments": [
             {"axis": axis, "terms": [_term(finding) for finding in members]}
             for axis, members in by_axis.items()

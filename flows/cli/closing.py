@@ -31,6 +31,12 @@ def close_loop(
     accept_suspected: Annotated[
         list[str] | None, typer.Option(help="Suspected effect to add anyway; it is marked.")
     ] = None,
+    accept_ambiguous: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Effect that a sensor error explains as well, to add anyway; it is marked."
+        ),
+    ] = None,
     effects: Annotated[
         Path | None, typer.Option(help="File (TOML) of effects of your own.")
     ] = None,
@@ -78,6 +84,7 @@ def close_loop(
         "hold_out": None if hold_out is None else ([] if hold_out == ["none"] else hold_out),
         "accept_lumped": accept_lumped,
         "accept_suspected": accept_suspected,
+        "accept_ambiguous": accept_ambiguous,
         "effects": read_text(effects) if effects else "",
         "library": library,
     }

@@ -188,8 +188,9 @@ def publish_loop(
         added=loop.added,
         left=left,
         between=between,
+        asked_for=[finding for finding in loop.added if accept.asks_for(finding)],
         proof=proof,
-        remarks=_loop_remarks(plan, loop),
+        remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )
     document["remarks"] += [
@@ -225,17 +226,16 @@ def _is_within_flights(plan: Plan, loop: LoopResult) -> bool:
     return loop.by_manoeuvre and plan.hold_out.kind == "cross-validated"
 
 
-def _loop_remarks(plan: Plan, loop: LoopResult) -> list[str]:
+def _loop_remarks(plan: Plan, loop: LoopResult, accept: Accept) -> list[str]:
     remarks = [
         *loop.remarks,
         *hold_out_remarks(plan.hold_out, _is_within_flights(plan, loop)),
     ]
-    named = {f.hypothesis for f in loop.findings}
-    marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
     remarks += [
         f"{f.hypothesis} was added because you asked for it: its verdict is"
         f" {f.verdict.replace('_', ' ')}."
-        for f in marked
+        for f in loop.added
+        if accept.asks_for(f)
     ]
     return remarks
 

@@ -270,3 +270,27 @@ def test_an_aileron_that_loses_with_dynamic_pressure_differs_between_flights() -
     assert not [f for f in loop.added if f.axis == ("Cl",)]
     few = tuple(flown)[:4]
     assert dependences_between_flights(source, few, library, loop) == ()
+
+
+def test_what_a_sensor_explains_as_well_enters_only_on_request(source: FlightsInMemory) -> None:
+    """A constant of Cm is left by a zero of the elevator that is off by a quarter of a degree as
+    well: it is added where the user asks for it, with its verdict."""
+    split, text = hold_out(source), effect_flights.HEADER_ONLY + effect_flights._MOMENTS
+    text = (text + effect_flights._BODY).replace("q_hat = -14.0", f"q_hat = {-14.0 + DAMPING}")
+    assert text.count('"1" = -0.02\n') == 1
+    wrong = read_native(text.replace('"1" = -0.02\n', '"1" = -0.016\n'))
+    library = freeze_library(source, split.identified, wrong)
+    plain = run_loop(source, split.identified, wrong, library, Accept())
+    (finding,) = (f for f in plain.findings if f.hypothesis == "zero_offset@Cm")
+    assert finding.verdict == "ambiguous_sensor"
+    assert "surface_bias@all:elevator" in finding.explanation_set
+    assert plain.candidate is wrong
+    accept = Accept(ambiguous=("zero_offset@Cm",))
+    asked = run_loop(source, split.identified, wrong, library, accept)
+    (added,) = asked.added
+    assert (added.hypothesis, added.verdict) == ("zero_offset@Cm", "ambiguous_sensor")
+    assert accept.asks_for(added)
+    assert not Accept(suspected=("zero_offset@Cm",)).asks_for(added)
+    (increment,) = asked.candidate.increments
+    assert float(increment.estimates[0]) == pytest.approx(-0.004, rel=0.1)
+    assert "ambiguous sensor" in increment.full_note

@@ -200,15 +200,23 @@ def test_the_verdict_in_one_sentence() -> None:
 def test_only_what_is_proved_is_told_as_a_fact() -> None:
     sure, maybe = found(), found("beta_slope@Cn", verdict="suspected")
     better = [proof("CX", 0.02, 0.005), proof("Cn", 0.01, 0.01)]
-    only = headline(loop([maybe], [maybe], better))
+    only = headline({**loop([maybe], [maybe], better), "asked_for": ["beta_slope@Cn"]})
     assert only.startswith(
         "The database may lack beta slope on Cn: only suspected, added because you asked for it;"
         " with it,"
     )
-    both = headline(loop([sure, maybe], [sure, maybe], better))
+    older = loop([sure, maybe], [sure, maybe], better)
+    del older["asked_for"]
+    both = headline(older)
     assert both.startswith(
         "The database lacked pitch rate force on CX; beta slope on Cn is only suspected, added"
         " because you asked for it; with"
+    )
+    beside = {**loop([maybe, damping := found("roll_damping@Cl", verdict="suspected")],
+                     [maybe, damping], better), "asked_for": ["beta_slope@Cn"]}  # fmt: skip
+    assert headline(beside).startswith(
+        "The database may lack beta slope on Cn: only suspected, added because you asked for it;"
+        " roll damping on Cl came along, beside which it was estimated; with them,"
     )
     sensor = found("alpha_bias@all", verdict="sensor")
     assert (
