@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 2,
     "update": 5,
-    "gram": 10,
+    "gram": 11,
     "close_loop": 21,
 }
 

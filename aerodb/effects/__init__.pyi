@@ -22,7 +22,7 @@ from .stall import (
     stall_loop,
     stall_regressors,
 )
-from .surfaces import surfaces_of
+from .surfaces import surfaces_at_rest, surfaces_of
 from .template import WIND_TO_BODY_AXES, LibraryContext
 from .user_effects import parse_effects, registered_templates
 
@@ -52,6 +52,7 @@ __all__ = [
     "stall_hypotheses",
     "stall_loop",
     "stall_regressors",
+    "surfaces_at_rest",
     "surfaces_of",
     "variables_of",
     "view_of",

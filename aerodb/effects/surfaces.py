@@ -1,11 +1,14 @@
 """Control surfaces of a vehicle and their roles, which decide the axes of their hypotheses."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
+import numpy as np
+
 from aerodb.nomenclature import is_surface
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 Role = Literal["pitch", "roll", "yaw", "speed_brake", "body_flap", "flap", "landing_gear", "other"]
@@ -20,6 +23,11 @@ _ROLES: Final[tuple[tuple[str, Role], ...]] = (
     (r"rudder(?!vator)|fin", "yaw"),
     (r"elevator|elevon|stabil|canard|tail|ruddervator", "pitch"),
 )
+
+#: A surface whose deflection varies by less than this part of its travel (rms) stands still: what
+#: moves is its pick-off. Travel [rad] of one whose limits the vehicle file does not state.
+_STILL: Final = 1e-3
+_TRAVEL: Final = float(np.deg2rad(50.0))
 
 
 @dataclass(frozen=True)
@@ -82,3 +90,18 @@ def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...
     single = names - members - {surface.name for surface in surfaces}
     surfaces += [Surface(name, role_of(name)) for name in single]
     return tuple(sorted(surfaces, key=lambda surface: surface.name))
+
+
+def surfaces_at_rest(vehicle: Vehicle, channels: Mapping[str, Array]) -> frozenset[str]:
+    """Return the deflections among `channels` (name -> (n,), rad) whose surface stands still in a
+    flight: nothing can be claimed of it, however well its noise fits the residual."""
+    resting = set()
+    for surface in surfaces_of(vehicle, channels):
+        moving = [surface.right, surface.left] if surface.right else [surface.name]
+        limits = [vehicle.surfaces[name].limits for name in moving if name in vehicle.surfaces]
+        travel = min((high - low for low, high in limits), default=_TRAVEL)
+        values = channels[surface.channel]
+        known = values[np.isfinite(values)]
+        if len(known) and float(known.std()) < _STILL * travel:
+            resting.add(surface.channel)
+    return frozenset(resting)

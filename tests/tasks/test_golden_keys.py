@@ -32,8 +32,8 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "consistency": (6, "27eb51ad2c047fff", "0a6b81f9def94d33"),
     "coefficients": (2, "05cdc8502dac36a9", "9ddddc1b635ef5d7"),
     "compare": (1, "676b0e97668c53d0", "75ab953bf9aaf46f"),
-    "gram": (10, "50490a77aa9fc253", "d0b83ad7b0621ca0"),
-    "close_loop": (21, "b002dd76dc87b63d", "d3af299eab4e5a54"),
+    "gram": (11, "bad5d4dae8d050c3", "d0b83ad7b0621ca0"),
+    "close_loop": (21, "586e68e33352bfdf", "d3af299eab4e5a54"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (5, "82dbd4adf94af261", "6b1983884f9e9ae7"),
 }

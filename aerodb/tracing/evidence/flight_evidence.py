@@ -5,7 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import FlightView, Hypothesis, air_rotation_columns, view_of
+from aerodb.effects import (
+    FlightView,
+    Hypothesis,
+    air_rotation_columns,
+    surfaces_at_rest,
+    view_of,
+)
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
@@ -29,8 +35,8 @@ def evidence_of(
     database : the model that `comparison` was made with. noisy : the same flight with the
     reconstruction's state noise added once more, each with its own comparison. view : of the flight
     and the database, where one exists already. A hypothesis whose channels the flight lacks gives
-    no column. rotating_air : whether columns of the air's rotation are among the others
-    (`air_rotation_columns`).
+    no column, nor does one that only a surface at rest would drive. rotating_air : whether columns
+    of the air's rotation are among the others (`air_rotation_columns`).
 
     Raises InputError when no body axis has a usable sample.
     """
@@ -42,7 +48,14 @@ def evidence_of(
             f"flight {flight.id}",
             "see its flags: aerodb flight show",
         )
-    columns = {hypothesis.id: hypothesis.columns(view) for hypothesis in hypotheses}
+    resting = surfaces_at_rest(vehicle, flight.channels)
+    columns = {
+        hypothesis.id: hypothesis.columns(view)
+        for hypothesis in hypotheses
+        if hypothesis.kind == "sensor"
+        or not hypothesis.drivers
+        or not resting.issuperset(hypothesis.drivers)
+    }
     if rotating_air:
         columns |= air_rotation_columns(view, comparison.measured)
     return Evidence(
