@@ -166,27 +166,43 @@ def _constant(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int
 ) -> list[int]:
     """Sensors of which a believable constant error, the same in all flights, leaves an axis'
-    constant; one that these flights' own estimate of the sensor does not exclude.
+    constant, or what its interval has nearest to zero; one that these flights' own estimate of the
+    sensor does not exclude. Where no single one does: those whose independent errors leave it
+    together.
     """
     products = tests.campaign.products
     each = products.intercepts[:, products.offsets[index]].mean(axis=0)
     test = tests.tested(terms, freed)
-    able = []
+    sign = np.sign(test.mean[index])
+    nearest = max(0.0, sign * min(test.interval(index), key=abs))
+    reach = dict[int, float]()
     for sensor in tests.campaign.sensors:
+        low, high = _may_be(tests, test, sensor)
         constant = tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
-        if not constant or each[sensor] == 0.0:
-            continue
-        if may_be_off_by(tests, test, sensor, test.mean[index] / each[sensor]):
-            able.append(sensor)
-    return able
+        if constant and low <= high:
+            reach[sensor] = float(max(0.0, *(sign * each[sensor] * np.array([low, high]))))
+    able = [sensor for sensor, most in reach.items() if most >= nearest and most > 0.0]
+    if able:
+        return able
+    together = sorted(reach, key=lambda sensor: -reach[sensor])
+    size = np.sqrt(np.cumsum(np.square([reach[sensor] for sensor in together])))
+    enough = int(np.searchsorted(size, nearest))
+    return together[: enough + 1] if enough < len(together) else []
+
+
+def _may_be(tests: CrossFlightTests, test: Tested, sensor: int) -> tuple[float, float]:
+    """The range of believable errors of a sensor that these flights' own estimate of it does not
+    exclude; empty, as its ends are exchanged, where it excludes them all."""
+    least, most = tests.campaign.hypotheses[sensor].plausible
+    low, high = test.interval(sensor) if test.testable[sensor] else (least, most)
+    return max(least, low), min(most, high)
 
 
 def may_be_off_by(tests: CrossFlightTests, test: Tested, sensor: int, error: float) -> bool:
     """Return whether an error of a sensor is believable, and these flights' own estimate of it does
     not exclude that."""
-    least, most = tests.campaign.hypotheses[sensor].plausible
-    low, high = test.interval(sensor)
-    return least <= error <= most and (not test.testable[sensor] or low <= error <= high)
+    low, high = _may_be(tests, test, sensor)
+    return low <= error <= high
 
 
 def finding_of(

@@ -186,8 +186,8 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
         "CX is off by a constant",
     )
 
-    def shown(levels: Sequence[float], zero: str = "") -> list[Evidence]:
-        """zero : a sensor whose error is a constant too, twice as large per unit."""
+    def shown(levels: Sequence[float], *zeros: str) -> list[Evidence]:
+        """zeros : sensors whose errors are constants too, twice as large per unit."""
         return [
             replace(
                 e,
@@ -195,7 +195,7 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
                 columns={
                     **e.columns,
                     offset.id: {"CX": np.ones(e.samples)},
-                    **({zero: {"CX": np.full(e.samples, 2.0)}} if zero else {}),
+                    **{zero: {"CX": np.full(e.samples, 2.0)} for zero in zeros},
                 },
             )
             for e, level in zip(flights(6), levels, strict=True)
@@ -208,11 +208,21 @@ def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_ch
     silent = traced(shown([0.0] * 6), [*LIBRARY, offset])
     (level,) = (item for item in silent.not_found if item.hypothesis == offset.id)
     assert level.verdict == "not_detected"
-    for size, verdict in ((0.6, "ambiguous_sensor"), (0.4, "confirmed")):
-        rigged = instrument("zero_bias", 0.01, (-size, size))
-        (finding,) = traced(shown([1.0] * 6, rigged.id), [*LIBRARY, offset, rigged]).findings
+    # one sensor leaves what is nearest to zero in the interval, or two independent ones together
+    nearest = common.ci95[0]
+    for share, count, verdict in (
+        (1.1, 1, "ambiguous_sensor"),
+        (0.8, 1, "confirmed"),
+        (0.8, 2, "ambiguous_sensor"),
+    ):
+        size = 0.5 * share * nearest
+        rigged = [instrument(f"zero{k}_bias", 0.01, (-size, size)) for k in range(count)]
+        names = [each.id for each in rigged]
+        (finding,) = traced(shown([1.0] * 6, *names), [*LIBRARY, offset, *rigged]).findings
         assert (finding.hypothesis, finding.verdict) == (offset.id, verdict)
-        assert (rigged.id in finding.explanation_set) == (verdict == "ambiguous_sensor")
+        assert set(names) & set(finding.explanation_set) == (
+            set(names) if verdict == "ambiguous_sensor" else set()
+        )
 
 
 def test_the_same_flight_under_two_names_has_one_vote() -> None:
