@@ -1,4 +1,4 @@
-from .comparison import Comparison, band_limited, compare, with_states
+from .comparison import Comparison, band_limited, compare, with_flow_rates, with_states
 from .total import (
     DEFAULT_BANDWIDTH,
     Coefficients,
@@ -20,5 +20,6 @@ __all__ = [
     "specific_force_at_cg",
     "thrust_loads",
     "total_coefficients",
+    "with_flow_rates",
     "with_states",
 ]

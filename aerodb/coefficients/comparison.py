@@ -1,8 +1,9 @@
 """Compare a flight with a database: measured and predicted coefficients on the same axes, about the
 same moment reference."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase, body_to_wind, transfer_moments
 from aerodb.vehicle import Reference
+
+#: Rates of change of the flow angles, which logs seldom hold.
+FLOW_RATES: Final = ("alphadot", "betadot")
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,9 @@ def compare(
     Raises InputError naming the inputs of the database that the flight lacks.
     """
     bandwidth = coefficients.bandwidth
-    flight, notes = _with_flow_rates(
-        flight, database, bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    )
+    at = bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
+    flight, made = with_flow_rates(flight, at, database.flight_inputs)
+    notes = [f"{rate} from its angle, at a bandwidth of {at:g} Hz" for rate in made]
     lacking = [name for name in database.flight_inputs if name not in flight]
     if lacking:
         what = (
@@ -148,24 +152,20 @@ def band_limited(values: Array, step: float, bandwidth: float) -> Array:
     return low_passed(values, step, bandwidth) if np.isfinite(values).any() else values
 
 
-def _with_flow_rates(
-    flight: Flight, database: AeroDatabase, bandwidth: float
-) -> tuple[Flight, list[str]]:
-    """The flight with alphadot and betadot from alpha and beta, where the database needs them and
-    the log lacks them; and a note for each."""
-    wanted = [
-        (f"{angle}dot", angle)
-        for angle in ("alpha", "beta")
-        if angle in flight and f"{angle}dot" not in flight
-    ]
+def with_flow_rates(
+    flight: Flight, bandwidth: float, wanted: Collection[str] = FLOW_RATES
+) -> tuple[Flight, tuple[str, ...]]:
+    """Return the flight with those `wanted` rates of its flow angles (``alphadot``, ``betadot``)
+    that the log lacks, from the angles at a bandwidth [Hz]; and which were made."""
     rates = {
         rate: smooth(flight[angle], flight.step, bandwidth).rate
-        for rate, angle in wanted
-        if rate in database.flight_inputs
+        for rate in FLOW_RATES
+        if rate in wanted
+        and rate not in flight
+        and (angle := rate.removesuffix("dot")) in flight
+        and np.isfinite(flight[angle]).any()
     }
-    return flight.with_channels(rates), [
-        f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in rates
-    ]
+    return flight.with_channels(rates), tuple(rates)
 
 
 def _in_geometry_of(

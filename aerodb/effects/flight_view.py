@@ -16,9 +16,10 @@ from aerodb.coefficients import (
     Comparison,
     inertial_moment,
     thrust_loads,
+    with_flow_rates,
     with_states,
 )
-from aerodb.conditioning import bridge, smooth
+from aerodb.conditioning import bridge
 from aerodb.effects.sensitivity import slopes_by, slopes_by_lift
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
@@ -163,7 +164,7 @@ def view_of(
     Raises InputError naming inputs of the database that the flight lacks.
     """
     bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight, derived = _with_flow_rates(
+    flight, derived = with_flow_rates(
         flight.with_channels(mass_channels(flight, vehicle)), bandwidth
     )
     flight = with_states(flight, database)
@@ -210,24 +211,13 @@ def view_of(
         else np.zeros_like(cg),
         bandwidth=bandwidth,
         _slopes={} if near is None else near._slopes,
-        derived=derived,
+        derived=frozenset(derived),
         poor=frozenset(
             name
             for name in channels
             if name in good and good[name][used].sum() < _ENOUGH * max(used.sum(), 1)
         ),
     )
-
-
-def _with_flow_rates(flight: Flight, bandwidth: float) -> tuple[Flight, frozenset[str]]:
-    """The flight with alphadot and betadot, and which of them were made from the angle."""
-    angles = [name for name in ("alpha", "beta") if name in flight and f"{name}dot" not in flight]
-    rates = {
-        f"{name}dot": smooth(flight[name], flight.step, bandwidth).rate
-        for name in angles
-        if np.isfinite(flight[name]).any()
-    }
-    return flight.with_channels(rates), frozenset(rates)
 
 
 def _unflagged(flight: Flight, name: str) -> NDArray[np.bool_]:

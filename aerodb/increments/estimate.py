@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from aerodb.coefficients import Comparison, band_limited
+from aerodb.coefficients import DEFAULT_BANDWIDTH, Comparison, band_limited, with_flow_rates
 from aerodb.errors import InputError
 from aerodb.estimation import (
     Regression,
@@ -148,6 +148,10 @@ def estimate_increments(
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
+    flights = [
+        _with_declared_rates(flight, comparison, model)
+        for flight, comparison in zip(flights, comparisons, strict=True)
+    ]
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
@@ -342,6 +346,19 @@ def _correlation(covariance: Array) -> Array:
     return np.asarray(
         covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
     )
+
+
+def _with_declared_rates(flight: Flight, comparison: Comparison, model: ModelFile) -> Flight:
+    """The flight with the rates of its flow angles that the model declares and the log lacks."""
+    names = {
+        name
+        for declared in model.increment
+        for regressor in expand(declared)
+        for name in regressor.expression.names
+    }
+    wanted = {HAT_RATES[name][0] if name in HAT_RATES else name for name in names}
+    bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
+    return with_flow_rates(flight, bandwidth, wanted)[0]
 
 
 def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:

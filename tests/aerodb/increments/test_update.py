@@ -92,6 +92,21 @@ def test_planted_slopes_rates_and_surfaces_come_back() -> None:
     assert all(increment.flights == update.flights for increment in update.candidate.increments)
 
 
+def test_the_rate_of_alpha_can_be_declared_although_no_log_holds_it() -> None:
+    """Downwash lags: from the angle's own rate, whose band holds all but a tenth of it here."""
+    flown, compared = campaign(
+        8, lambda f: -4.0 * np.gradient(f["alpha"], f.step) * CHORD_OVER_2V, size=0.002
+    )
+    assert all("alphadot" not in f for f in flown)
+    model = '[[increment]]\naxis = "CZ"\nterms = ["1", "alphadot_hat"]\n'
+    update = estimate_increments(flown, compared, parse_model_file(model), database())
+    (axis,) = update.axes
+    assert axis.names[1] == "alphadot_hat"
+    assert axis.estimates[1] == pytest.approx(-4.0, rel=0.1)
+    assert axis.standard_errors[1] < 0.05
+    assert "alphadot" in update.candidate.flight_inputs
+
+
 def test_a_jump_at_a_break_is_found() -> None:
     def stalled(f: Flight) -> Array:
         return np.where(f["alpha"] >= BREAK, 0.15, 0.0) - 0.2 * f["alpha"]
