@@ -26,7 +26,7 @@ _ROLES: Final[tuple[tuple[str, Role], ...]] = (
 
 #: A surface whose deflection varies by less than this part of its travel (rms) stands still: what
 #: moves is its pick-off. Travel [rad] of one whose limits the vehicle file does not state.
-_STILL: Final = 1e-3
+_STILL: Final = 1e-4
 _TRAVEL: Final = float(np.deg2rad(50.0))
 
 
