@@ -2,7 +2,7 @@
 the inertial channels of a flight, so that kinematics over a flat earth are right for them.
 
 Level flight at V pitches down with the earth at V/R. Over a flat earth a gyro bias takes this, but
-only as long as the wings are level: at 140 m/s and usual banks an error of sideslip of .1 deg was
+only as long as the wings are level: at 100 to 170 m/s and usual banks an error of sideslip of .1 deg was
 left, which looked like one of the vane.
 """
 
@@ -31,7 +31,7 @@ def over_flat_earth(
     latitude : [rad]; None where it or the heading is unknown: then of both rates only what turns
         about horizontal axes with the curvature is known.
 
-    Source: Groves (2013), eqs. 5.44 and 5.54, with the velocity turned into body axes.
+    Source: Groves (2013), sections 5.3 and 5.4, with the velocity turned into body axes.
     """
     to_body = earth_to_body(np.concatenate([np.zeros((3, len(inputs))), attitude]))
     north, east, _ = np.einsum("jin,jn->in", to_body, velocity)
