@@ -2,8 +2,8 @@
 the inertial channels of a flight, so that kinematics over a flat earth are right for them.
 
 Level flight at V pitches down with the earth at V/R. Over a flat earth a gyro bias takes this, but
-only as long as the wings are level: at 100 to 170 m/s and usual banks an error of sideslip of .1 deg was
-left, which looked like one of the vane.
+only as long as the wings are level: at 100 to 170 m/s and usual banks an error of sideslip of .1
+deg was left, which looked like one of the vane.
 """
 
 import numpy as np
