@@ -72,6 +72,13 @@ class SettingsError(InputError):
     """The settings, or a file that they name, cannot be used. Not the fault of any log."""
 
 
+def unreadable_settings(path: Path, error: Exception, remedy: str) -> SettingsError:
+    """The error for the settings file at `path`, which reading or parsing refused with `error`:
+    the same words whoever reads it first."""
+    why = str(error) if isinstance(error, OSError) else f"not valid TOML: {error}"
+    return SettingsError(f"the settings cannot be read: {why}", str(path), remedy)
+
+
 #: ``postgresql://...`` without its password, or ``$NAME`` of an environment variable that holds the
 #: whole address; empty: a file.
 DatabaseUrl = Annotated[str, BeforeValidator(checked_url)]
@@ -337,8 +344,8 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
     except FileNotFoundError:
         return Settings()
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise SettingsError(
-            f"not valid TOML: {error}", str(path), "correct it, or move it away to use the defaults"
+        raise unreadable_settings(
+            path, error, "correct it, or move it away to use the defaults"
         ) from error
     try:
         settings = validated(Settings, data, str(path))

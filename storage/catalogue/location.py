@@ -73,12 +73,10 @@ def _file_or_nothing(path: Path, settings: Path, error: Exception) -> CatalogueL
     """Without readable settings, an existing file is the catalogue; otherwise it is unknown."""
     if path.is_file():
         return CatalogueLocation(path)
-    from aerodb.storage.workspace_settings import SettingsError
+    from aerodb.storage.workspace_settings import unreadable_settings
 
-    raise SettingsError(
-        f"the settings cannot be read: {error}",
-        str(settings),
-        "correct them: they may name the database of the catalogue",
+    raise unreadable_settings(
+        settings, error, "correct them: they may name the database of the catalogue"
     ) from error
 
 

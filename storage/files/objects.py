@@ -22,7 +22,12 @@ from aerodb.errors import AeroError, InputError, StoreBusyError, StoreError
 from aerodb.storage.catalogue import StoredFile
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.workspace import put_in_place
-from aerodb.storage.workspace_settings import FILE, SettingsError, StoreSettings
+from aerodb.storage.workspace_settings import (
+    FILE,
+    SettingsError,
+    StoreSettings,
+    unreadable_settings,
+)
 from aerodb.support import validated
 
 _BLOCK: Final = 8 << 20
@@ -296,11 +301,7 @@ def _store(root: Path, _written: int) -> StoreSettings:
 
 
 def _unreadable(path: Path, error: Exception) -> SettingsError:
-    return SettingsError(
-        f"the settings cannot be read: {error}",
-        str(path),
-        "correct them: they may name the object store",
-    )
+    return unreadable_settings(path, error, "correct them: they may name the object store")
 
 
 def opened(url: str, environment: Mapping[str, str]) -> Objects:
