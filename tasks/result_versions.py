@@ -10,7 +10,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 2,
     "consistency": 6,
-    "coefficients": 2,
+    "coefficients": 3,
     "compare": 1,
     "import": 2,
     "update": 5,

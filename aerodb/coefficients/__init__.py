@@ -10,7 +10,10 @@ The way through:
    a `Comparison`, whose `residual` is measured - predicted. `with_states` integrates the database's
    state models along the flight; `band_limited` limits whatever is compared with moments.
 
-`total` holds the coefficients, `comparison` the comparison.
+A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
+(`thrust_share`, THRUST_REMEDY).
+
+`total` holds the coefficients, `thrust` the thrust, `comparison` the comparison.
 """
 
 import lazy_loader as lazy

@@ -12,7 +12,7 @@ from aerodb.coefficients.total import DEFAULT_BANDWIDTH, Coefficients
 from aerodb.conditioning import low_passed, smooth
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase, body_to_wind, transfer_moments
 from aerodb.vehicle import Reference
@@ -35,6 +35,7 @@ class Comparison:
         value is held.
     bandwidth : Hz, to which moments are band-limited on both sides; None: not limited.
     notes : what was assumed or is missing.
+    left_out : axes that the flight would give if its thrust were known.
 
     Differentiated rates are band-limited, and so are moments from them. Against a prediction that
     is not limited every slope would be estimated too small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at
@@ -50,6 +51,7 @@ class Comparison:
     outside: NDArray[np.bool_]
     bandwidth: float | None
     notes: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
     def residual(self, axis: str) -> Array:
         """measured - predicted on `axis`, (n,)."""
@@ -88,7 +90,10 @@ def compare(
     prediction = database.predict({name: flight[name] for name in flight.channels})
     notes = [*coefficients.notes, *notes]
     measured, sigma = _in_geometry_of(database, coefficients, reference)
-    usable = dict(coefficients.usable)
+    usable, left_out = _with_known_thrust(database, coefficients, reference, sigma)
+    measured = {axis: values for axis, values in measured.items() if axis not in left_out}
+    if any(axis in FORCE_AXES for axis in left_out):
+        left_out += WIND_AXES
     predicted = {axis: prediction.coefficients[axis] for axis in AXES if axis in measured}
     if all(axis in measured for axis in AXES[:3]) and "alpha" in flight:
         beta = flight["beta"] if "beta" in flight else np.zeros_like(flight["alpha"])
@@ -125,6 +130,7 @@ def compare(
         prediction.outside,
         bandwidth,
         tuple(notes),
+        left_out,
     )
 
 
@@ -173,17 +179,55 @@ def _in_geometry_of(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Measured values and standard deviations referred to the database's area and lengths, moments
     about its moment reference."""
-    ratio = reference.area / database.reference.area
-    span = ratio * reference.span / database.reference.span
-    chord = ratio * reference.chord / database.reference.chord
-    factor = {"CX": ratio, "CY": ratio, "CZ": ratio, "Cl": span, "Cm": chord, "Cn": span}
+    factor = _factors(database, reference)
     measured = {axis: values * factor[axis] for axis, values in coefficients.values.items()}
     sigma = {axis: values * factor[axis] for axis, values in coefficients.sigma.items()}
     target = np.asarray(database.reference.moment_reference)
-    if all(axis in measured for axis in AXES):
-        measured = dict(
-            transfer_moments(measured, coefficients.moment_reference, target, database.reference)
+    # An axis left out has no share in the others: `_with_known_thrust` leaves out where it has.
+    complete = {
+        **{axis: np.zeros(len(coefficients.time)) for axis in coefficients.left_out},
+        **measured,
+    }
+    if all(axis in complete for axis in AXES):
+        moved = transfer_moments(
+            complete, coefficients.moment_reference, target, database.reference
         )
+        measured = {axis: moved[axis] for axis in measured}
     elif not np.allclose(coefficients.moment_reference, target):
         measured = {axis: values for axis, values in measured.items() if axis in AXES[:3]}
     return measured, sigma
+
+
+def _factors(database: AeroDatabase, reference: Reference) -> dict[str, float]:
+    """Axis -> factor from coefficients of the geometry `reference` to those of the database's."""
+    ratio = reference.area / database.reference.area
+    span = ratio * reference.span / database.reference.span
+    chord = ratio * reference.chord / database.reference.chord
+    return {"CX": ratio, "CY": ratio, "CZ": ratio, "Cl": span, "Cm": chord, "Cn": span}
+
+
+def _with_known_thrust(
+    database: AeroDatabase,
+    coefficients: Coefficients,
+    reference: Reference,
+    sigma: Mapping[str, Array],
+) -> tuple[dict[str, NDArray[np.bool_]], tuple[str, ...]]:
+    """Usable samples per axis about the database's moment reference, where thrust that is not known
+    may load other axes; and the axes left out because the flight has none.
+
+    sigma : axis -> (n,), in the database's geometry.
+    """
+    usable, left_out = dict(coefficients.usable), coefficients.left_out
+    if coefficients.thrust is None or coefficients.thrust.known.all():
+        return usable, left_out
+    share = coefficients.thrust.moved(
+        _factors(database, reference),
+        coefficients.moment_reference,
+        np.asarray(database.reference.moment_reference),
+        database.reference,
+    )
+    loaded = share.loaded(sigma)
+    usable = {axis: u & share.known if axis in loaded else u for axis, u in usable.items()}
+    if not share.known.any():
+        left_out = tuple(axis for axis in AXES if axis in (*left_out, *loaded))
+    return usable, left_out

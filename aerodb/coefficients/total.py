@@ -13,13 +13,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from aerodb.coefficients.thrust import (
+    THRUST_REMEDY,
+    ThrustShare,
+    thrust_loads,
+    thrust_share,
+    without_thrust,
+)
 from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
-from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
+from aerodb.vehicle import Vehicle, cg_positions, mass_channels
 
 #: Bandwidth of the differentiated rates [Hz] when the vehicle file states none: above the
 #: rigid-body modes of manned and larger unmanned aircraft. Limited to a quarter of the sampling
@@ -47,6 +54,8 @@ class Coefficients:
         None when they were logged. Whatever is compared with band-limited moments must be limited
         alike, or slopes are estimated too small.
     notes : what was assumed or is missing.
+    thrust : where the thrust is known and what it can add; None where none is expected in the log.
+    left_out : axes that are absent because they contain a thrust that the flight lacks.
     """
 
     flight: str
@@ -57,6 +66,8 @@ class Coefficients:
     moment_reference: Array
     bandwidth: float | None
     notes: tuple[str, ...]
+    thrust: ThrustShare | None = None
+    left_out: tuple[str, ...] = ()
 
 
 def specific_force_at_cg(
@@ -217,9 +228,34 @@ def total_coefficients(
     usable = {
         axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values
     }
+    share = thrust_share(flight, vehicle, np.asarray(reference))
+    left_out: tuple[str, ...] = ()
+    if share is not None:
+        loaded = share.loaded({axis: sigma[axis] for axis in values})
+        usable = {axis: u & share.known if axis in loaded else u for axis, u in usable.items()}
+        if loaded and not share.known.any():
+            left_out = loaded
+            values = {axis: v for axis, v in values.items() if axis not in loaded}
+            usable = {axis: usable[axis] for axis in values}
+            notes.append(without_thrust(loaded))
+        if not values:
+            raise InputError(
+                "every axis contains thrust, which is not logged",
+                f"flight {flight.id}",
+                THRUST_REMEDY,
+            )
     limited = band if angular_acceleration == "differentiated" else None
     return Coefficients(
-        flight.id, flight.time, values, sigma, usable, np.asarray(reference), limited, tuple(notes)
+        flight.id,
+        flight.time,
+        values,
+        {axis: sigma[axis] for axis in values},
+        usable,
+        np.asarray(reference),
+        limited,
+        tuple(notes),
+        share,
+        left_out,
     )
 
 
@@ -298,35 +334,6 @@ def _force_at_cg(
     a, b, c = rates.acceleration_sigma
     lever = np.array([np.hypot(b * z, c * y), np.hypot(c * x, a * z), np.hypot(a * y, b * x)])
     return moved, np.hypot(noise, lever)
-
-
-def thrust_loads(
-    flight: Flight, thrust: Thrust, cg: Array, notes: list[str]
-) -> tuple[Array, Array]:
-    """Thrust force and its moment about the CG, in body axes.
-
-    Parameters
-    ----------
-    thrust : source, direction and point of the thrust line.
-    cg : (n, 3) [m], body axes from the datum.
-    notes : what is unknown is appended.
-
-    Returns
-    -------
-    Force (n, 3) [N] and moment (n, 3) [N m]; zero where not known.
-    """
-    none = np.zeros_like(cg)
-    if thrust.source == "none":
-        return none, none
-    if thrust.source == "unknown" or "thrust" not in flight:
-        notes.append("thrust is not known: CX, CZ and Cm contain it")
-        return none, none
-    direction = np.asarray(thrust.direction) / np.linalg.norm(thrust.direction)
-    force = bridge(flight["thrust"])[:, None] * direction
-    if thrust.point is None:
-        notes.append("thrust line not given in [thrust] point: its moment is left in Cm and Cn")
-        return force, none
-    return force, np.cross(np.asarray(thrust.point) - cg, force)
 
 
 def _usable(flight: Flight, axis: str) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
+from aerodb.coefficients import THRUST_REMEDY
 from aerodb.increments import AxisUpdate, AxisValidation, HoldOut, Update
 
 WITHIN_FLIGHTS: Final = "cross-validated within flights"
@@ -123,6 +124,23 @@ def hold_out_remarks(hold_out: HoldOut, within_flights: bool = False) -> list[st
             " identification, and prove nothing."
         ],
     }[hold_out.kind]
+
+
+def left_out_remarks(left_out: Mapping[str, Sequence[str]], labels: Mapping[str, str]) -> list[str]:
+    """Remarks on flights of which axes were left out because their thrust is not known, one for
+    each set of axes.
+
+    left_out : flight (id) -> axes. labels : flight (id) -> its name.
+    """
+    flights: dict[tuple[str, ...], list[str]] = {}
+    for flight, axes in left_out.items():
+        flights.setdefault(tuple(axes), []).append(labels.get(flight, flight[:12]))
+    return [
+        f"{', '.join(axes)} of {'flight' if len(names) == 1 else 'flights'} {', '.join(names)} were"
+        " left out: they contain thrust, which [thrust] of the vehicle file says is logged and"
+        f" {'this flight lacks' if len(names) == 1 else 'these flights lack'}; {THRUST_REMEDY}."
+        for axes, names in flights.items()
+    ]
 
 
 def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:

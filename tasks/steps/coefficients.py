@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients import Coefficients, bandwidth_of, total_coefficients
+from aerodb.coefficients import Coefficients, bandwidth_of, thrust_share, total_coefficients
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
@@ -93,6 +93,8 @@ def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
         np.asarray(reference, dtype=np.float64),
         limit,
         notes,
+        thrust_share(flight, vehicle, np.asarray(reference, dtype=np.float64)),
+        tuple(metadata["left_out"]),
     )
 
 
@@ -111,6 +113,7 @@ def _write(path: Path, coefficients: Coefficients, settings: Mapping[str, object
         "axes": axes,
         "moment_reference": fixed,
         "notes": list(coefficients.notes),
+        "left_out": list(coefficients.left_out),
         **settings,
     }
     write_results(path, table, metadata)

@@ -35,8 +35,8 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     """Compare a flight (its id) with a version (its id), and store the result.
 
     Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma),
-    notes; or flight, key None and the reason if no comparison is possible. The flight stays stored
-    in both cases.
+    notes, left_out (axes that contain a thrust that the flight lacks); or flight, key None and the
+    reason if no comparison is possible. The flight stays stored in both cases.
     """
     access = access_workspace(workspace)
     try:
@@ -45,7 +45,13 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
         return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
     comparison = loaded.comparison
     axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
-    return {"flight": flight, "key": loaded.key, "axes": axes, "notes": list(comparison.notes)}
+    return {
+        "flight": flight,
+        "key": loaded.key,
+        "axes": axes,
+        "notes": list(comparison.notes),
+        "left_out": list(comparison.left_out),
+    }
 
 
 def load_comparison(

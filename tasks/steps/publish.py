@@ -20,7 +20,7 @@ from aerodb.exchange import (
 )
 from aerodb.increments import AxisValidation, Update, sign_reasons
 from aerodb.loop import Accept, Library, LoopResult
-from aerodb.report import hold_out_remarks, loop_document, update_document
+from aerodb.report import hold_out_remarks, left_out_remarks, loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
 from aerodb.support import canonical_json, version_id
@@ -125,7 +125,10 @@ def publish_candidate(
         proof=proof,
     )
     signs = sign_reasons(access.database(plan.baseline), update.candidate)
-    document["remarks"] += [f"The gate will refuse this version: {reason}." for reason in signs]
+    document["remarks"] += [
+        *_without_thrust(access, plan),
+        *(f"The gate will refuse this version: {reason}." for reason in signs),
+    ]
     settings = {
         "model": plan.model,
         "identified": list(plan.hold_out.identified),
@@ -194,8 +197,11 @@ def publish_loop(
         within_flights=_is_within_flights(plan, loop),
     )
     document["remarks"] += [
-        f"The gate will refuse this version: {reason}."
-        for reason in sign_reasons(loop.baseline, loop.candidate)
+        *_without_thrust(access, plan),
+        *(
+            f"The gate will refuse this version: {reason}."
+            for reason in sign_reasons(loop.baseline, loop.candidate)
+        ),
     ]
     label = None
     if loop.added:
@@ -220,6 +226,11 @@ def publish_loop(
         "label": label,
         "report": _keep_report(access, plan, document, settings, run),
     }
+
+
+def _without_thrust(access: WorkspaceAccess, plan: Plan) -> list[str]:
+    labels = access.catalogue.flight_labels(plan.left_out)
+    return left_out_remarks(plan.left_out, labels)
 
 
 def _is_within_flights(plan: Plan, loop: LoopResult) -> bool:

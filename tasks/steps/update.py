@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any, Final
@@ -39,7 +39,10 @@ _SHOWN: Final = 3
 @dataclass(frozen=True)
 class Plan:
     """Inputs of an update: baseline (id), flights with their roles, and the keys of the
-    comparisons."""
+    comparisons.
+
+    left_out : flight -> its axes that contain a thrust that it lacks.
+    """
 
     vehicle: str
     baseline: str
@@ -47,6 +50,7 @@ class Plan:
     hold_out: HoldOut
     excluded: tuple[tuple[str, str], ...]
     keys: tuple[str, ...]
+    left_out: Mapping[str, tuple[str, ...]]
 
     @property
     def flights(self) -> tuple[str, ...]:
@@ -98,7 +102,12 @@ def plan_update(
         for entry in compared
         if entry["key"] is not None and entry["flight"] not in out
     )
-    return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+    left_out = {
+        entry["flight"]: tuple(entry["left_out"])
+        for entry in compared
+        if entry["flight"] not in out and entry.get("left_out")
+    }
+    return Plan(vehicle, baseline, model, split, tuple(excluded), keys, left_out)
 
 
 def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputError:

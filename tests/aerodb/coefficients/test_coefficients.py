@@ -256,9 +256,10 @@ def test_what_is_missing_is_said_and_the_rest_is_computed(twin_otter):
     forces = total_coefficients(
         _bare({"qbar": 2800.0, "ax": 0.0, "ay": 0.0, "az": -G0, **properties}), twin_otter
     )
-    assert set(forces.values) == {"CX", "CY", "CZ"}
+    assert set(forces.values) == set(forces.usable) == {"CY", "CZ"}
+    assert forces.left_out == ("CX",)
     assert any("p, q, r not logged" in note for note in forces.notes)
-    assert any("thrust is not known" in note for note in forces.notes)
+    assert any(note.startswith("CX left out") for note in forces.notes)
     with pytest.raises(InputError, match="no axis can be computed"):
         total_coefficients(_bare({"qbar": 2800.0, **properties}), twin_otter)
     with pytest.raises(InputError, match="no dynamic pressure"):
