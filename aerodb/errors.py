@@ -6,7 +6,8 @@ about that.
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class AeroError(Exception):
@@ -46,6 +47,36 @@ class StoreBusyError(StoreError):
 
 class GateRefusal(AeroError, RuntimeError):
     """Candidate version refused by the promotion gate."""
+
+
+@contextmanager
+def failing_alone(what: str, where: str) -> Iterator[None]:
+    """Turn a calculation that fails on one input into an InputError, so that no other input is lost
+    with it.
+
+    what : the calculation. where : the input. Errors of the disk, of memory and those that already
+    say what to do pass unchanged.
+    """
+    try:
+        yield
+    except AeroError:
+        raise
+    except _OF_CALCULATION as error:
+        cause = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise InputError(
+            f"{what} failed ({cause})", where, "report it with this log; the flight stays stored"
+        ) from error
+
+
+#: What a calculation raises that meets values it was not made for.
+_OF_CALCULATION = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from .plan import Plan, make_plan
 from .records import records_from_flight
 from .smoother import StateNoise, state_noise_from
 from .verdict import Verdict, judge
-from .whole_flight import Consistent, make_consistent
+from .whole_flight import Consistent, make_consistent, unreadable_document
 
 __all__ = [
     "Calibration",
@@ -26,4 +26,5 @@ __all__ = [
     "make_plan",
     "records_from_flight",
     "state_noise_from",
+    "unreadable_document",
 ]

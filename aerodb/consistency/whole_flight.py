@@ -33,7 +33,7 @@ from aerodb.consistency.sensors import (
     position_against_velocity,
 )
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
-from aerodb.errors import InputError
+from aerodb.errors import InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
@@ -64,7 +64,9 @@ def make_consistent(
 ) -> Consistent:
     """Check and correct one mapped flight, with V, alpha and beta at the CG.
 
-    A flight that lacks the necessary channels gives the verdict "limited"; it raises no error.
+    A flight that lacks the necessary channels, or that the reconstruction cannot bear (such as one
+    that pitches through the vertical), gives the verdict "limited" with the reason; it raises no
+    error.
 
     Parameters
     ----------
@@ -73,13 +75,19 @@ def make_consistent(
     calibration : prior of the sensor parameters; None: the priors of the vehicle file.
     """
     try:
-        records = decimated_records(flight, vehicle)
-        own, plan = estimate_sensors(
-            most_active(records), make_plan(records, vehicle), vehicle.accuracy
-        )
-        known = reconstruct_flight(records, own, plan, calibration)
+        with failing_alone("the reconstruction", f"flight {flight.id}"):
+            return _checked(flight, vehicle, calibration)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
+
+
+def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) -> Consistent:
+    """Result for a flight with all necessary channels; raises InputError where it has not."""
+    records = decimated_records(flight, vehicle)
+    own, plan = estimate_sensors(
+        most_active(records), make_plan(records, vehicle), vehicle.accuracy
+    )
+    known = reconstruct_flight(records, own, plan, calibration)
     drifted: tuple[Drift, ...] = ()
     if calibration is not None:
         sensors = with_vehicle_priors(shared_estimates(own), plan.stated_priors)
@@ -103,6 +111,12 @@ def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
         for fault in detect_faults(record):
             by_channels.setdefault("/".join(fault.channels), []).append(fault)
     return tuple(entries[0] for entries in by_channels.values() if 2 * len(entries) > len(records))
+
+
+def unreadable_document(because: str) -> dict[str, Any]:
+    """The document of a flight that cannot be read: rejected, with the reason."""
+    verdict = Verdict("rejected", (because,), ())
+    return {**as_document(verdict), "checked": False, "because": because, "notes": []}
 
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:

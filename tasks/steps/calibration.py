@@ -5,6 +5,8 @@ from typing import Any
 
 from aerodb.consistency import joint_calibration
 from aerodb.errors import InputError
+from aerodb.storage.workspace_settings import SettingsError
+from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.counting import counted_out
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.workspace_access import access_workspace
@@ -43,13 +45,23 @@ def calibrate(
         if why:
             skipped.append({"flight": id, "reason": why})
             continue
-        flight, _ = load_flight(access, row, run)
-        loaded.append(flight)
+        try:
+            checked = load_consistent(access, row, run).document
+            flight, _ = load_flight(access, row, run)
+        except SettingsError:
+            raise
+        except InputError as error:
+            skipped.append({"flight": id, "reason": str(error)})
+            continue
+        if checked.get("checked"):
+            loaded.append(flight)
+        else:
+            skipped.append({"flight": id, "reason": "; ".join(checked["reasons"])})
     if not loaded:
         raise InputError(
             "no usable flight",
             f"calibration of {vehicle}",
-            "ingest flights that are not rejected",
+            "ingest flights that the consistency check can reconstruct and does not reject",
         )
     span = [
         None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)

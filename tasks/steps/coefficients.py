@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.coefficients import Coefficients, bandwidth_of, thrust_share, total_coefficients
-from aerodb.errors import InputError
+from aerodb.errors import InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
@@ -68,7 +68,8 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
             file_key(path, consistent.key), lambda: _stored(path, flight, vehicle)
         )
         return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
-    coefficients = total_coefficients(flight, vehicle)
+    with failing_alone("the calculation of coefficients", f"flight {row.id}"):
+        coefficients = total_coefficients(flight, vehicle)
     result.keep(run, lambda path: _write(path, coefficients, settings))
     return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
 

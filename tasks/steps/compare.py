@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.coefficients import Comparison, compare
-from aerodb.errors import InputError
+from aerodb.errors import InputError, failing_alone
 from aerodb.estimation import rms
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
@@ -78,15 +78,16 @@ def compare_with_database(
     """
     row = access.catalogue.flight(flight)
     loaded = load_coefficients(access, row, run)
-    comparison = cached(
-        ("comparison", loaded.key, database_document_sha256(database)),
-        lambda: compare(
-            loaded.flight,
-            loaded.coefficients,
-            database,
-            access.vehicle(row.vehicle)[0].reference,
-        ),
-    )
+    with failing_alone(f"the comparison with database {database.name}", f"flight {row.id}"):
+        comparison = cached(
+            ("comparison", loaded.key, database_document_sha256(database)),
+            lambda: compare(
+                loaded.flight,
+                loaded.coefficients,
+                database,
+                access.vehicle(row.vehicle)[0].reference,
+            ),
+        )
     return FlightComparison(loaded.flight, comparison, loaded.key)
 
 

@@ -16,10 +16,13 @@ from aerodb.consistency import (
     from_document,
     make_consistent,
     state_noise_from,
+    unreadable_document,
 )
+from aerodb.errors import InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
+from aerodb.storage.workspace_settings import SettingsError
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
@@ -39,14 +42,29 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
     """Reconstruct a flight (its id) under its calibration, and record the verdict.
 
     A stored result is read back. Returns the document of `aerodb.consistency.whole_flight` with
-    flight and key.
+    flight and key. A flight whose channels cannot be made any more, from its stored log and the
+    vehicle's present file, is rejected with the reason and key None: it stops no other flight.
+
+    Raises SettingsError if settings or the vehicle cannot be used: no flight is at fault.
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
-    loaded = load_consistent(access, row, run)
-    document = loaded.document
+    try:
+        with failing_alone("reading the flight", _name_of(access, row)):
+            loaded = load_consistent(access, row, run)
+        key, document = loaded.key, loaded.document
+    except SettingsError:
+        raise
+    except InputError as error:
+        key, document = None, unreadable_document(str(error))
     access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
-    return {"flight": flight, "key": loaded.key, **document}
+    return {"flight": flight, "key": key, **document}
+
+
+def _name_of(access: WorkspaceAccess, row: FlightRow) -> str:
+    """Name a flight and the file that it came from."""
+    log = access.catalogue.log(row.log_sha256)
+    return f"flight {row.label}" if log is None else f"flight {row.label} ({log.name})"
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:

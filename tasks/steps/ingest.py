@@ -13,7 +13,7 @@ from aerodb.conditioning import (
     suspicion_documents,
     without_wild_points,
 )
-from aerodb.errors import InputError, StoreError
+from aerodb.errors import InputError, StoreError, failing_alone
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
@@ -104,8 +104,11 @@ def store_log(
                     "ingest without --strict to keep what is intact",
                 )
             layout = chosen or choose_mapping(recording, builtin_mappings().values())
-            flight = _mapped(access, recording, layout, vehicle, sha256)
+            with failing_alone("mapping", log):
+                flight = _mapped(access, recording, layout, vehicle, sha256)
             parsed.keep(topics)  # two files with the same bytes may be ingested at once
+        with failing_alone("conditioning", log):
+            conditioning = examined(access, flight, layout)
     except (StoreError, SettingsError):
         raise
     except OSError as error:
@@ -116,7 +119,6 @@ def store_log(
         if sha256:
             _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
-    conditioning = examined(access, flight, layout)
     _keep(access, recording, flight, conditioning, layout, run, name)
     repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
