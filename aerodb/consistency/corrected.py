@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from aerodb.conditioning import bridge
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import Reconstruction
+from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.pressures import (
     HOLES,
     PORTS,
@@ -71,6 +72,7 @@ class Origin(Enum):
     SENSOR = "corrected sensor"
     SENSOR_AND_MOTION = "smoothed: sensor and motion together"
     MOTION = "smoothed: it has no sensor"
+    MOTION_ALONE = "smoothed: motion without its sensor"
     NOT_GIVEN = "not given: it has no sensor"
 
 
@@ -84,7 +86,7 @@ class ChannelSource:
     @property
     def smoothed(self) -> bool:
         """Whether the values are the smoother's."""
-        return self.origin in (Origin.SENSOR_AND_MOTION, Origin.MOTION)
+        return self.origin in (Origin.SENSOR_AND_MOTION, Origin.MOTION, Origin.MOTION_ALONE)
 
     @property
     def text(self) -> str:
@@ -378,9 +380,7 @@ def _choose_source(
     """
     size = float(np.sqrt(np.nanmean(error**2)))
     if own is None:
-        if name == "psi" and not any(
-            entry.parameter.name == "initial_psi" for entry in result.estimates
-        ):
+        if not _estimated_start(result, name):
             size = float("nan")  # its initial value was set, not estimated
         limit = LIMITS * (
             vehicle.accuracy.attitude if name in _ATTITUDE else vehicle.accuracy.flow_angle
@@ -399,6 +399,11 @@ def _choose_source(
     good = flight.usable((name,), despite=IGNORED_FLAGS) & np.isfinite(smooth_channel)
     white = _white(flight, vehicle, name, good)
     apart = float(np.var((own - smooth_channel)[good])) if good.any() else np.inf
+    if result.noise.get(name, 0.0) >= NO_WEIGHT:  # it has left the estimate: the error is its own
+        sensor = float(np.sqrt(apart))
+        better = size < sensor and _estimated_start(result, name)
+        origin = Origin.MOTION_ALONE if better else Origin.SENSOR
+        return _SourceChoice(ChannelSource(origin), sensor, 0.0)
     beside = float(
         np.sqrt(max(apart - white**2 + size**2, 0.0))
     )  # the sensor's noise is in both, with covariance size^2
@@ -406,6 +411,11 @@ def _choose_source(
     if np.hypot(size, beside) < sensor:
         return _SourceChoice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
     return _SourceChoice(ChannelSource(Origin.SENSOR), sensor, beside)
+
+
+def _estimated_start(result: Reconstruction, name: str) -> bool:
+    """Whether the initial value of a heading was estimated; true for every other channel."""
+    return name != "psi" or any(entry.parameter.name == "initial_psi" for entry in result.estimates)
 
 
 def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_]) -> float:

@@ -21,6 +21,9 @@ _WINDY = 5.0
 #: Smallest credible noise of a channel, as a fraction of its accuracy limit.
 TRUST: Final = 0.2
 
+#: Noise (SI) of a channel that has left the estimate: none of its samples weighs anything.
+NO_WEIGHT: Final = 1e4
+
 #: Change of track (rad) needed to separate the wind from an airspeed error.
 TURN: Final = 1.0
 
@@ -41,6 +44,7 @@ class Plan:
     noise_floor : channel -> smallest credible noise (one sigma), SI.
     removed : parameter that was estimated and removed as insignificant -> its estimate and
         standard error before, SI.
+    left_out : channel that has left the estimate -> its rms disagreement before, SI.
     """
 
     free: tuple[str, ...]
@@ -50,6 +54,7 @@ class Plan:
     moving_air: bool = False
     noise_floor: Mapping[str, float] = field(default_factory=dict)
     removed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    left_out: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def priors(self) -> dict[str, float]:
@@ -80,14 +85,26 @@ class Plan:
             ),
         )
 
-    def with_noise_floor(
-        self, noise_floor: Mapping[str, float], because: Sequence[str] = ()
-    ) -> "Plan":
-        """The plan with a noise floor (channel -> one sigma, SI) added, and the reasons for it."""
+    def with_noise_floor(self, noise_floor: Mapping[str, float]) -> "Plan":
+        """The plan with a noise floor (channel -> one sigma, SI) added; a channel that has left the
+        estimate stays out."""
+        added = {name: size for name, size in noise_floor.items() if name not in self.left_out}
+        return replace(self, noise_floor={**self.noise_floor, **added})
+
+    def without_channel(self, name: str, disagreement: float) -> "Plan":
+        """The plan in which a channel has no weight and its own errors are not sought.
+
+        disagreement : rms of its residual while it had weight, SI.
+        """
+        own = [each for each in self.free if channels_of(each) == (name,)]
         return replace(
             self,
-            noise_floor={**self.noise_floor, **noise_floor},
-            not_estimated=(*self.not_estimated, *because),
+            free=tuple(each for each in self.free if each not in own),
+            stated_priors={
+                each: sigma for each, sigma in self.stated_priors.items() if each not in own
+            },
+            noise_floor={**self.noise_floor, name: NO_WEIGHT},
+            left_out={**self.left_out, name: disagreement},
         )
 
     def in_moving_air(self) -> "Plan":
@@ -115,7 +132,8 @@ class Plan:
     def with_calibration(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
         """The plan with the parameters `names` of a calibration whose channels are logged, and
         those for which the vehicle file states a prior."""
-        known = [name for name in names if set(channels_of(name)) & {*INPUTS, *logged}]
+        shown = {*INPUTS, *logged} - set(self.left_out)
+        known = [name for name in names if set(channels_of(name)) & shown]
         own = [
             name
             for name in self.free

@@ -5,7 +5,7 @@ nothing may be identified from the flight. Limited: a channel fails that only so
 reasons name it. Limits and words: docs/reference/conventions.md, "Consistency verdicts".
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -62,7 +62,11 @@ class Verdict:
 
 
 def judge(
-    result: Reconstruction, flight: str, accuracy: Accuracy, faults: Sequence[Fault] = ()
+    result: Reconstruction,
+    flight: str,
+    accuracy: Accuracy,
+    faults: Sequence[Fault] = (),
+    left_out: Mapping[str, float] | None = None,
 ) -> Verdict:
     """The verdict on one flight of a joint reconstruction.
 
@@ -75,17 +79,26 @@ def judge(
     flight : id of the flight to judge.
     accuracy : limits of the vehicle.
     faults : gross faults (`expected.detect_faults`); each rejects the flight.
+    left_out : channel that has left the estimate -> its rms disagreement before, SI. Each limits
+        the flight; nothing else is judged by it.
     """
+    left_out = left_out or {}
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
-    noise = moving_air(paths)
-    checks, words, reasons = [], [], []
+    noise = moving_air(paths, left_out)
+    checks, reasons = [], []
+    words: list[VerdictWord] = []
     for name in dict.fromkeys(name for path in paths for name in path.residuals):
         before, after = (
             _rms(path.before.get(name) for path in paths),
             _rms(path.residuals.get(name) for path in paths),
         )
         limit = _limit(name, accuracy, speed, _mean_pressure(paths))
+        if name in left_out:
+            checks.append(ChannelCheck(name, before, left_out[name], limit, "limited"))
+            words.append("limited")
+            reasons.append(_departure(checks[-1]))
+            continue
         rest = [_judged_rms(path, name, noise.matters) for path in _with(name, paths)]
         check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
         checks.append(check)
@@ -139,13 +152,33 @@ def judge(
     return Verdict(_worst(words), tuple(reasons), tuple(checks), noise)
 
 
-def moving_air(paths: Sequence[ReconstructedPath]) -> ProcessNoise:
+def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = ()) -> ProcessNoise:
     """Whether the air moved in at least a quarter of these records; the figures are those of the
-    worst one."""
-    judged = [_moving(residuals_as_angles(path)) for path in paths]
+    worst one. `left_out`: channels that have left the estimate and prove nothing."""
+    judged = [_moving(_without(residuals_as_angles(path), left_out)) for path in paths]
     worst = max(judged, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
     share = float(np.mean([entry.matters for entry in judged]))
     return worst if share >= LEAST_MOVING else replace(worst, matters=False)
+
+
+def disagreements(
+    paths: Sequence[ReconstructedPath], accuracy: Accuracy
+) -> dict[str, tuple[float, float]]:
+    """Channel with a limit -> rms of its residual, judged as in `judge`, and the limit, SI."""
+    shown = [residuals_as_angles(path) for path in paths]
+    speed = float(np.mean(np.concatenate([path.V for path in shown])))
+    moving, found = moving_air(paths).matters, {}
+    for name in dict.fromkeys(name for path in shown for name in path.residuals):
+        limit = _limit(name, accuracy, speed, _mean_pressure(shown))
+        rest = [_judged_rms(path, name, moving) for path in _with(name, shown)]
+        if rest and np.isfinite(limit):
+            found[name] = (float(np.sqrt(np.mean(np.square(rest)))), limit)
+    return found
+
+
+def _without(path: ReconstructedPath, names: Collection[str]) -> ReconstructedPath:
+    kept = {name: values for name, values in path.residuals.items() if name not in names}
+    return replace(path, residuals=kept)
 
 
 def _moving(path: ReconstructedPath) -> ProcessNoise:
@@ -278,12 +311,21 @@ def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:
 
 
 def _reason(check: ChannelCheck) -> str:
-    angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
-    after, limit = (
-        (np.rad2deg(check.after), np.rad2deg(check.limit)) if angle else (check.after, check.limit)
-    )
-    unit = "deg" if angle else {"qbar": "Pa", "north": "m", "east": "m"}.get(check.channel, "m/s")
+    size, limit = _figures(check)
+    return f"{check.channel} remains {size} from the reconstructed motion; limit {limit}"
+
+
+def _departure(check: ChannelCheck) -> str:
+    size, limit = _figures(check)
     return (
-        f"{check.channel} remains {after:.2g} {unit} from the reconstructed motion; limit"
-        f" {limit:.2g} {unit}"
+        f"{check.channel} has left the estimate: it disagrees with the motion that the other"
+        f" channels show by {size} (rms; limit {limit}); the rest is judged without it"
     )
+
+
+def _figures(check: ChannelCheck) -> tuple[str, str]:
+    """What remains of a channel and its limit, with units."""
+    angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
+    unit = "deg" if angle else {"qbar": "Pa", "north": "m", "east": "m"}.get(check.channel, "m/s")
+    size, limit = (np.rad2deg(value) if angle else value for value in (check.after, check.limit))
+    return f"{size:.2g} {unit}", f"{limit:.2g} {unit}"

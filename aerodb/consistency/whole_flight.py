@@ -92,7 +92,9 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     if calibration is not None:
         sensors = with_vehicle_priors(shared_estimates(own), plan.stated_priors)
         drifted = drift(calibration, sensors.names, sensors.values, sensors.standard_errors)
-    verdict = judge(known.reconstruction, flight.id, vehicle.accuracy, common_faults(records))
+    verdict = judge(
+        known.reconstruction, flight.id, vehicle.accuracy, common_faults(records), plan.left_out
+    )
     values = applied_corrections(known.sensors, plan, calibration)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
@@ -181,6 +183,7 @@ def _document(
         "used": {name: source.text for name, source in corrected.used.items()},
         "estimates": [_estimate(entry, values) for entry in shown],
         "not_estimated": list(plan.not_estimated),
+        "left_out": dict(plan.left_out),
         "removed": [
             {"parameter": name, "value": value, "standard_error": error}
             for name, (value, error) in plan.removed.items()

@@ -325,9 +325,11 @@ def test_ap2_is_rejected_by_command_with_both_reasons(tmp_path: Path, measured: 
 def test_twin_otter_by_command(
     tmp_path: Path, measured: Any, name: str, delay: tuple[str, float, float]
 ) -> None:
-    """The offset of the lateral accelerometer of f1_017 (.113 g, as NASA removed it) within two
-    standard errors, found and applied; air data late by .02-.03 s; neither record is rejected, for
-    a compass alone takes no flight with it."""
+    """The offsets that NASA removed from the lateral accelerometer and the yaw gyro of f1_017 (.113 g
+    and -1.108 deg/s) within two standard errors, found and applied; air data late by .02-.03 s;
+    neither record is rejected, for a compass alone takes no flight with it. In f1_017 it leaves the
+    estimate; in demo, where the wings stay level, nothing else tells the lateral accelerometer from
+    the yaw gyro, and it stays."""
     workspace = _workspace(tmp_path, TWIN_OTTER.read_text())
     path = measured(f"twin_otter/totter_{name}_data.mat")
     (outcome,) = asked(
@@ -345,7 +347,14 @@ def test_twin_otter_by_command(
         offset = estimates["ay_bias"]
         assert offset["applied"]
         assert abs(offset["value"] + 0.11342 * 9.80665) < 2 * offset["standard_error"]
-        assert abs(offset["value"]) > 4 * offset["standard_error"]
+        turn = estimates["r_bias"]
+        assert turn["applied"]
+        assert abs(turn["value"] + np.deg2rad(1.1079)) < 2 * turn["standard_error"]
+        assert turn["standard_error"] < np.deg2rad(0.3)
+    assert list(found["left_out"]) == (["psi"] if name == "f1_017" else [])
+    departed = [reason for reason in found["reasons"] if "psi has left the estimate" in reason]
+    assert len(departed) == (name == "f1_017")
+    assert all("disagrees" in reason and "by 6.1 deg" in reason for reason in departed)
 
 
 @pytest.mark.heavy

@@ -21,6 +21,7 @@ from aerodb.consistency.output_error.posterior import (
     with_calibration,
     with_vehicle_priors,
 )
+from aerodb.consistency.output_error.reconciliation import reconciled
 from aerodb.consistency.output_error.reconstruction import (
     ReconstructedPath,
     Reconstruction,
@@ -56,10 +57,6 @@ TURNS = 10.0
 
 #: Largest number of rounds in which insignificant parameters are removed.
 _ROUNDS = 5
-
-#: Heading residual (rms, rad) beyond which the heading is unusable; noise (rad) that gives it no
-#: weight.
-ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 
 def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
@@ -101,9 +98,9 @@ def estimate_sensors(
 ) -> tuple[Reconstruction, Plan]:
     """Estimate the parameters of a plan and keep the significant ones.
 
-    A heading that does not belong to the motion gets no weight. In moving air, the air data count
-    for as many samples as are independent in their residuals, and their delays and scales are not
-    estimated: the aircraft responds to gusts at once, so that vane and inertial motion agree for
+    A channel that cannot be reconciled with the others leaves the estimate (`reconciled`). In
+    moving air, the air data count for as many samples as are independent in their residuals, and
+    their delays and scales are not estimated: the aircraft responds to gusts at once, so that vane and inertial motion agree for
     another reason than the vane's delay.
 
     Parameters
@@ -118,16 +115,8 @@ def estimate_sensors(
 
     Raises InputError as `reconstruct`.
     """
-    result = solve(records, plan)
-    lost = _rms(result.paths, "psi")
-    if lost > ASTRAY:
-        sentence = (
-            f"heading has no weight: it is {np.rad2deg(lost):.0f} deg (rms) from the reconstructed"
-            " motion"
-        )
-        plan = plan.with_noise_floor({"psi": _NO_WEIGHT}, [sentence])
-        result = solve(records, plan)
-    if moving_air(result.paths).matters:
+    result, plan = reconciled(lambda those: solve(records, those), plan, accuracy)
+    if moving_air(result.paths, plan.left_out).matters:
         plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
         result = solve(records, plan)
     tested = with_vehicle_priors(shared_estimates(result), plan.stated_priors).by_name
@@ -308,11 +297,6 @@ def _inflation(residual: Array) -> float:
     crossing = np.flatnonzero(correlation <= 0)
     stop = int(crossing[0]) if len(crossing) else len(residual)
     return float(max(1.0, 2.0 * correlation[:stop].sum() / correlation[0] - 1.0))
-
-
-def _rms(paths: Sequence[ReconstructedPath], name: str) -> float:
-    values = [path.residuals[name] for path in paths if name in path.residuals]
-    return float(np.sqrt(np.nanmean(np.concatenate(values) ** 2))) if values else 0.0
 
 
 def joint_calibration(

@@ -88,10 +88,23 @@ def shared_estimates(result: Reconstruction) -> SensorEstimates:
 
 
 def with_vehicle_priors(estimates: SensorEstimates, stated: Mapping[str, float]) -> SensorEstimates:
-    """The estimates updated by the vehicle file's priors (name -> one sigma about zero, SI)."""
+    """The estimates updated by the vehicle file's priors (name -> one sigma about zero, SI).
+
+    Where the file states none, the prior is the natural size: what a serviceable sensor may have,
+    not what anybody has measured of this one. A flight that determines a bias (standard error below
+    that size) and finds it beyond speaks for itself: the variance of the prior is then the one that
+    makes the estimate most likely, ``value^2 - standard_error^2``.
+    """
     names = tuple(name for name in estimates.names if name in stated)
-    sigma = np.array([stated[name] for name in names])
+    sigma = np.array([_prior(name, stated[name], *estimates.by_name[name]) for name in names])
     return estimates.updated(names, np.zeros(len(names)), np.diag(sigma**2)) if names else estimates
+
+
+def _prior(name: str, stated: float, value: float, error: float) -> float:
+    """Standard deviation of the prior of a parameter with this estimate, SI."""
+    size, square = parameter(name).size, value**2 - error**2
+    speaks = stated == size and error < size and square > size**2
+    return float(np.sqrt(square)) if speaks else stated
 
 
 def with_calibration(estimates: SensorEstimates, calibration: Calibration) -> SensorEstimates:
@@ -188,11 +201,15 @@ def _both(angle: str) -> tuple[str, str]:
     return ("alpha", "beta") if angle == "alpha" else ("beta", "alpha")
 
 
-def _worthwhile_error(name: str, plan: Plan) -> float:
+def _worthwhile_error(name: str, value: float, error: float, plan: Plan) -> float:
     """Standard error from which on an estimate is not applied; half as much where the prior is only
-    the natural size."""
-    stated = plan.stated_priors.get(name, np.inf)
-    return WORTH * stated * (1.0 if stated < parameter(name).size else 0.5)
+    the natural size, unless the flight has found the parameter beyond that size."""
+    stated, size = plan.stated_priors.get(name, np.inf), parameter(name).size
+    if stated < size:
+        return WORTH * stated
+    if stated == size and error < size < abs(value):
+        return WORTH * abs(value)
+    return 0.5 * WORTH * stated
 
 
 def applied_corrections(
@@ -209,6 +226,6 @@ def applied_corrections(
         for name, (value, error) in estimates.by_name.items()
         if name in known
         or abs(value) > SIGNIFICANT * error
-        or error < _worthwhile_error(name, plan)
+        or error < _worthwhile_error(name, value, error, plan)
     }
     return {**{name: value for name, (value, _) in known.items()}, **worth}

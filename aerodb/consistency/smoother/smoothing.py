@@ -15,6 +15,7 @@ import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import ReconstructedPath, Reconstruction, inertial_noise
+from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.sensors import Parameter, earth_to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
@@ -150,7 +151,7 @@ def smooth_flight(
     generator = np.random.default_rng(seed)
     paths, total = [], 0.0
     for path in own:  # one system at a time: together they need more memory than the flight
-        system = path_error(path, values, free, coarse, _duplicate_channels(path))
+        system = path_error(path, values, free, coarse, _unused_channels(result, path))
         smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
         paths.append(smoothed)
         total += likelihood
@@ -176,7 +177,7 @@ def intensities_of(
     for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
         free, values, _ = _parameters(result, own[number].record.flight, fixed)
         systems.append(
-            path_error(own[number], values, free, coarse, _duplicate_channels(own[number]))
+            path_error(own[number], values, free, coarse, _unused_channels(result, own[number]))
         )
     return estimate_intensities(systems, noise_floor)
 
@@ -205,14 +206,16 @@ def _parameters(
     return [entry.parameter for entry in chosen.values()], values, list(chosen)
 
 
-def _duplicate_channels(path: ReconstructedPath) -> tuple[str, ...]:
-    """Channels to leave out: the dynamic pressure if its residual repeats that of the airspeed."""
+def _unused_channels(result: Reconstruction, path: ReconstructedPath) -> tuple[str, ...]:
+    """Channels to leave out: those that have left the estimate, and the dynamic pressure if its
+    residual repeats that of the airspeed."""
+    gone = tuple(name for name in path.residuals if result.noise.get(name, 0.0) >= NO_WEIGHT)
     if not {"V", "qbar"} <= set(path.residuals):
-        return ()
+        return gone
     both = np.stack([path.residuals["V"], path.residuals["qbar"]])
     both = both[:, np.isfinite(both).all(axis=0)]
     alike = both.shape[1] >= 8 and abs(float(np.asarray(np.corrcoef(both))[0, 1])) > _ONE_SENSOR
-    return ("qbar",) if alike else ()
+    return (*gone, "qbar") if alike else gone
 
 
 def _root(covariance: Array) -> Array:
