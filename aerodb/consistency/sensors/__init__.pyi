@@ -18,6 +18,7 @@ from .prediction import (
     corrected_inputs,
     delayed,
     earth_to_body,
+    outputs_along,
     predict_outputs,
 )
 from .whiteness import CALM_GUST_SPEED, ProcessNoise, process_noise, residual_noise
@@ -43,6 +44,7 @@ __all__ = [
     "earth_to_body",
     "flow_against_velocity",
     "installation_from_vehicle",
+    "outputs_along",
     "parameter",
     "position_against_velocity",
     "predict_outputs",

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.consistency.kinematics import INPUTS, STATES, integrate
+from aerodb.consistency.kinematics import INPUTS, STATES, STEEPEST, integrate
 from aerodb.consistency.sensors.models import Installation, SensorModels
 from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
@@ -192,6 +192,64 @@ def predict_outputs(
         full,
         np.stack([path.along(part) for part in sight.air]),
     )
+
+
+def outputs_along(
+    record: Record, values: Mapping[str, float], states: Array, slopes: bool = True
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Sensor outputs along known states, and their derivatives by these, without delays.
+
+    Parameters
+    ----------
+    record : n samples, of which the inputs' rates are used, with the outputs that are wanted.
+    values : parameter name -> value, SI; delays are not applied.
+    states : (9, n), order of `kinematics.STATES`.
+    slopes : whether to compute derivatives.
+
+    Returns
+    -------
+    outputs : channel -> (n,), SI.
+    by_state : channel -> (n, 9); empty without slopes.
+
+    Raises InputError where the pitch attitude comes too close to +-90 deg.
+    """
+    steep = ~(np.abs(states[4]) < STEEPEST)
+    if steep.any():
+        raise InputError(
+            f"the pitch attitude leaves +-{np.rad2deg(STEEPEST):.0f} deg at sample"
+            f" {int(np.argmax(steep))}",
+            record.name,
+            "leave that part out",
+        )
+    n = states.shape[1]
+    inputs = corrected_inputs(record, values)
+    rates = tuple(Signal(inputs[:, number], {}) for number in (3, 4, 5))
+    sight = SensorModels(
+        {
+            name: Signal(states[number], {name: 1.0} if slopes else {})
+            for number, name in enumerate(STATES)
+        },
+        (rates[0], rates[1], rates[2]),
+        values,
+        frozenset(),
+        record.arm,
+        record.installation,
+        record.gravity,
+        record.density,
+        record.pressure,
+    )
+    outputs, by_state = {}, {}
+    for name in record.outputs:
+        true = sight.channel(name)
+        gain = 1.0 + values.get(f"{name}_scale", 0.0)
+        pivot = record.pivot.get(name, 0.0)
+        shown = gain * (true.value - pivot) + pivot + values.get(f"{name}_bias", 0.0)
+        outputs[name] = np.broadcast_to(shown, (n,))
+        if slopes:
+            by_state[name] = np.zeros((n, 9))
+            for state, part in true.by.items():
+                by_state[name][:, STATES.index(state)] = gain * part
+    return outputs, by_state
 
 
 def _full(value: Array | float, path: "_Path") -> Array:

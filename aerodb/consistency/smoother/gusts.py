@@ -11,8 +11,10 @@ after MIL-F-8785C (1980), 3.7, scale lengths of 200 m, and near-isotropic intens
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from aerodb.consistency.smoother.kalman import Score, SmootherPass, Transition, smooth
@@ -52,6 +54,22 @@ _FAINT = 1e-9
 
 #: Largest number of iterations, and the gain of log-likelihood that ends the search.
 _PASSES, _ENOUGH = 60, 0.01
+
+#: Largest number of iterations on the fine grid after a search on a coarse one.
+_POLISH = 15
+
+#: Step of the grid on which the intensities are searched, s: it holds frequencies up to 2.5 Hz,
+#: while gusts act below 2 Hz and drifts far below; faster noise is known from single samples.
+SEARCH_STEP: Final = 0.2
+
+#: Fewest such steps of a record; shorter ones are searched on the smoother's own grid.
+_FEWEST_STEPS = 40
+
+
+def worth_a_coarse_search(durations: Sequence[float], coarse: float) -> bool:
+    """Whether the intensities of records of these durations [s] are first searched on a grid of
+    `SEARCH_STEP` instead of `coarse` [s]."""
+    return 2.0 * coarse < SEARCH_STEP and min(durations) >= _FEWEST_STEPS * SEARCH_STEP
 
 
 @dataclass(frozen=True)
@@ -116,7 +134,9 @@ def _markov(by: Intensities) -> tuple[Array, Array]:
 
 
 def estimate_intensities(
-    systems: Sequence[PathError], floor: Mapping[str, float] | None = None
+    systems: Sequence[PathError],
+    floor: Mapping[str, float] | None = None,
+    coarser: Sequence[PathError] = (),
 ) -> Intensities:
     """Estimate the intensities of one flight from some of its records, with an exact gradient.
 
@@ -128,31 +148,127 @@ def estimate_intensities(
     ----------
     systems : linear systems of the records.
     floor : channel -> smallest credible noise (one sigma) of a sample, SI.
+    coarser : the same records on a coarser grid: the search is made there, and only its last
+        `_POLISH` steps on `systems`.
     """
-    names = tuple(dict.fromkeys(name for system in systems for name in _counting(system)))
-    speed = float(
-        np.mean([np.sqrt(np.sum(system.states[:3] ** 2, axis=0)).mean() for system in systems])
-    )
-    white = np.array([_white(systems, name) for name in names])
-    known = np.array([(floor or {}).get(name, 0.0) / np.sqrt(systems[0].size) for name in names])
-    least = np.maximum(white[:, 1], known)
-    start = np.log(
-        np.r_[
-            _LIGHT, _LIGHT, _LENGTH / speed, _LENGTH / speed, _DRIFT, np.maximum(white[:, 0], known)
-        ]
-    )
-    span = np.r_[_SPAN[:6], np.full(len(names), _SPAN[6])]
-    low, high = start - span, start + span
-    low[6:] = np.log(least)
-    optimum = _most_likely(systems, names, start, low, high)
-    by = _intensities(optimum, names)
-    slow = _slowest(systems, by, names)
+    first = _Search.of(coarser or systems, floor)
+    optimum = first.most_likely()
+    slow = _slowest(first.systems, _intensities(optimum, first.names), first.names)
     coloured = slow > _COLOURED * np.exp(optimum[6:])
     if coloured.any():
-        low[6:] = np.where(coloured, np.log(slow), low[6:])
-        start[6:], high = np.where(coloured, np.log(slow), optimum[6:]), np.maximum(high, low + 1.0)
-        by = _intensities(_most_likely(systems, names, start, low, high), names)
-    return by
+        noise = np.where(coloured, np.log(slow), optimum[6:])
+        first = first.bounded(np.r_[first.start[:6], noise], coloured)
+        optimum = first.most_likely()
+    if coarser:
+        shorter = 0.5 * np.log(coarser[0].size / systems[0].size)
+        start = np.r_[optimum[:6], optimum[6:] + shorter]
+        last = _Search.of(systems, floor).bounded(start, coloured)
+        optimum = last.most_likely(_POLISH)
+    return _intensities(optimum, first.names)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A search for the most likely intensities: records, channels, and the start and bounds of the
+    logarithms."""
+
+    systems: Sequence[PathError]
+    names: tuple[str, ...]
+    start: Array
+    low: Array
+    high: Array
+    expected: Array
+
+    @classmethod
+    def of(cls, systems: Sequence[PathError], floor: Mapping[str, float] | None) -> "_Search":
+        """The search from what is expected beforehand and from the white noise."""
+        names = tuple(dict.fromkeys(name for system in systems for name in _counting(system)))
+        speed = float(
+            np.mean([np.sqrt(np.sum(system.states[:3] ** 2, axis=0)).mean() for system in systems])
+        )
+        white = np.array([_white(systems, name) for name in names])
+        root = np.sqrt(systems[0].size)
+        known = np.array([(floor or {}).get(name, 0.0) / root for name in names])
+        noise = np.maximum(white[:, 0], known)
+        start = np.log(
+            np.r_[_LIGHT, _LIGHT, _LENGTH / speed, _LENGTH / speed, _DRIFT, noise],
+        )
+        span = np.r_[_SPAN[:6], np.full(len(names), _SPAN[6])]
+        low, high = start - span, start + span
+        low[6:] = np.log(np.maximum(white[:, 1], known))
+        expected = np.r_[np.log([_LIGHT]), 0.0, start[2], 0.0, np.log(_DRIFT)]
+        return cls(systems, names, start, low, high, expected)
+
+    def bounded(self, start: Array, coloured: NDArray[np.bool_]) -> "_Search":
+        """From another start, and with the noise of coloured channels no smaller than there."""
+        low = self.low.copy()
+        low[6:] = np.where(coloured, start[6:], low[6:])
+        high = np.maximum(self.high, low + 1.0)
+        return replace(self, start=np.clip(start, low, high), low=low, high=high)
+
+    def cost(self, vector: Array) -> tuple[float, Array]:
+        """Negative logarithm of the posterior density, and its gradient."""
+        by = _intensities(vector, self.names)
+        value, slope = _expectation(vector, self.expected)
+        for system in self.systems:
+            result = smooth(
+                transition(system, by),
+                system.residual[:, :, None],
+                measurement_variances(system, by),
+                system.observation,
+                False,
+            )
+            value -= result.log_likelihood
+            slope -= _slope(system, by, result.score, self.names)
+        return value, slope
+
+    def most_likely(self, passes: int = _PASSES) -> Array:
+        """Logarithms of the intensities that maximise the posterior, within bounds."""
+        # in units of about one standard error each, so that a quasi-Newton search needs few steps
+        unit = 1.0 / np.sqrt(1.0 + self._expected_information())
+
+        def scaled(vector: Array) -> tuple[float, Array]:
+            value, slope = self.cost(self.start + unit * vector)
+            return value, unit * slope
+
+        at_start = scaled(np.zeros(len(unit)))
+        gain = _ENOUGH / max(abs(at_start[0]), 1.0)
+        limits = [(low, high) for low, high in zip(*self._limits(unit), strict=True)]
+
+        def known_at_start(vector: Array) -> tuple[float, Array]:
+            return scaled(vector) if vector.any() else at_start
+
+        optimum = minimize(
+            known_at_start,
+            np.zeros(len(unit)),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
+            options={"maxiter": passes, "ftol": gain},
+        )
+        found = np.round(self.start + unit * optimum.x, 3)
+        # finer than the data determine, coarser than rounding errors
+        return np.asarray(np.clip(found, self.low, self.high))
+
+    def _limits(self, unit: Array) -> tuple[list[float], list[float]]:
+        low, high = (self.low - self.start) / unit, (self.high - self.start) / unit
+        return low.tolist(), high.tolist()
+
+    def _expected_information(self) -> Array:
+        """About the Fisher information of the logarithms: 2 n for the noise of n measurements, as
+        many independent values as correlation times for gusts, one per record for drifts."""
+        measured = [
+            sum(
+                float(np.count_nonzero(system.count[:, system.channels.index(name)]))
+                for system in self.systems
+                if name in system.channels
+            )
+            for name in self.names
+        ]
+        duration = sum(len(system.at) * system.step for system in self.systems)
+        gusts = 0.5 * duration / float(np.exp(self.expected[2]))
+        drifts = np.full(2, float(len(self.systems)))
+        return np.r_[np.full(4, gusts), drifts, 2.0 * np.array(measured)]
 
 
 def with_missing_noise(by: Intensities, system: PathError) -> Intensities:
@@ -218,55 +334,13 @@ def residual_after_smoothing(
     return measured - np.asarray(np.einsum("gcm,gm->gc", observation, error))
 
 
-def _most_likely(
-    systems: Sequence[PathError], names: Sequence[str], start: Array, low: Array, high: Array
-) -> Array:
-    """Logarithms of the intensities that maximise the posterior, within bounds."""
-    expected = np.r_[np.log([_LIGHT]), 0.0, start[2], 0.0, np.log(_DRIFT)]
-
-    def cost(vector: Array) -> tuple[float, Array]:
-        by = _intensities(vector, names)
-        value, slope = _expectation(vector, expected)
-        for system in systems:
-            result = smooth(
-                transition(system, by),
-                system.residual[:, :, None],
-                measurement_variances(system, by),
-                system.observation,
-                False,
-            )
-            value -= result.log_likelihood
-            slope -= _slope(system, by, result.score, names)
-        return value, slope
-
-    at_start = cost(start)
-    gain = _ENOUGH / max(abs(at_start[0]), 1.0)
-    limits = list(zip(low, high, strict=True))
-
-    def known_at_start(vector: Array) -> tuple[float, Array]:
-        return at_start if np.array_equal(vector, start) else cost(vector)
-
-    optimum = minimize(
-        known_at_start,
-        start,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=limits,
-        options={"maxiter": _PASSES, "ftol": gain},
-    )
-    return np.asarray(
-        np.clip(np.round(optimum.x, 3), low, high)
-    )  # finer than the data determine, coarser than rounding errors
-
-
 def adapted_gusts(by: Intensities, result: SmootherPass) -> Intensities:
     """The intensities with the gusts of one record: one expectation-maximisation step from those of
-    its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982)."""
-    square = np.mean(
-        result.states[:, GUST, 0] ** 2
-        + np.diagonal(result.covariance[:, GUST, GUST], axis1=1, axis2=2),
-        axis=0,
-    )
+    its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982).
+
+    result : a pass with the variances of `GUST`.
+    """
+    square = np.mean(result.states[:, GUST, 0] ** 2 + result.variance, axis=0)
     horizontal, vertical = float(np.sqrt(square[:2].mean())), float(np.sqrt(square[2]))
     return replace(by, gusts=replace(by.gusts, horizontal=horizontal, vertical=vertical))
 

@@ -57,7 +57,8 @@ class Score:
 class SmootherPass:
     """Result of one pass of the smoother.
 
-    states : (n, m, k), smoothed. covariance : (n, m, m), of the smoothed states.
+    states : (n, m, k), smoothed. covariance : (n, m, m), of the smoothed states. variance : (n, q),
+        of the q states that it was asked for.
     innovations : (n, c), of the first right-hand side, in units of their standard deviation (nan:
         no measurement).
     log_likelihood : of the first right-hand side. score : its derivatives.
@@ -65,6 +66,7 @@ class SmootherPass:
 
     states: Array
     covariance: Array
+    variance: Array
     innovations: Array
     log_likelihood: float
     score: Score
@@ -76,6 +78,7 @@ def smooth(
     variance: Array,
     observation: Array,
     covariances: bool = True,
+    variances: slice = slice(0, 0),
 ) -> SmootherPass:
     """Smooth k right-hand sides that share their gains.
 
@@ -86,6 +89,7 @@ def smooth(
     variance : (n, c), variance of their noise; zero or less where there is no measurement.
     observation : (n, c, m), observation matrix.
     covariances : whether to compute `covariance`; without, it is empty and the pass is faster.
+    variances : the states whose variances alone are computed, which costs little.
 
     References
     ----------
@@ -101,17 +105,47 @@ def smooth(
         measured, variance, observation, filtered, known, gain, spread, error,
     )  # fmt: skip
     states, after = np.empty((n, m, k)), np.empty((n if covariances else 0, m, m))
+    first, count = variances.start, variances.stop - variances.start
+    own = np.empty((n if count else 0, count))
     sums, by_channel = np.zeros((3, m)), np.zeros(c)
     _backward(
         model.rows, model.columns, model.values, model.diagonal,
         variance, observation, filtered, known, gain, spread, error,
-        states, after, sums, by_channel,
+        states, after, own, first, sums, by_channel,
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
     return SmootherPass(
-        states, after, innovations, float(total), Score(sums[0], sums[1], sums[2], by_channel)
+        states,
+        after,
+        own,
+        innovations,
+        float(total),
+        Score(sums[0], sums[1], sums[2], by_channel),
     )
+
+
+def propagate(model: Transition, states: Array) -> None:
+    """Add to each of the states (n, m, k), in place, F times the one before."""
+    _propagate(model.rows, model.columns, model.values, model.diagonal, states)
+
+
+@njit(cache=True)
+def _propagate(
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    values: Array,
+    diagonal: Array,
+    states: Array,
+) -> None:
+    n, m, k = states.shape
+    for i in range(1, n):
+        for a in range(m):
+            for q in range(k):
+                states[i, a, q] += diagonal[a] * states[i - 1, a, q]
+        for e in range(rows.shape[0]):
+            for q in range(k):
+                states[i, rows[e], q] += values[i - 1, e] * states[i - 1, columns[e], q]
 
 
 @njit(cache=True)
@@ -295,7 +329,8 @@ def _adjoint_measurements(
 def _backward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array,
-    error: Array, states: Array, after: Array, sums: Array, by_channel: Array,
+    error: Array, states: Array, after: Array, own: Array, first: int, sums: Array,
+    by_channel: Array,
 ) -> None:  # fmt: skip
     """Backward pass of the smoother: fills states, covariances and the sums of the score."""
     n, m, k = filtered.shape
@@ -319,6 +354,14 @@ def _backward(
             states[i, :, q] = column
         if after.shape[0] > 0:
             _posterior(p, load, half, turned, after[i])
+        for d in range(own.shape[1] if own.shape[0] > 0 else 0):
+            # p - p load p of one state
+            own[i, d] = p[first + d, first + d]
+            for b in range(m):
+                tied = 0.0
+                for a in range(m):
+                    tied += load[b, a] * p[first + d, a]
+                own[i, d] -= tied * p[first + d, b]
         for a in range(m):
             column[a] = pull[a, 0] * states[i, a, 0]
         for b in range(m):

@@ -24,6 +24,7 @@ from aerodb.consistency.sensors import (
     Record,
     delays_of,
     earth_to_body,
+    outputs_along,
     parameter,
     predict_outputs,
 )
@@ -40,9 +41,6 @@ COARSE = 0.05
 #: The sensors are linearised again if the linearisation error exceeds this fraction of their noise
 #: (rms).
 _BENT = 0.1
-
-#: Finite-difference steps of the sensor models: rad, m/s, m.
-_NUDGE = ((ATTITUDE, 1e-6), (VELOCITY, 1e-4), (POSITION, 1e-2))
 
 
 @dataclass(frozen=True)
@@ -130,7 +128,10 @@ def path_error(
     prompt = {name: value for name, value in values.items() if not name.endswith("_delay")}
     names = tuple(record.outputs)
     winds = [parameter(f"wind_{axis}", record.flight) for axis in ("north", "east", "down")]
-    by_wind = predict_outputs(grid_record, prompt, path.states[:, at[0]], winds).slopes
+    # a few points tell which channels the wind acts on
+    few = at[:: max(1, g // 8)]
+    brief = _thinned(record, few, size, np.asarray(path.states[:, few]))
+    by_wind = predict_outputs(brief, prompt, path.states[:, few[0]], winds).slopes
     air = tuple(bool(np.abs(by_wind[name]).max() > 0) for name in names)
     residual, count = _blocked_residuals(path, names, values, size, g)
     count[:, [name in unused for name in names]] = 0.0
@@ -170,57 +171,74 @@ def path_error(
 
 
 def predicted_outputs(system: PathError, error: Array) -> Array:
-    """(b, g, c) sensor outputs without delays, along the path corrected by b sets of error states
-    (b, g, m)."""
-    sets, g, m = error.shape
-    flat = error.reshape(sets * g, m)
-    states = apply_error(np.tile(system.states, sets), flat)
-    grid_record = _with_samples(
-        system.grid_record, lambda values: np.tile(values, (sets,) + (1,) * (values.ndim - 1))
-    )
-    still = dict(zip(STATES, states, strict=True))
-    ridden = np.einsum("ijn,nj->in", earth_to_body(states), flat[:, GUST])
-    moving = {
-        **still,
-        **{name: still[name] - gust for name, gust in zip("uvw", ridden, strict=True)},
-    }
-    result = np.empty((sets * g, len(system.channels)))
-    for given, in_air in ((moving, True), (still, False)):
+    """(g, c) sensor outputs without delays, along the path corrected by error states (g, m)."""
+    return _outputs(system, error, slopes=False)[0]
+
+
+def _outputs(system: PathError, error: Array, slopes: bool = True) -> tuple[Array, Array]:
+    """Sensor outputs (g, c) without delays, and their derivatives (g, c, 9) by the states; those of
+    the air data are by the motion relative to the gusts."""
+    states = apply_error(system.states, error)
+    ridden = np.einsum("ijn,nj->in", earth_to_body(states), error[:, GUST])
+    in_gusts = states.copy()
+    in_gusts[:3] -= ridden
+    g, c = len(error), len(system.channels)
+    result, by_state = np.empty((g, c)), np.zeros((g, c if slopes else 0, 9))
+    for moving, in_air in ((in_gusts, True), (states, False)):
         names = [
             name for name, flag in zip(system.channels, system.air, strict=True) if flag is in_air
         ]
-        if names:
-            record = replace(
-                grid_record,
-                given=given,
-                outputs={name: grid_record.outputs[name] for name in names},
-            )
-            outputs = predict_outputs(
-                record, system.prompt_values, states[:, 0], (), slopes=False
-            ).outputs
-            for name in names:
-                result[:, system.channels.index(name)] = outputs[name]
-    return result.reshape(sets, g, len(system.channels))
+        record = replace(
+            system.grid_record,
+            outputs={name: system.grid_record.outputs[name] for name in names},
+        )
+        outputs, along = outputs_along(record, system.prompt_values, moving, slopes)
+        for name in names:
+            column = system.channels.index(name)
+            result[:, column] = outputs[name]
+            if slopes:
+                by_state[:, column] = along[name]
+    return result, by_state
 
 
 def _sensitivity(system: PathError, error: Array) -> tuple[Array, Array]:
     """Outputs (g, c) at the error states (g, m), and their derivatives (g, c, m) by these.
 
-    No output depends on the drifts.
+    A change of the attitude error e by de turns the corrected attitude by ``w = J(e) de`` about the
+    earth's axes, with J the left Jacobian of the rotation vector. As ``v = R' (Exp(e) v_path + s)``
+    in body axes, it changes v by ``R' (s x w)``, and likewise the motion relative to the gusts by
+    ``R' ((s - gust) x w)``. No output depends on the drifts.
     """
     g, m = error.shape
-    nudges = [
-        (state, size) for part, size in _NUDGE for state in range(part.start, min(part.stop, m))
-    ]
-    moved = np.repeat(error[None], len(nudges) + 1, axis=0)
-    for number, (state, size) in enumerate(nudges, start=1):
-        moved[number, :, state] += size
-    here, *there = predicted_outputs(system, moved)
+    here, by_state = _outputs(system, error)
+    states = apply_error(system.states, error)
+    body = np.moveaxis(earth_to_body(states), 2, 0)
+    turn = _left_jacobian(error[:, ATTITUDE].T)
     observation = np.zeros((g, len(system.channels), m))
-    for (state, size), nudged in zip(nudges, there, strict=True):
-        observation[:, :, state] = _circular(nudged - here, system.channels) / size
+    over_earth = by_state[:, :, :3] @ body
+    observation[:, :, VELOCITY] = over_earth
+    if m > POSITION.start:
+        observation[:, :, POSITION] = by_state[:, :, 6:] * np.array([1.0, 1.0, -1.0])
+    observation[:, :, ATTITUDE] = by_state[:, :, 3:6] @ (_euler_by_turn(states) @ body @ turn)
+    along = error[:, VELOCITY], error[:, VELOCITY] - error[:, GUST]
+    for in_air, speed in zip((False, True), along, strict=True):
+        columns = np.flatnonzero(np.array(system.air) == in_air)
+        observation[:, columns, ATTITUDE] += over_earth[:, columns] @ _skew(speed.T) @ turn
     observation[:, system.air, GUST] = -observation[:, system.air, VELOCITY]
     return here, observation
+
+
+def _left_jacobian(turn: Array) -> Array:
+    """(n, 3, 3) of rotation vectors (3, n): the turn per change of the rotation vector."""
+    angle = np.sqrt(np.sum(turn**2, axis=0))
+    skew = _skew(turn)
+    small = angle < 1e-3
+    safe = np.where(small, 1.0, angle)
+    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(
+        np.eye(3) + first[:, None, None] * skew + second[:, None, None] * (skew @ skew)
+    )
 
 
 def delay_of_channel(channel: str, values: Mapping[str, float]) -> float:
@@ -236,7 +254,7 @@ def relinearised(
     Returns measurements (g, c) and the observation matrix (g, c, m). The current `observation`
     (g, c, m) is kept if its linearisation error is small compared with the channels' `noise` (c,).
     """
-    here = predicted_outputs(system, error[None])[0]
+    here = predicted_outputs(system, error)
     step = _circular(here - system.base, system.channels)
     bent = step - np.einsum("gcm,gm->gc", observation, error)
     if np.any(np.sqrt(np.mean(bent**2, axis=0)) > _BENT * noise):

@@ -19,6 +19,7 @@ from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.sensors import Parameter, earth_to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
+    SEARCH_STEP,
     Intensities,
     adapted_gusts,
     estimate_intensities,
@@ -28,8 +29,9 @@ from aerodb.consistency.smoother.gusts import (
     transition,
     variance_within_step,
     with_missing_noise,
+    worth_a_coarse_search,
 )
-from aerodb.consistency.smoother.kalman import SmootherPass, Transition, smooth
+from aerodb.consistency.smoother.kalman import SmootherPass, Transition, propagate, smooth
 from aerodb.consistency.smoother.path_error import (
     COARSE,
     FORCE,
@@ -169,17 +171,24 @@ def intensities_of(
     """Common intensities of gusts, drifts and noise for several flights of a reconstruction (also
     for the wind stretches of one flight).
 
-    They are estimated from a few records spread over all of them. Other parameters and errors as
+    They are estimated from a few records spread over all of them: searched on a grid of
+    `SEARCH_STEP`, with the last steps on that of `coarse`. Other parameters and errors as
     `smooth_flight`.
     """
     own = [path for flight in flights for path in _paths(result, flight)]
-    systems = []
-    for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
-        free, values, _ = _parameters(result, own[number].record.flight, fixed)
-        systems.append(
-            path_error(own[number], values, free, coarse, _unused_channels(result, own[number]))
-        )
-    return estimate_intensities(systems, noise_floor)
+    chosen = np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int))
+    paths = [own[number] for number in chosen]
+
+    def systems(step: float) -> list[PathError]:
+        made = []
+        for path in paths:
+            free, values, _ = _parameters(result, path.record.flight, fixed)
+            made.append(path_error(path, values, free, step, _unused_channels(result, path)))
+        return made
+
+    durations = [len(path.record.inputs) * path.record.step for path in paths]
+    coarser = systems(SEARCH_STEP) if worth_a_coarse_search(durations, coarse) else ()
+    return estimate_intensities(systems(coarse), noise_floor, coarser)
 
 
 def _paths(result: Reconstruction, flight: str) -> list[ReconstructedPath]:
@@ -246,6 +255,8 @@ def _smoothed(
             measured[:, :, None],
             measurement_variances(system, by),
             observation,
+            False,
+            GUST,
         )
         error, by = result.states[:, :, 0], adapted_gusts(by, result)
         measured, observation = relinearised(system, error, observation, by.of(system.channels))
@@ -272,20 +283,19 @@ def _drawn(
 ) -> tuple[Array, Array]:
     """Random states (g, m, d) of the model and the measurements (g, c, d) that they cause."""
     g, c, m = observation.shape
-    states = np.zeros((g, m, draws))
+    if not draws:
+        return np.zeros((g, m, 0)), np.zeros((g, c, 0))
     size = model.block.shape[1]
     power, direction = np.linalg.eigh(model.block)
     root = direction * np.sqrt(np.maximum(power, 0.0))[:, None, :]
-    x = np.sqrt(model.first)[:, None] * generator.standard_normal((m, draws))
-    for i in range(g):
-        states[i] = x
-        if i + 1 < g and draws:
-            moved = model.diagonal[:, None] * x + np.sqrt(model.diagonal_noise)[
-                :, None
-            ] * generator.standard_normal((m, draws))
-            np.add.at(moved, model.rows, model.values[i][:, None] * x[model.columns])
-            moved[:size] += root[i] @ generator.standard_normal((size, draws))
-            x = moved
+    states = np.empty((g, m, draws))
+    states[0] = np.sqrt(model.first)[:, None] * generator.standard_normal((m, draws))
+    # what drives each step, then the steps themselves
+    states[1:] = np.sqrt(model.diagonal_noise)[:, None] * generator.standard_normal(
+        (g - 1, m, draws)
+    )
+    states[1:, :size] += root @ generator.standard_normal((g - 1, size, draws))
+    propagate(model, states)
     return states, observation @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal(
         (g, c, draws)
     )
@@ -363,7 +373,7 @@ def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -
 
 def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
     """Measured minus smoothed outputs, (n,) by channel, at the record's own rate, with delays."""
-    change = predicted_outputs(system, error[None])[0] - system.base
+    change = predicted_outputs(system, error) - system.base
     remaining, n = {}, len(system.path.record.inputs)
     for column, name in enumerate(system.channels):
         turned = (
