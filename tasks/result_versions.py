@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 2,
-    "consistency": 8,
+    "consistency": 9,
     "coefficients": 3,
     "compare": 1,
     "import": 2,

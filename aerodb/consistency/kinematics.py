@@ -186,6 +186,7 @@ def integrate(
     gain: Array | None = None,
     held: bool = False,
     earth: Earth | None = None,
+    every: int = 1,
 ) -> tuple[Array, Array]:
     """States and their sensitivities along a record.
 
@@ -204,6 +205,8 @@ def integrate(
     held : inputs are held until the next sample instead of being linear between samples.
     earth : rotating oblate earth with its local origin; its own gravity replaces `gravity`, and
         rates are relative to inertial space, as gyros measure them. None: flat earth.
+    every : one sample of so many is returned, from the first on; all are integrated. Only for
+        states that are all integrated.
 
     Returns
     -------
@@ -229,7 +232,8 @@ def integrate(
     )
     kind = np.full(start.shape[1], -1, dtype=np.int64) if input_kind is None else input_kind
     scale = np.ones(6) if gain is None else gain
-    states, sensitivity = np.empty((9, n)), np.empty((9, n, start.shape[1]))
+    kept = (n - 1) // every + 1
+    states, sensitivity = np.empty((9, kept)), np.empty((9, kept, start.shape[1]))
     taken = np.zeros(9, dtype=np.bool_) if given is None else np.isfinite(given[0])
     if given is None or not taken.any():
         place = (
@@ -249,6 +253,7 @@ def integrate(
             gravity,
             place,
             held,
+            every,
             states,
             sensitivity,
         )

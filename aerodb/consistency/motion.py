@@ -322,13 +322,13 @@ def _normalise(x: Array, dx: Array) -> None:
 @njit(cache=True)
 def march(
     inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float,
-    gravity: float, earth: Array | None, held: bool, states: Array, sensitivity: Array,
+    gravity: float, earth: Array | None, held: bool, every: int, states: Array, sensitivity: Array,
 ) -> None:  # fmt: skip
     """Integrate by fourth-order Runge-Kutta from x (10,) and dx (10, k).
 
-    Fills states (9, n) and sensitivity (9, n, k), with Euler angles. states[3, 0] and states[5, 0]
-    set the turn in which bank and heading are counted. Without an earth its equations are not
-    compiled: the branch on None is decided by type.
+    Fills states (9, r) and sensitivity (9, r, k), with Euler angles, with one sample of `every`
+    kept. states[3, 0] and states[5, 0] set the turn in which bank and heading are counted. Without
+    an earth its equations are not compiled: the branch on None is decided by type.
     """
     n, columns = inputs.shape[0], kind.shape[0]
     u, stage, slope, total, jacobian = (
@@ -351,7 +351,8 @@ def march(
         dx.ravel(),
     )
     for i in range(n):
-        _keep(x, dx, i, states, sensitivity)
+        if i % every == 0:
+            _keep(x, dx, i // every, states, sensitivity)
         if i == n - 1:
             break
         total[:] = 0.0

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from aerodb.conditioning import bridge
 from aerodb.consistency.calibration import Calibration
+from aerodb.consistency.output_error.gauss_newton import SMALL_GAIN
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
@@ -54,6 +55,10 @@ MOST_STRETCHES, MOST_STRETCHES_JOINT = 8, 48
 #: Gain of log-likelihood required to use a rotating earth: the rates of an attitude reference are
 #: often free of the earth's rate already.
 TURNS = 10.0
+
+#: Gain of log-likelihood per sample below which a first look ends: no residual then changes by more
+#: than its ten-thousandth part (rms).
+LOOK = 1e-4
 
 #: Largest number of rounds in which insignificant parameters are removed.
 _ROUNDS = 5
@@ -100,8 +105,9 @@ def estimate_sensors(
 
     A channel that cannot be reconciled with the others leaves the estimate (`reconciled`). In
     moving air, the air data count for as many samples as are independent in their residuals, and
-    their delays and scales are not estimated: the aircraft responds to gusts at once, so that vane and inertial motion agree for
-    another reason than the vane's delay.
+    their delays and scales are not estimated: the aircraft responds to gusts at once, so that vane
+    and inertial motion agree for another reason than the vane's delay. A first look is enough for
+    these decisions; each further search starts from the one before.
 
     Parameters
     ----------
@@ -115,16 +121,23 @@ def estimate_sensors(
 
     Raises InputError as `reconstruct`.
     """
-    result, plan = reconciled(lambda those: solve(records, those), plan, accuracy)
+    samples = sum(np.isfinite(y).sum() for record in records for y in record.outputs.values())
+
+    def looked(those: Plan) -> Reconstruction:
+        return solve(records, those, least_gain=max(LOOK * samples, SMALL_GAIN))
+
+    result, plan = reconciled(looked, plan, accuracy)
+    near: Reconstruction | None = result
     if moving_air(result.paths, plan.left_out).matters:
         plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
-        result = solve(records, plan)
+        near = None
+    result = solve(records, plan, near=near)
     tested = with_vehicle_priors(shared_estimates(result), plan.stated_priors).by_name
     for _ in range(_ROUNDS):
         kept = plan.only(significant_parameters(result, plan, accuracy))
         if kept.free == plan.free:
             break
-        plan, result = kept, solve(records, kept)
+        plan, result = kept, solve(records, kept, near=result)
     removed = {name: known for name, known in tested.items() if name not in plan.free}
     return result, replace(plan, removed=removed)
 
@@ -180,7 +193,7 @@ def reconstruct_flight(
     fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
     parts = [
-        solve(list(group), plan, winds, fixed)
+        solve(list(group), plan, winds, fixed, own)
         for _, group in groupby(records, key=lambda record: record.flight)
     ]
     return FlightReconstruction(_joined(own, parts, estimates), estimates, held)
@@ -200,6 +213,8 @@ def solve(
     plan: Plan,
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
+    near: Reconstruction | None = None,
+    least_gain: float = SMALL_GAIN,
 ) -> Reconstruction:
     """Reconstruct records with the priors, bounds and noise floor of a plan.
 
@@ -211,6 +226,7 @@ def solve(
     plan : what to estimate.
     free : parameters to estimate instead of those of the plan.
     fixed : other parameters, name -> value, SI.
+    near, least_gain : where the search starts and ends (`reconstruct`).
 
     Raises InputError as `reconstruct`.
     """
@@ -222,6 +238,8 @@ def solve(
         bounds=plan.bounds,
         noise_floor=plan.noise_floor,
         fixed=fixed,
+        near=near,
+        least_gain=least_gain,
     )
 
 

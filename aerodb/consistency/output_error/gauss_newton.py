@@ -1,13 +1,14 @@
 """Minimise the cost of a reconstruction by Gauss-Newton with bounds and Levenberg damping."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import NormalEquations, accumulate
-from aerodb.consistency.sensors import MAX_DELAY, Parameter, Record, unknowns
+from aerodb.consistency.sensors import MAX_DELAY, Parameter, Record, thinned, unknowns
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -25,6 +26,13 @@ _IDLE, NO_GAIN = 4, 1e-2
 #: Damping (fraction of the diagonal) below which a step counts as undamped.
 _LIGHT = 1e-2
 
+#: Interval of the samples that the first steps of a search use, s: the motion is integrated at the
+#: full rate, but the sensors are compared at few points. Fewest such samples of a record.
+THIN_STEP, _FEWEST = 0.2, 50
+
+#: Gain of log-likelihood with which a search over thinned samples ends: it is only a start.
+ROUGH_GAIN = 1.0
+
 #: Default bound of scales: a sensor with a larger scale error measures something else.
 LARGEST_SCALE = 0.5
 
@@ -37,6 +45,7 @@ class Problem:
     items : the unknowns. fixed : other parameters, name -> value, SI.
     prior : (k,), standard deviations about zero (inf: no prior). lower, upper : (k,), bounds.
     noise_floor : channel -> smallest credible noise (one sigma), SI.
+    drivers : the records at full rate, where `records` are thinned.
     """
 
     records: tuple[Record, ...]
@@ -47,9 +56,26 @@ class Problem:
     lower: Array
     upper: Array
     noise_floor: Mapping[str, float]
+    drivers: tuple[Record, ...] | None = None
 
     def sums(self, vector: Array) -> NormalEquations:
-        return accumulate(self.records, self.starts, self.items, vector, self.fixed)
+        return accumulate(self.records, self.starts, self.items, vector, self.fixed, self.drivers)
+
+    def thinned(self) -> "Problem | None":
+        """The problem with samples `THIN_STEP` apart, for the first steps of a search; None where
+        that would lose a channel, or where there is little to save."""
+        every = int(THIN_STEP / self.records[0].step + 1e-9)
+        if every < 2 or any(
+            record.given or len(record.inputs) < every * _FEWEST for record in self.records
+        ):
+            return None
+        records = tuple(thinned(record, every) for record in self.records)
+        for record, whole in zip(records, self.records, strict=True):
+            for name, values in record.outputs.items():
+                left = np.count_nonzero(np.isfinite(values))
+                if 2 * every * left < np.count_nonzero(np.isfinite(whole.outputs[name])):
+                    return None
+        return replace(self, records=records, drivers=self.records)
 
     def cost(self, vector: Array, sums: NormalEquations) -> float:
         return sums.cost(self.noise_floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
@@ -120,9 +146,27 @@ def information(problem: Problem, sums: NormalEquations) -> Array:
     return total
 
 
-def gauss_newton(problem: Problem, vector: Array, sums: NormalEquations) -> Solution:
+def search(problem: Problem, vector: Array, least_gain: float = SMALL_GAIN) -> Solution:
+    """Iterate from `vector` (k,) to convergence, first over thinned samples.
+
+    least_gain : gain of log-likelihood below which a step ends the search.
+    """
+    brief = problem.thinned()
+    if brief is not None:
+        with suppress(InputError):  # no usable sample of a channel is left
+            rough = max(ROUGH_GAIN, least_gain)
+            vector = gauss_newton(brief, vector, brief.sums(vector), rough).vector
+    return gauss_newton(problem, vector, problem.sums(vector), least_gain)
+
+
+def gauss_newton(
+    problem: Problem, vector: Array, sums: NormalEquations, least_gain: float = SMALL_GAIN
+) -> Solution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
-    and fades when it does."""
+    and fades when it does.
+
+    least_gain : gain of log-likelihood below which a step ends the search.
+    """
     damping, cost, idle = 0.0, problem.cost(vector, sums), 0
     size = np.array([item.size for item in problem.items])
     for iteration in range(1, MOST_ITERATIONS + 1):
@@ -148,8 +192,8 @@ def gauss_newton(problem: Problem, vector: Array, sums: NormalEquations) -> Solu
             small = len(go) == 0 or bool(
                 np.max(np.abs(trial[go] - vector[go]) / error) < SMALL_STEP
             )
-            small = small or cost - better < SMALL_GAIN
-            idle = idle + 1 if cost - better < NO_GAIN else 0
+            small = small or cost - better < least_gain
+            idle = idle + 1 if cost - better < max(NO_GAIN, least_gain) else 0
             vector, sums, cost = trial, after, better
             if (small and damping < _LIGHT) or idle == _IDLE:
                 return Solution(vector, sums, True, iteration)

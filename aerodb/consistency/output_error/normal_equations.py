@@ -117,33 +117,40 @@ def accumulate(
     items: Sequence[Parameter],
     vector: Array,
     fixed: Mapping[str, float],
+    drivers: Sequence[Record] | None = None,
 ) -> NormalEquations:
     """Normal equations over all records at the values `vector` (k,) of the unknowns `items`.
 
-    starts : initial states, (9,) each. fixed : other parameters, name -> value, SI. Raises
-    InputError when a channel has no usable sample.
+    starts : initial states, (9,) each. fixed : other parameters, name -> value, SI. drivers : the
+    records at full rate, where `records` are thinned; each sample then counts for those that it
+    stands for. Raises InputError when a channel has no usable sample.
     """
     k = len(items)
     count: dict[str, int] = {}
     squares: dict[str, float] = {}
     information: dict[str, Array] = {}
     gradient: dict[str, Array] = {}
-    for record, start in zip(records, starts, strict=True):
+    for record, start, driver in zip(records, starts, drivers or records, strict=True):
         index = [number for number, item in enumerate(items) if applies_to(item, record)]
         values = record_values(items, vector, record, fixed)
         response = predict_outputs(
-            record, values, first_state(start, values), [items[number] for number in index]
+            record,
+            values,
+            first_state(start, values),
+            [items[number] for number in index],
+            driver=None if drivers is None else driver,
         )
+        weight = round(record.step / driver.step)
         for name, residual in residuals(record, response).items():
             good = usable_samples(record, name, items, values)
             slope, error = response.slopes[name][good], residual[good]
             if name not in count:
                 count[name], squares[name] = 0, 0.0
                 information[name], gradient[name] = np.zeros((k, k)), np.zeros(k)
-            count[name] += len(error)
-            squares[name] += float(error @ error)
-            information[name][np.ix_(index, index)] += cross_product(slope)
-            gradient[name][index] += slope.T @ error
+            count[name] += weight * len(error)
+            squares[name] += weight * float(error @ error)
+            information[name][np.ix_(index, index)] += weight * cross_product(slope)
+            gradient[name][index] += weight * (slope.T @ error)
     empty = [name for name, n in count.items() if n == 0]
     if empty:
         raise InputError(

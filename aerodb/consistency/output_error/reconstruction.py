@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.output_error.gauss_newton import (
+    SMALL_GAIN,
     Problem,
-    gauss_newton,
     information,
     make_problem,
+    search,
 )
+from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.input_noise import drift_information
 from aerodb.consistency.output_error.normal_equations import (
     NormalEquations,
@@ -121,6 +123,8 @@ def reconstruct(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     noise_floor: Mapping[str, float] | None = None,
     starts: Sequence[Array] | None = None,
+    near: Reconstruction | None = None,
+    least_gain: float = SMALL_GAIN,
 ) -> Reconstruction:
     """Estimate sensor errors, winds and initial states of all records together.
 
@@ -135,6 +139,9 @@ def reconstruct(
         `LARGEST_SCALE`.
     noise_floor : channel -> smallest credible noise (one sigma), SI.
     starts : initial states, (9,) each; None: `initial_states.first_states`.
+    near : a reconstruction of some of the same records that is probably close: the search starts
+        there.
+    least_gain : gain of log-likelihood below which a step ends the search.
 
     No parameter is fixed for lack of information: those that the manoeuvres cannot separate need a
     prior, and their standard error then shows it.
@@ -149,6 +156,8 @@ def reconstruct(
     Jategaonkar (2015), Flight Vehicle System Identification, chapters 4 and 10; Morelli & Klein,
     JGCD 20(1), 1997 (covariance for coloured residuals).
     """
+    if starts is None and near is not None:
+        starts = [_first_state(record, fixed or {}, near) for record in records]
     problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
     if not problem.items:
         raise InputError(
@@ -156,8 +165,8 @@ def reconstruct(
             records[0].name,
             "fly manoeuvres that move more",
         )
-    start = np.zeros(len(problem.items))
-    solution = gauss_newton(problem, start, problem.sums(start))
+    start = np.zeros(len(problem.items)) if near is None else _start(problem, near)
+    solution = search(problem, start, least_gain)
     vector, sums = solution.vector, solution.equations
     covariance, white = _covariances(problem, vector, sums)
     estimates = tuple(
@@ -180,6 +189,44 @@ def reconstruct(
     return Reconstruction(
         estimates, covariance, noise, paths, solution.converged, solution.iterations
     )
+
+
+def _first_state(record: Record, fixed: Mapping[str, float], near: Reconstruction) -> Array:
+    """Initial state (9,) of a record: as reconstructed before, otherwise from its first samples,
+    with the wind found before."""
+    for path in near.paths:
+        if path.record.name == record.name:
+            return np.array(path.states[:, 0])
+    return first_states(record, {**_winds(record, near), **fixed})
+
+
+def _winds(record: Record, near: Reconstruction) -> dict[str, float]:
+    """Name -> value of the winds of a record's flight, or of all flights' mean."""
+    own: dict[str, list[float]] = {}
+    every: dict[str, list[float]] = {}
+    for entry in near.estimates:
+        if entry.parameter.kind == "wind":
+            every.setdefault(entry.parameter.name, []).append(entry.value)
+            if entry.parameter.scope == record.flight:
+                own.setdefault(entry.parameter.name, []).append(entry.value)
+    return {name: float(np.mean(values)) for name, values in {**every, **own}.items()}
+
+
+def _start(problem: Problem, near: Reconstruction) -> Array:
+    """(k,) values to start from: those found before; initial states are those of the problem."""
+    known = {
+        entry.parameter.label: entry.value
+        for entry in near.estimates
+        if entry.parameter.kind != "initial"
+    }
+    winds = {record.flight: _winds(record, near) for record in problem.records}
+    vector = np.array(
+        [
+            known.get(item.label, winds.get(item.scope, {}).get(item.name, 0.0))
+            for item in problem.items
+        ]
+    )
+    return np.clip(vector, problem.lower, problem.upper)
 
 
 def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from .prediction import (
     earth_to_body,
     outputs_along,
     predict_outputs,
+    thinned,
 )
 from .whiteness import CALM_GUST_SPEED, ProcessNoise, process_noise, residual_noise
 
@@ -50,5 +51,6 @@ __all__ = [
     "predict_outputs",
     "process_noise",
     "residual_noise",
+    "thinned",
     "unknowns",
 ]

@@ -4,7 +4,7 @@ A sensor shows ``(1 + scale) true(t - delay) + bias``; `models` gives the true q
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -137,6 +137,7 @@ def predict_outputs(
     initial: Array,
     unknowns: Sequence[Parameter],
     slopes: bool = True,
+    driver: Record | None = None,
 ) -> Response:
     """Integrate the path of a record and predict its sensor outputs.
 
@@ -147,12 +148,14 @@ def predict_outputs(
     initial : (9,), initial state.
     unknowns : k parameters of this record by which to differentiate.
     slopes : whether to compute derivatives.
+    driver : the record at its full rate, where `record` holds one of several of its samples
+        (`thinned`): its inputs are integrated. None: the record itself.
 
     Raises InputError when port errors are given without density, or the path leaves all bounds.
     """
     wanted = tuple(unknowns) if slopes else ()
     inputs = corrected_inputs(record, values)
-    path = _path(record, values, initial, wanted, inputs)
+    path = _path(record, values, initial, wanted, inputs, driver)
     sight = SensorModels(
         {
             name: Signal(path.states[number], {name: 1.0} if wanted else {})
@@ -191,6 +194,19 @@ def predict_outputs(
         derivative,
         full,
         np.stack([path.along(part) for part in sight.air]),
+    )
+
+
+def thinned(record: Record, every: int) -> Record:
+    """The record with one sample of `every`, from the first on."""
+    return replace(
+        record,
+        step=record.step * every,
+        inputs=record.inputs[::every],
+        outputs={name: values[::every] for name, values in record.outputs.items()},
+        given={name: values[::every] for name, values in record.given.items()},
+        density=None if record.density is None else record.density[::every],
+        pressure=None if record.pressure is None else record.pressure[::every],
     )
 
 
@@ -324,6 +340,7 @@ def _path(
     initial: Array,
     wanted: Sequence[Parameter],
     inputs: Array,
+    driver: Record | None,
 ) -> _Path:
     """Integrate the path, with sensitivities to those unknowns that move it."""
     columns, kinds, first = [], [], []
@@ -348,9 +365,10 @@ def _path(
         given = np.full((len(inputs), 9), np.nan)
         for name, measured in record.given.items():
             given[:, STATES.index(name)] = measured
+    fine = record if driver is None else driver
     states, along = integrate(
-        inputs,
-        record.step,
+        inputs if driver is None else corrected_inputs(driver, values),
+        fine.step,
         initial,
         record.gravity,
         given,
@@ -359,6 +377,7 @@ def _path(
         gain,
         record.held,
         record.earth,
+        round(record.step / fine.step),
     )
     return _Path(
         states,
