@@ -8,9 +8,9 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
-    "conditioning": 2,
-    "consistency": 9,
-    "coefficients": 3,
+    "conditioning": 3,
+    "consistency": 10,
+    "coefficients": 4,
     "compare": 1,
     "import": 2,
     "update": 5,

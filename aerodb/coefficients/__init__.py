@@ -13,7 +13,8 @@ The way through:
 A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
 (`thrust_share`, THRUST_REMEDY).
 
-`total` holds the coefficients, `thrust` the thrust, `comparison` the comparison.
+`total` holds the coefficients, `angular_acceleration` the choice between logged angular
+accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison.
 """
 
 import lazy_loader as lazy

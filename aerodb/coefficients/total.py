@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from aerodb.coefficients.angular_acceleration import choose_angular_accelerations
 from aerodb.coefficients.thrust import (
     THRUST_REMEDY,
     ThrustShare,
@@ -36,7 +37,7 @@ DEFAULT_BANDWIDTH = 5.0
 #: Dynamic pressure [Pa] below which the aircraft is at rest and the value counts as zero.
 STILL = 1e-6
 
-RateSource = Literal["differentiated", "logged"]
+RateSource = Literal["differentiated", "logged", "chosen"]
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ def total_coefficients(
     Parameters
     ----------
     bandwidth : Hz, of the differentiated rates; None: the vehicle's, else DEFAULT_BANDWIDTH.
-    angular_acceleration : ``differentiated`` from p q r, or ``logged`` as pdot qdot rdot.
+    angular_acceleration : ``differentiated`` from p q r, ``logged`` as pdot qdot rdot as they are,
+        or ``chosen`` by evidence (`choose_angular_accelerations`), at the bandwidth.
 
     Raises InputError where no axis can be computed, and where logged accelerations are missing.
 
@@ -244,7 +246,7 @@ def total_coefficients(
                 f"flight {flight.id}",
                 THRUST_REMEDY,
             )
-    limited = band if angular_acceleration == "differentiated" else None
+    limited = None if angular_acceleration == "logged" else band
     return Coefficients(
         flight.id,
         flight.time,
@@ -282,6 +284,12 @@ def _rates(
         smooth(flight[name], flight.step, band, _declared_noise(vehicle, name)) for name in "pqr"
     ]
     omega = np.column_stack([bridge(flight[name]) for name in "pqr"])
+    if source == "chosen":
+        choice = choose_angular_accelerations(flight, band)
+        if choice.because:
+            notes.append(choice.because)
+        if choice.source == "logged":
+            return _Rates(omega, choice.acceleration, choice.sigma)
     logged = [f"{name}dot" for name in "pqr"]
     if source == "logged":
         lacking = [name for name in logged if name not in flight]

@@ -8,6 +8,7 @@ from .condition import (
     suspicion_documents,
     to_document,
 )
+from .delay import delay_between
 from .differentiation import FEWEST_SAMPLES, bridge, low_passed, smooth
 from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
 from .local_gravity import local_gravity
@@ -40,6 +41,7 @@ __all__ = [
     "bridge",
     "clean_clock",
     "clock_suspicions",
+    "delay_between",
     "examine",
     "fingerprint",
     "first_order_lag",

@@ -27,15 +27,20 @@ def flag_unusable(flight: Flight) -> Flight:
     return flag_on_ground(flag_wild_points(flight))
 
 
-def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
+def examine(
+    flight: Flight,
+    clocks: tuple[Suspicion, ...] = (),
+    span: float | None = None,
+    chord: float | None = None,
+) -> Conditioning:
     """Return the findings on a flight whose unusable samples are flagged.
 
-    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). Delays are
-    estimated over the longest airborne stretch.
+    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). span, chord :
+    of the vehicle [m], where it is known. Delays are estimated over the longest airborne stretch.
     """
     flight_segments = segments(flight)
     return Conditioning(
-        (*clocks, *suspicions(flight)),
+        (*clocks, *suspicions(flight, span, chord)),
         flight_segments,
         delays(flight, during=_longest_in_the_air(flight)),
     )

@@ -30,6 +30,8 @@ LEAST_EXPLAINED = 0.95
 #: Largest deviation from one of a channel's scale relative to its kinematics: beyond it, something
 #: other than a delay is at work.
 SCALE_TOLERANCE = 0.15
+#: Standard errors beyond which a channel that leads its kinematics has another error than a delay.
+EVIDENT = 2.0
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,8 @@ def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[D
 
     alpha and beta must refer to the CG: on an uncorrected boom, the lever arm times q or r looks
     like a delay. They enter their own kinematics weakly; a second pass uses them with the delay
-    removed. A channel whose inputs are missing is returned as not observable.
+    removed. A channel whose inputs are missing, or that leads its kinematics beyond its error, is
+    returned as not observable: no sensor is early.
 
     Parameters
     ----------
@@ -244,6 +247,13 @@ def _channel_delay(
         because = (
             f"its motion is {delay.scale:.2f} times that of the kinematics: something other than a"
             " delay is at work"
+        )
+        return replace(delay, standard_error=float("inf"), observable=False, because=because)
+    if delay.observable and delay.seconds < -EVIDENT * delay.standard_error:
+        because = (
+            f"it seems to lead the motion by {-1e3 * delay.seconds:.0f} +-"
+            f" {1e3 * delay.standard_error:.0f} ms, which no sensor does: look for its time stamps,"
+            " the clock of accelerations and rates, or the position of the sensor"
         )
         return replace(delay, standard_error=float("inf"), observable=False, because=because)
     return delay

@@ -42,6 +42,11 @@ RATE = 10.0
 FEWEST_STAMPS = 10
 #: Largest plausible alpha, beta or theta [rad].
 LARGEST_ANGLE = np.pi / 2 + 0.1
+#: Largest plausible distance of a centre of gravity from its datum [m], which may lie ahead of the
+#: longest aircraft (84 m), and, where the vehicle is known, in spans: slender aircraft are three
+#: spans long.
+FARTHEST, FARTHEST_SPANS = 100.0, 5.0
+_CG = ("cg_x", "cg_y", "cg_z")
 
 
 @dataclass(frozen=True)
@@ -57,10 +62,16 @@ class Suspicion:
     evidence: Mapping[str, float]
 
 
-def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
+def suspicions(
+    flight: Flight, span: float | None = None, chord: float | None = None
+) -> tuple[Suspicion, ...]:
     """Return the likely faults of wiring, sign, unit or declaration; empty for a good record.
 
+    span, chord : of the vehicle, m; None: not known.
+
     The checks:
+
+    - a centre of gravity that no aircraft of this size can have, or that travels by a chord;
 
     - channels without a usable sample at the times of the rates;
     - sensors that do not change while others do;
@@ -73,7 +84,12 @@ def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     """
     hidden = np.uint8(FLAGS["stuck"] | FLAGS["implausible"])
     flight = replace(flight, flags={name: bits & ~hidden for name, bits in flight.flags.items()})
-    listed = [*_without_samples(flight), *_standing_still(flight), *_too_large(flight)]
+    listed = [
+        *_without_samples(flight),
+        *_standing_still(flight),
+        *_too_large(flight),
+        *_impossible_cg(flight, span, chord),
+    ]
     unusable = {suspicion.channel for suspicion in listed}
     channels = {
         name: values for name, values in with_accelerations(flight).items() if name not in unusable
@@ -184,6 +200,33 @@ def _too_large(flight: Flight) -> list[Suspicion]:
             if size > LARGEST_ANGLE:
                 words = f"{name} reaches {size:.3g} rad: it is in degrees, declared as radians"
                 suspicions.append(Suspicion(name, "degrees", words, {"quantile_90": size}))
+    return suspicions
+
+
+def _impossible_cg(flight: Flight, span: float | None, chord: float | None) -> list[Suspicion]:
+    """Return coordinates of the centre of gravity beyond any aircraft of this size, or that travel
+    by more than a chord."""
+    farthest = FARTHEST if span is None else min(FARTHEST, FARTHEST_SPANS * span)
+    suspicions = []
+    for name in _CG:
+        if name not in flight or not (good := flight.usable([name])).any():
+            continue
+        place = float(np.median(flight[name][good]))
+        low, high = np.quantile(flight[name][good], [0.01, 0.99])
+        if abs(place) > farthest:
+            than = "any aircraft is long" if span is None else "this aircraft reaches"
+            words = (
+                f"{name} is {place:.6g} m from the datum, further than {than}"
+                f" ({farthest:.3g} m): its unit is another, or the field is"
+            )
+            suspicions.append(Suspicion(name, "unit", words, {"median": place, "limit": farthest}))
+        elif chord is not None and high - low > chord:
+            words = (
+                f"{name} travels by {high - low:.3g} m, more than the chord ({chord:.3g}"
+                " m): its unit is another, or the field is"
+            )
+            evidence = {"travel": float(high - low), "limit": chord}
+            suspicions.append(Suspicion(name, "unit", words, evidence))
     return suspicions
 
 

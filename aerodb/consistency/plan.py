@@ -45,6 +45,8 @@ class Plan:
     removed : parameter that was estimated and removed as insignificant -> its estimate and
         standard error before, SI.
     left_out : channel that has left the estimate -> its rms disagreement before, SI.
+    remarks : what else the estimates say of the sensors, in sentences.
+    misplaced : where the vanes seem to be, in a sentence; empty: where the vehicle file says.
     """
 
     free: tuple[str, ...]
@@ -55,6 +57,8 @@ class Plan:
     noise_floor: Mapping[str, float] = field(default_factory=dict)
     removed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     left_out: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    misplaced: str = ""
 
     @property
     def priors(self) -> dict[str, float]:
@@ -83,6 +87,18 @@ class Plan:
             free=tuple(
                 name for name in self.free if name in names or parameter(name).kind in PER_FLIGHT
             ),
+        )
+
+    def without(
+        self, names: Collection[str], remarks: Sequence[str] = (), misplaced: str = ""
+    ) -> "Plan":
+        """The plan without these parameters, with remarks on why, and where the vanes seem to
+        be."""
+        return replace(
+            self,
+            free=tuple(name for name in self.free if name not in names),
+            remarks=(*self.remarks, *remarks),
+            misplaced=misplaced or self.misplaced,
         )
 
     def with_noise_floor(self, noise_floor: Mapping[str, float]) -> "Plan":

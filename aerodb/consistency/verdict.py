@@ -60,6 +60,10 @@ class Verdict:
     channels: tuple[ChannelCheck, ...]
     process_noise: ProcessNoise | None = None
 
+    def with_first(self, word: VerdictWord, reason: str) -> "Verdict":
+        """The verdict with one more reason, before the others."""
+        return replace(self, word=_worst([self.word, word]), reasons=(reason, *self.reasons))
+
 
 def judge(
     result: Reconstruction,

@@ -95,6 +95,8 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     verdict = judge(
         known.reconstruction, flight.id, vehicle.accuracy, common_faults(records), plan.left_out
     )
+    if plan.misplaced:
+        verdict = verdict.with_first("limited", plan.misplaced)
     values = applied_corrections(known.sensors, plan, calibration)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
@@ -194,6 +196,7 @@ def _document(
         "earth": "flat" if result.paths[0].record.earth is None else "rotating",
         "calibration": None if calibration is None else calibration.id,
         "notes": [corrected.flight.notes[-1], *noisy],
+        "remarks": list(plan.remarks),
         "drift": [entry.because for entry in drifted],
         "noise": corrected.noise.document(),
     }

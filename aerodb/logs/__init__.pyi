@@ -1,6 +1,12 @@
-from .completeness import consequences_of_missing
+from .completeness import consequence_of_zeros, consequences_of_missing
 from .inspection import TopicSummary, describe, missing_by_topic
-from .mapping import channels_found, choose_mapping, map_recording, with_mapped_clock
+from .mapping import (
+    channels_found,
+    choose_mapping,
+    map_recording,
+    with_mapped_clock,
+    zero_channels,
+)
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg
 
@@ -10,6 +16,7 @@ __all__ = [
     "angles_from_pressures",
     "channels_found",
     "choose_mapping",
+    "consequence_of_zeros",
     "consequences_of_missing",
     "describe",
     "map_recording",
@@ -17,4 +24,5 @@ __all__ = [
     "parse_mapping",
     "velocity_at_cg",
     "with_mapped_clock",
+    "zero_channels",
 ]

@@ -52,3 +52,37 @@ def consequences_of_missing(missing: Sequence[str]) -> list[str]:
     if surfaces:
         sentences.append(f"no position of {', '.join(surfaces)}: no control effectiveness of these")
     return sentences
+
+
+#: What moves with the aircraft: zero throughout, it was not recorded; no constant stands for it.
+_MOTION = (
+    *("p", "q", "r", "pdot", "qdot", "rdot", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"),
+    *("alpha", "beta", "alphadot", "betadot", "phi", "theta", "psi", "V", "qbar", "mach"),
+)
+
+
+def consequence_of_zeros(channels: Sequence[str], dropped: bool) -> list[str]:
+    """Return what to do about channels that are zero throughout, one sentence for what moves and
+    one for what may be constant; empty if there is none.
+
+    dropped : whether the mapping counts them as not recorded.
+
+    >>> consequence_of_zeros(["thrust"], True)[0][:44]
+    'thrust is zero throughout: not recorded, and'
+    """
+    counted = "not recorded, and not used" if dropped else "not recorded, perhaps"
+    moving = [name for name in channels if name in _MOTION]
+    constant = [name for name in channels if name not in _MOTION]
+    sentences = [f"{_zero(moving)}: {counted}"] if moving else []
+    if constant:
+        them = "them" if len(constant) > 1 else "it"
+        sentences.append(
+            f"{_zero(constant)}: {counted}; state {them} in [configuration] of the vehicle file if"
+            f" constant, or map the fields that hold {them}"
+        )
+    return sentences
+
+
+def _zero(channels: Sequence[str]) -> str:
+    named = " and ".join(filter(None, [", ".join(channels[:-1]), channels[-1]]))
+    return f"{named} {'are' if len(channels) > 1 else 'is'} zero throughout"

@@ -126,6 +126,7 @@ class _Log:
     refused: dict[str, InputError] = field(default_factory=dict)
     """Topics whose clock cannot be used -> the error."""
     _clocks: dict[str, _Clock | None] = field(default_factory=dict)
+    _renamed: str | None = None
 
     def clock(self, topic: str) -> _Clock | None:
         """Return the cleaned clock of a topic.
@@ -173,11 +174,28 @@ class _Log:
 
     def locate(self, source: Source) -> _Location | None:
         """Return topic and field of a source: the first match that exists and is numeric."""
-        for topic in matching_topics(source.topic, self.recording.topics):
+        for topic in self._topics(source.topic):
             values = self.recording.topics[topic].fields.get(source.field)
             if values is not None and np.asarray(values).dtype.kind in "fiub":
                 return _Location(topic, source.field)
         return None
+
+    def _topics(self, pattern: str) -> list[str]:
+        """Return the topics that match; the mapping's first topic may have another name."""
+        found = matching_topics(pattern, self.recording.topics)
+        if found or self.mapping.geometry is None or pattern != self.mapping.detect[0]:
+            return found
+        if self._renamed is None:
+            self._renamed = self.mapping.renamed(self.recording) or ""
+        return [self._renamed] if self._renamed else []
+
+    def is_zero(self, source: Source) -> bool:
+        """Return whether the field of a source is there and zero throughout."""
+        location = self.locate(source)
+        if location is None:
+            return False
+        values = np.asarray(self.recording.topics[location.topic].fields[location.field])
+        return len(values) > 0 and not np.any(values)
 
     def read(self, source: Source, unit: str) -> _FieldValues | None:
         """Return topic and values in `unit` of a source on its cleaned clock.
@@ -291,6 +309,24 @@ def channels_found(
         *(name for d in mapping.derived for name in d.channels),
     ]
     return tuple(present), tuple(name for name in dict.fromkeys(known) if name not in present)
+
+
+def zero_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
+    """Return the channels whose fields are zero throughout: they were probably not recorded."""
+    log = _Log(recording, mapping)
+    single = [
+        entry.name
+        for entry in mapping.channel
+        if (places := [source for source in entry.sources if log.locate(source)])
+        and all(log.is_zero(source) for source in places)
+    ]
+    derived = [
+        name
+        for each in mapping.derived
+        if each.method == "sum" and all(log.is_zero(source) for source in each.sources)
+        for name in each.channels
+    ]
+    return tuple(dict.fromkeys([*single, *derived]))
 
 
 def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:

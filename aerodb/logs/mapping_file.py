@@ -5,9 +5,16 @@
 
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.logs.derivations import METHODS
@@ -91,13 +98,42 @@ class Derived(Strict):
         return self
 
 
+class Geometry(Strict):
+    """Fields of a matrix that hold the wing's area, span and chord, constant, in one system of
+    units: by them a matrix is known whatever its variable is called."""
+
+    area: str
+    span: str
+    chord: str
+
+    def describes(self, topic: Topic) -> bool:
+        """Return whether these fields of a topic can be a wing: constant, positive, and the area
+        about the product of span and chord."""
+        values = []
+        for name in (self.area, self.span, self.chord):
+            field = topic.fields.get(name)
+            column = None if field is None else np.asarray(field)
+            if column is None or column.dtype.kind not in "fiu" or not len(column):
+                return False
+            if not (np.all(column == column[0]) and column[0] > 0.0):
+                return False
+            values.append(float(column[0]))
+        area, span, chord = values
+        return _LEAST_FILLED < area / (span * chord) < _MOST_FILLED
+
+
+#: Area of a wing over the product of its span and chord: from deltas and high taper (a mean
+#: aerodynamic chord exceeds the mean one) to rectangles, with what fuselages are counted in.
+_LEAST_FILLED, _MOST_FILLED = 0.5, 1.2
+
+
 class Mapping(Strict):
     """Contents of a mapping file.
 
     detect : topics that must all be present (``*`` and ``a|b`` allowed). columns, fields : number
     of fields of the first of them, and fields that it must have. reference_topic : sets the rate of
     the grid (default: the topic of p, q, r). zero_is_missing : a field that is zero throughout was
-    not recorded.
+    not recorded. geometry : by which the first of `detect` is known under another name as well.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")
@@ -108,9 +144,17 @@ class Mapping(Strict):
     fields: tuple[str, ...] = ()
     reference_topic: str | None = None
     zero_is_missing: bool = False
+    geometry: Geometry | None = None
     time: Clock | None = None
     channel: tuple[ChannelMapping, ...] = Field(min_length=1)
     derived: tuple[Derived, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_absent_geometry(self, serialize: SerializerFunctionWrapHandler) -> Any:
+        """A mapping without `geometry` is written as before there was one: results made with it
+        keep their keys."""
+        written = serialize(self)
+        return {k: v for k, v in written.items() if k != "geometry" or v is not None}
 
     @model_validator(mode="after")
     def _once(self) -> Self:
@@ -131,9 +175,29 @@ class Mapping(Strict):
         if recording.format not in self.formats or not self.detect:
             return False
         matches = [matching_topics(pattern, recording.topics) for pattern in self.detect]
+        if not matches[0] and (other := self.renamed(recording)):
+            matches[0] = [other]
         if not all(matches):
             return False
         return any(self._fits_topic(recording.topics[name]) for name in matches[0])
+
+    def renamed(self, recording: Recording) -> str | None:
+        """Return the topic that is the first of `detect` under another name: of its `columns`, with
+        a time that increases and a wing's `geometry`. None if there is none, or one of that
+        name."""
+        if self.geometry is None or matching_topics(self.detect[0], recording.topics):
+            return None
+        for name, topic in recording.topics.items():
+            if self._fits_topic(topic) and self.geometry.describes(topic) and self._runs(topic):
+                return name
+        return None
+
+    def _runs(self, topic: Topic) -> bool:
+        """Whether the field of the time increases, where the mapping names one."""
+        if self.time is None:
+            return True
+        stamps = topic.fields.get(self.time.field)
+        return stamps is not None and bool(np.all(np.diff(np.asarray(stamps, np.float64)) > 0.0))
 
     def _fits_topic(self, topic: Topic) -> bool:
         return (self.columns is None or len(topic.fields) == self.columns) and all(

@@ -16,6 +16,8 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
     session.say(f"{indent}consistency: {document['verdict']}")
     for reason in document["reasons"]:
         session.say(f"{indent}  {reason}")
+    for remark in document.get("remarks", []):
+        session.say(f"{indent}  {remark}")
     rows = [_channel(entry, document.get("used", {})) for entry in document["channels"]]
     if rows:
         columns = [

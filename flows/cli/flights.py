@@ -53,8 +53,10 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
     from aerodb.logs import (
         channels_found,
         choose_mapping,
+        consequence_of_zeros,
         consequences_of_missing,
         with_mapped_clock,
+        zero_channels,
     )
     from aerodb.storage.mappings import builtin_mappings, load_mapping
     from aerodb.tasks.steps import look_over
@@ -73,11 +75,22 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
     if chosen is None:
         session.say(f"mapping: {refusal}")
         session.answer(
-            {**document, "mapping": None, "channels": [], "missing": [], "prevents": [refusal]}
+            {
+                **document,
+                "mapping": None,
+                "channels": [],
+                "missing": [],
+                "zero": [],
+                "prevents": [refusal],
+            }
         )
         return
     present, missing = channels_found(recording, chosen)
-    sentences = consequences_of_missing(missing)
+    zero = zero_channels(recording, chosen)
+    sentences = [
+        *consequences_of_missing(missing),
+        *consequence_of_zeros(zero, chosen.zero_is_missing),
+    ]
     session.say(f"mapping {chosen.name}: {', '.join(present)}")
     session.say(f"not in the log: {', '.join(missing) or 'none of the mapped channels'}")
     for sentence in sentences:
@@ -87,7 +100,13 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
         session.say(f"no flight: {findings['refused']}")
     say_segments(session, findings["segments"])
     say_suspicions(session, findings["suspicions"])
-    summary = {"channels": present, "missing": missing, "prevents": sentences, **findings}
+    summary = {
+        "channels": present,
+        "missing": missing,
+        "zero": list(zero),
+        "prevents": sentences,
+        **findings,
+    }
     session.answer({**document, "mapping": chosen.name, **summary})
 
 

@@ -57,7 +57,7 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
     vehicle, _ = access.vehicle(row.vehicle)
     settings = {
         "bandwidth": bandwidth_of(flight, vehicle),
-        "angular_acceleration": "differentiated",
+        "angular_acceleration": "chosen",
     }
     result = StoredResult(
         access, "coefficients", "coefficients", {"flight": consistent.key}, settings, flight=row.id
@@ -69,7 +69,7 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
         )
         return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
     with failing_alone("the calculation of coefficients", f"flight {row.id}"):
-        coefficients = total_coefficients(flight, vehicle)
+        coefficients = total_coefficients(flight, vehicle, angular_acceleration="chosen")
     result.keep(run, lambda path: _write(path, coefficients, settings))
     return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
 

@@ -39,7 +39,8 @@ def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Condi
     """Return the findings on a conditioned flight and on its recording, whose topics are stored."""
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
-    return examine(flight, clocks_of(recording, mapping))
+    size = access.vehicle(flight.vehicle)[0].reference
+    return examine(flight, clocks_of(recording, mapping), size.span, size.chord)
 
 
 def load_conditioning(

@@ -13,9 +13,18 @@ from aerodb.conditioning import bridge
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.gauss_newton import SMALL_GAIN
 from aerodb.consistency.output_error.initial_states import first_states
+from aerodb.consistency.output_error.installation import (
+    ALIKE,
+    VanePosition,
+    lead_sentences,
+    leads,
+    vane_position,
+)
 from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
     SensorEstimates,
+    is_early,
+    never_early,
     overridden_by_calibration,
     shared_estimates,
     significant_parameters,
@@ -129,6 +138,9 @@ def estimate_sensors(
     result, plan = reconciled(looked, plan, accuracy)
     near: Reconstruction | None = result
     if moving_air(result.paths, plan.left_out).matters:
+        vane = _vane(records, result, plan, accuracy)
+        if vane is not None:
+            plan = plan.without(ALIKE, misplaced=vane.sentence)
         plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
         near = None
     result = solve(records, plan, near=near)
@@ -138,8 +150,43 @@ def estimate_sensors(
         if kept.free == plan.free:
             break
         plan, result = kept, solve(records, kept, near=result)
-    removed = {name: known for name, known in tested.items() if name not in plan.free}
+    result, plan = _without_impossible(records, result, plan, accuracy)
+    removed = {
+        name: (max(value, 0.0) if parameter(name).kind == "delay" else value, error)
+        for name, (value, error) in tested.items()
+        if name not in plan.free
+    }
     return result, replace(plan, removed=removed)
+
+
+def _vane(
+    records: Sequence[Record], result: Reconstruction, plan: Plan, accuracy: Accuracy
+) -> VanePosition | None:
+    """The position of the vanes, where it explains the air data of a reconstruction better than
+    their delays, their scales and moving air do."""
+    return vane_position(
+        records,
+        result,
+        plan,
+        accuracy.flow_angle,
+        lambda residual: 1.0 / _inflation(residual - residual.mean()),
+        lambda other: not moving_air(other.paths, plan.left_out).matters,
+    )
+
+
+def _without_impossible(
+    records: Sequence[Record], result: Reconstruction, plan: Plan, accuracy: Accuracy
+) -> tuple[Reconstruction, Plan]:
+    """The reconstruction and its plan without delays and scales that the position of the vanes
+    explains better, and without delays that are negative: no sensor leads the motion."""
+    vane = None if plan.moving_air else _vane(records, result, plan, accuracy)
+    if vane is not None:
+        plan = plan.without(ALIKE, misplaced=vane.sentence)
+        result = solve(records, plan, near=result)
+    while found := leads(result):
+        plan = plan.without([lead.name for lead in found], lead_sentences(found))
+        result = solve(records, plan, near=result)
+    return result, plan
 
 
 @dataclass(frozen=True)
@@ -190,6 +237,8 @@ def reconstruct_flight(
             if in_calibration
             else with_calibration(estimates, calibration)
         )
+    estimates = never_early(estimates)
+    held = {name: value for name, value in held.items() if not is_early(name, value)}
     fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
     parts = [
@@ -345,7 +394,7 @@ def joint_calibration(
     if not records:
         raise InputError("no flight", f"calibration of {vehicle.name}", "give at least one flight")
     result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
-    estimates = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
+    estimates = never_early(with_vehicle_priors(shared_estimates(result), plan.stated_priors))
     if not estimates.names:
         raise InputError(
             "these flights determine no sensor parameter",

@@ -126,6 +126,20 @@ def overridden_by_calibration(
     return SensorEstimates(estimates.names, values, spread)
 
 
+def is_early(name: str, value: float) -> bool:
+    """Whether a parameter is a delay that is negative: no sensor leads the motion."""
+    return value < 0.0 and parameter(name).kind == "delay"
+
+
+def never_early(estimates: SensorEstimates) -> SensorEstimates:
+    """The estimates with negative delays conditioned on zero."""
+    while early := [
+        name for name, (value, _) in estimates.by_name.items() if is_early(name, value)
+    ]:
+        estimates = estimates.conditioned_on_zero(early[0])
+    return estimates
+
+
 def significant_parameters(
     result: Reconstruction, plan: Plan, accuracy: Accuracy
 ) -> tuple[str, ...]:
@@ -228,4 +242,5 @@ def applied_corrections(
         or abs(value) > SIGNIFICANT * error
         or error < _worthwhile_error(name, value, error, plan)
     }
-    return {**{name: value for name, (value, _) in known.items()}, **worth}
+    values = {**{name: value for name, (value, _) in known.items()}, **worth}
+    return {name: value for name, value in values.items() if not is_early(name, value)}
