@@ -118,6 +118,7 @@ def vane_position(
         priors=plan.priors,
         bounds=plan.bounds,
         noise_floor=plan.noise_floor,
+        near=result,
     )
     found = other[_POSITION]
     if abs(found.value) < FAR * found.standard_error or not calm(other):
@@ -141,9 +142,13 @@ def _pulls(records: Sequence[Record], result: Reconstruction, plan: Plan) -> boo
         plan.priors,
         plan.bounds,
         plan.noise_floor,
-        None,
+        [np.array(path.states[:, 0]) for path in result.paths],
     )
-    known = {entry.parameter.label: entry.value for entry in result.estimates}
+    known = {
+        entry.parameter.label: entry.value
+        for entry in result.estimates
+        if entry.parameter.kind != "initial"  # the problem starts from the states themselves
+    }
     vector = np.array([known.get(item.label, 0.0) for item in problem.items])
     sums = problem.sums(vector)
     noise = sums.variance(problem.noise_floor)
