@@ -82,11 +82,11 @@ def beside_truth(
     return Demo(document, floors(workspace, document, effects), told)
 
 
-def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
+def write_logs(folder: Path, flights: int, seed: int | None, noise: int = 0) -> list[Path]:
     """Fly the campaign, write one ``.ulg`` file per flight, seal the truth, and return the logs.
 
     seed : draws the undeclared effects and everything else that is random; None: the Phoenix case
-    (docs/method/tracing.md, "References").
+    (docs/method/tracing.md, "References"), in which `noise` draws everything else.
     """
     folder.mkdir(parents=True, exist_ok=True)
     effects = EFFECTS if seed is None else draw_effects(seed)
@@ -94,7 +94,7 @@ def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
         json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8"
     )
     paths = []
-    for log in fly(seed or 0, flights, effects):
+    for log in fly(noise if seed is None else seed, flights, effects):
         path = folder / f"{log.name}.ulg"
         write_ulog(
             path,
@@ -136,7 +136,9 @@ def floors(
 ) -> dict[str, dict[str, float]]:
     """Return the residual rms of baseline, candidate and true model on the held-out flights.
 
-    All three are compared with the same reconstructed coefficients.
+    All three are compared with the same reconstructed coefficients. Where flights are too few to
+    hold any out, each of them is left out in turn, and the rms of the candidate is that of the loop
+    without it.
     """
     access = access_workspace(str(workspace.root))
     baseline = access.database(document["baseline"])
@@ -148,12 +150,17 @@ def floors(
     residuals: dict[str, dict[str, list[np.ndarray]]] = {
         axis: {name: [] for name in models} for axis in AXES
     }
-    for id in document["flights"]["held_out"]:
+    held_out = document["flights"]["held_out"]
+    for id in held_out or document["flights"]["identified"]:
         for name, database in models.items():
             comparison = compare_with_database(access, id, database, "").comparison
             for axis in AXES:
                 residuals[axis][name].append(comparison.residual(axis)[comparison.usable[axis]])
-    return {
+    errors = {
         axis: {name: rms(np.concatenate(parts)) for name, parts in sides.items()}
         for axis, sides in residuals.items()
     }
+    if not held_out:
+        for axis, sides in errors.items():
+            sides["after"] = document["axes"][axis]["held_out_rms_after"]
+    return errors

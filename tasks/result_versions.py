@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "update": 5,
     "gram": 11,
-    "close_loop": 21,
+    "close_loop": 22,
 }
 
 #: Names of versions that the product itself moves.

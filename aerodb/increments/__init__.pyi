@@ -1,6 +1,6 @@
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
 from .gate import Check, Standing, Verdict, judge_release, sign_reasons
-from .model_file import INCREMENT_AXES, ModelFile, parse_model_file
+from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
 from .validation import (
     UNCHANGED,
     AxisValidation,
@@ -18,6 +18,7 @@ __all__ = [
     "AxisValidation",
     "Check",
     "ConsiderParameter",
+    "DeclaredIncrement",
     "HoldOut",
     "ModelFile",
     "Standing",

@@ -57,6 +57,13 @@ def rolling_share(
     return float(air / own) if own > 0.0 else 0.0
 
 
+def evidently_moving(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library
+) -> bool:
+    """Return whether the air evidently rolled in these flights (ids)."""
+    return rolling_share(source, flights, database, library) > _MOVING
+
+
 def beside_rotating_air(
     source: FlightSource,
     traced: Traced,
@@ -73,7 +80,7 @@ def beside_rotating_air(
     if not traced.findings:
         return traced
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    moving = rolling_share(source, traced.flights, database, library) > _MOVING
+    moving = evidently_moving(source, traced.flights, database, library)
     examined = {
         finding.hypothesis
         for finding in traced.findings

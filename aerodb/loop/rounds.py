@@ -3,7 +3,7 @@
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import FlightView, add_effects, envelopes_of, view_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
+from aerodb.loop.axis_models import AxisModel, axis_models
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
@@ -100,6 +101,7 @@ class LoopResult:
     remarks: tuple[str, ...] = ()
     by_manoeuvre: bool = False
     without_gain: frozenset[str] = frozenset()
+    axis_models: tuple[AxisModel, ...] = ()
 
     @property
     def separates(self) -> bool:
@@ -114,13 +116,15 @@ def run_loop(
     library: Library,
     accept: Accept,
     without_gain: frozenset[str] = frozenset(),
+    modelled: Collection[str] | None = None,
 ) -> LoopResult:
     """Run the loop on the flights (ids) that identify.
 
     Each round traces with the present candidate and admits confirmed findings, and those that
     `accept` names; as many of them are added as make no axis worse. without_gain : hypotheses whose
     addition has been tried, and lowered no error of flights that did not identify; they stay out,
-    suspected at most. Raises InputError where `accept` names what the library does not have.
+    suspected at most. modelled : terms (ids) of increment models, as more flights have decided;
+    None: decided here. Raises InputError where `accept` names what the library does not have.
     """
     accept.check(library)
     database = baseline
@@ -156,6 +160,25 @@ def run_loop(
         withheld |= {finding.hypothesis for finding in new if finding not in kept}
         added += kept
         database = candidate
+    models = (
+        axis_models(source, flights, baseline, database, library, added, without_gain, modelled)
+        if not database.states
+        else None
+    )
+    if models is not None:
+        traced, late = only_what_was_frozen(models.traced, known_before)
+        remarks += (*late, *(model.remark for model in models.models))
+        members = {finding.hypothesis: finding for finding in traced.findings}
+        apart = models.apart(library)
+        withheld &= apart
+        added = [f for f in added if f.hypothesis in apart]
+        findings = {
+            id: finding
+            for id, finding in findings.items()
+            if finding in added or (id in apart and id in models.standing)
+        } | members
+        added += members.values()
+        database, by_manoeuvre = models.candidate, False
     if any(_separates(finding) for finding in added):
         by_manoeuvre = False  # the validation leaves whole flights out
         remarks += (
@@ -197,6 +220,7 @@ def run_loop(
         remarks,
         by_manoeuvre,
         without_gain,
+        models.models if models is not None else (),
     )
 
 

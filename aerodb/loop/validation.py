@@ -27,7 +27,8 @@ def validate_loop(
     """Return the error before and after on the flights held out, or by leaving out one flight at a
     time.
 
-    A flight left out takes no part in a loop of its own. A stall is fitted to the other flights
+    A flight left out takes no part in a loop of its own; which terms increment models have is known
+    there, their values are not. A stall is fitted to the other flights
     that stall; where manoeuvres were the units, heads and tails of flights are predicted from
     everything else.
     """
@@ -48,7 +49,15 @@ def validate_loop(
 
     def without(left_out: str) -> Comparison:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
-        again = run_loop(source, others, loop.baseline, library, accept, loop.without_gain)
+        again = run_loop(
+            source,
+            others,
+            loop.baseline,
+            library,
+            accept,
+            loop.without_gain,
+            [term for model in loop.axis_models for term in model.terms],
+        )
         return source.comparison(left_out, again.candidate)[1]
 
     return validate_by_leaving_one_out(before, after, without)

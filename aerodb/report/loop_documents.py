@@ -34,6 +34,7 @@ def loop_document(
     within_flights: bool = False,
     between: Sequence[FlightDependence] = (),
     asked_for: Sequence[Finding] = (),
+    axis_models: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
@@ -41,7 +42,8 @@ def loop_document(
     that did because the user asked. traced : the last round,
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
-    parts of flights were predicted from the rest. ``candidate`` is left
+    parts of flights were predicted from the rest. axis_models : documents of the increment models
+    that entered as a whole. ``candidate`` is left
     None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
@@ -58,6 +60,7 @@ def loop_document(
         "axes": {entry.axis: axis_document(entry) for entry in proof},
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
+        "axis_models": list(axis_models),
         "increments": [
             {"axis": axis, "terms": [_term(finding) for finding in members]}
             for axis, members in by_axis.items()

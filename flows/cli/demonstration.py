@@ -15,7 +15,10 @@ def demo(
         int | None,
         typer.Option(min=0, help="Seed for random undeclared effects; default: the Phoenix case."),
     ] = None,
-    flights: Annotated[int, typer.Option(min=5, max=40, help="How many flights to fly.")] = 8,
+    flights: Annotated[int, typer.Option(min=3, max=40, help="How many flights to fly.")] = 8,
+    noise_seed: Annotated[
+        int, typer.Option(min=0, help="Seed of noise, sensor errors and pilot in the Phoenix case.")
+    ] = 0,
     direct: Annotated[
         bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
@@ -30,7 +33,7 @@ def demo(
     workspace = session.workspace(create=True)
     session.say(f"flying {flights} drops of the Phoenix-like example")
     with session.waiting("flying"):
-        logs = write_logs(workspace.root / "demo-logs", flights, seed)
+        logs = write_logs(workspace.root / "demo-logs", flights, seed, noise_seed)
     session.say(
         f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to"
         f" {logs[0].parent}"

@@ -192,6 +192,7 @@ def publish_loop(
         left=left,
         between=between,
         asked_for=[finding for finding in loop.added if accept.asks_for(finding)],
+        axis_models=[asdict(model) for model in loop.axis_models],
         proof=proof,
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),

@@ -1,3 +1,10 @@
+from .axis_models import (
+    cross_flight_tests,
+    increment_models,
+    significant_beside,
+    supported_axes,
+    trace_increment_models,
+)
 from .between_flights import FlightDependence, dependences_on_conditions
 from .few_flights import (
     LINEAR,
@@ -32,17 +39,22 @@ __all__ = [
     "Traced",
     "UnexplainedResidual",
     "accompanying_linear_terms",
+    "cross_flight_tests",
     "dependences_on_conditions",
     "downgraded_on_axes",
     "driven_by_rates",
     "few_flight_findings",
+    "increment_models",
     "joint_bands",
     "joint_fit",
     "lost_in_rotating_air",
     "model_errors",
     "only_suspected",
     "refine",
+    "significant_beside",
+    "supported_axes",
     "trace",
+    "trace_increment_models",
     "unexplained_by_axis",
     "windows",
     "with_checked_shapes",

@@ -1,6 +1,6 @@
 """From the normal equations of several flights to findings, verdicts and bounds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -48,19 +48,34 @@ def trace(
         tuple(range(len(normal_equations))),
         settings,
     )
-    decision = decide(tests)
+    return judged(tests, decide, normal_equations, notes)
+
+
+def judged(
+    tests: CrossFlightTests,
+    decide: Callable[[CrossFlightTests], Decision],
+    normal_equations: Sequence[NormalEquations],
+    notes: Sequence[str] = (),
+) -> Traced:
+    """Return the findings of a decision with their rivals, and bounds for everything else.
+
+    decide : from tests to the terms of the model; it is repeated without one fold of the flights
+    after another.
+    """
+    decision, hypotheses, settings = decide(tests), tests.campaign.hypotheses, tests.settings
     indices = (*decision.terms, *decision.freed)
     explanations = [explain(tests, decision, index) for index in indices]
-    repeated = _repeated(tests)
+    repeated = _repeated(tests, decide)
     findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
     test = tests.tested(decision.terms, decision.freed)
     explained = {*indices, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(normal_equations) < settings.fewest:
-        notes.append(
+        notes = (
+            *notes,
             f"{len(normal_equations)} flights: below {settings.fewest} no error rate can be"
-            " promised and nothing is confirmed"
+            " promised and nothing is confirmed",
         )
     return Traced(
         flights=tests.campaign.flights,
@@ -100,7 +115,9 @@ def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquat
     return kept, notes
 
 
-def _repeated(tests: CrossFlightTests) -> list[tuple[tuple[int, ...], Decision]]:
+def _repeated(
+    tests: CrossFlightTests, decide: Callable[[CrossFlightTests], Decision]
+) -> list[tuple[tuple[int, ...], Decision]]:
     """The decision without one fold of the flights after another."""
     count = min(tests.settings.folds, len(tests.flights))
     if count < 2:

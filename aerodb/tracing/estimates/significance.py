@@ -90,9 +90,16 @@ class Tested:
         """
         sensors, simex_bias = self._biases_at(indices)
         at = np.array(indices, dtype=np.intp)
-        return self._p(
-            at, sensors + np.where(self.mean[at] * simex_bias > 0.0, np.abs(simex_bias), 0.0)
-        )
+        return self._p(at, sensors + self._of_noise(at, simex_bias))
+
+    def p_by_noise(self, indices: Sequence[int]) -> Array:
+        """`p` (m,) of some hypotheses as if sensors had no constant error: state noise only."""
+        _, simex_bias = self._biases_at(indices)
+        at = np.array(indices, dtype=np.intp)
+        return self._p(at, self._of_noise(at, simex_bias))
+
+    def _of_noise(self, at: NDArray[np.intp], simex_bias: Array) -> Array:
+        return np.where(self.mean[at] * simex_bias > 0.0, np.abs(simex_bias), 0.0)
 
     def _biases_at(self, indices: Sequence[int]) -> tuple[Array, Array]:
         """Bound from sensors (m,), and SIMEX bias (m,) with its sign."""

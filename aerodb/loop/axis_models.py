@@ -1,0 +1,329 @@
+"""Increment models of whole axes, where many effects act at once.
+
+Effects that are found one after the other leave an axis far above its noise where many act
+together. Then the axis' increment model (003, eq. 7) competes with them: zero term, slopes with
+their breaks, rates and surfaces, estimated together as declared increments are. It replaces them
+where it predicts flights that were left out much better. docs/method/tracing.md, section 27.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from aerodb.coefficients import Comparison
+from aerodb.effects import Hypothesis
+from aerodb.flight import Flight
+from aerodb.increments import (
+    DeclaredIncrement,
+    ModelFile,
+    Update,
+    estimate_increments,
+    keep_slope_signs,
+)
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
+from aerodb.loop.moving_air import evidently_moving
+from aerodb.support import in_threads
+from aerodb.tables import AeroDatabase, Increment
+from aerodb.tracing import (
+    Finding,
+    Traced,
+    cross_flight_tests,
+    increment_models,
+    significant_beside,
+    supported_axes,
+    trace_increment_models,
+)
+
+#: Part of the mean square error with the singles that the increment model must leave at most, on
+#: flights that did not estimate it, as it is and about each flight's mean: half, so that it is no
+#: matter of a few per cent of scale, which the errors of sensors leave too.
+_MATERIAL: Final = 0.5
+#: Flights below which nothing is decided: one that is left out needs others that agree.
+_FEWEST: Final = 3
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """The increment model of one axis.
+
+    axis : on which it is written, body or wind. terms : ids. singles, left_out : rms error with the
+    effects found one by one, and of the model on flights left out; 0 where it was not judged.
+    """
+
+    axis: str
+    terms: tuple[str, ...]
+    singles: float = 0.0
+    left_out: float = 0.0
+
+    @property
+    def remark(self) -> str:
+        """One sentence for the report."""
+        return (
+            f"{self.axis}: many effects act at once; its increment model ({', '.join(self.terms)})"
+            " was estimated and added as a whole: on flights left out it has an error of"
+            f" {self.left_out:.2g}, the effects found one by one leave {self.singles:.2g}. The sum"
+            " of its terms is known better than each of them: see their verdicts and intervals."
+        )
+
+
+@dataclass(frozen=True)
+class AxisModels:
+    """Increment models of some axes: the candidate with them, the tracing beside them with their
+    terms as findings, and the ids of what is significant beside them."""
+
+    candidate: AeroDatabase
+    traced: Traced
+    models: tuple[AxisModel, ...]
+    standing: frozenset[str]
+
+    def apart(self, library: Library) -> frozenset[str]:
+        """Return the ids of sensors, and of effects that are written on none of these axes."""
+        axes = {model.axis for model in self.models}
+        return frozenset(
+            each.id
+            for each in library.hypotheses
+            if each.kind == "sensor" or not axes & set(each.written_on)
+        )
+
+
+def axis_models(
+    source: FlightSource,
+    flights: Sequence[str],
+    baseline: AeroDatabase,
+    candidate: AeroDatabase,
+    library: Library,
+    added: Sequence[Finding],
+    barred: Collection[str],
+    given: Collection[str] | None = None,
+) -> AxisModels | None:
+    """Return the increment models that replace the singles on their axes; None where there are
+    none.
+
+    candidate : `baseline` with the singles, `added`. barred : ids that may not enter. given : ids
+    of the terms, as more flights have decided; None: decided here, where the values that the other
+    flights give must predict each flight.
+    """
+    hypotheses, settings = library.hypotheses, library.settings
+    number = {each.id: index for index, each in enumerate(hypotheses)}
+    if given is not None:
+        axes = _axes(hypotheses[number[id]] for id in given)
+    else:
+        axes = _far(source, flights, candidate, library) if len(flights) >= _FEWEST else set()
+    if not axes:
+        return None
+    normal_equations = in_threads(
+        lambda flight: source.normal_equations(flight, baseline, library), flights
+    )
+    tests = cross_flight_tests(normal_equations, hypotheses, settings)
+    out = [number[id] for id in barred if id in number]
+    beside = [
+        number[each.hypothesis]
+        for each in added
+        if each.hypothesis in number
+        and each.effect != "zero_offset"
+        and not axes & set(hypotheses[number[each.hypothesis]].written_on)
+    ]
+    if given is not None:
+        terms = tuple(number[id] for id in given)
+    else:
+        terms = increment_models(tests, axes, beside, out)
+        axes &= supported_axes(tests, terms, beside)
+    estimator = _Estimator(source, baseline, tuple(flights))
+    errors = dict.fromkeys(sorted(axes), (0.0, 0.0))
+    if given is None:
+        errors = _proved(estimator, candidate, _on(axes, terms, hypotheses))
+        if not errors or evidently_moving(source, flights, baseline, library):
+            return None
+    terms = tuple(i for i in terms if set(hypotheses[i].written_on) <= errors.keys())
+    traced = trace_increment_models(tests, normal_equations, terms, beside, out)
+    update = estimator.update(_on(errors, terms, hypotheses), flights)
+    findings, increments = _with_values(traced.findings, update, hypotheses)
+    members = {finding.hypothesis for finding in findings}
+    singles = candidate.increments[len(baseline.increments) :]
+    database = replace(
+        candidate,
+        increments=(
+            *baseline.increments,
+            *(each for each in singles if each.axis not in errors),
+            *increments,
+        ),
+    )
+    return AxisModels(
+        keep_slope_signs(Update(database, (), tuple(flights)), baseline).candidate,
+        replace(traced, findings=findings),
+        tuple(
+            AxisModel(
+                axis,
+                tuple(each.id for each in on if each.id in members),
+                *errors[axis],
+            )
+            for axis, on in _on(errors, terms, hypotheses).items()
+        ),
+        significant_beside(tests, [*beside, *terms]),
+    )
+
+
+@dataclass(frozen=True)
+class _Estimator:
+    """Estimates increment models from the comparisons of flights with a database."""
+
+    source: FlightSource
+    baseline: AeroDatabase
+    flights: tuple[str, ...]
+
+    @cached_property
+    def compared(self) -> Mapping[str, tuple[Flight, Comparison]]:
+        """Flights (by id) with their comparisons with the database."""
+        pairs = in_threads(lambda id: self.source.comparison(id, self.baseline), self.flights)
+        return dict(zip(self.flights, pairs, strict=True))
+
+    def update(self, models: Mapping[str, Sequence[Hypothesis]], flights: Sequence[str]) -> Update:
+        """Return the database with the models (axis -> terms), estimated from some of the flights.
+
+        Each flight has a constant of its own on each axis; the zero term is their mean.
+        """
+        declared = ModelFile(
+            increment=tuple(
+                DeclaredIncrement(
+                    axis=axis,
+                    terms=tuple(str(_regressor(term, axis)) for term in terms),
+                    own_constants=any(term.effect == "zero_offset" for term in terms),
+                )
+                for axis, terms in models.items()
+            )
+        )
+        needs = {need for terms in models.values() for term in terms for need in term.needs}
+        able = [
+            self.compared[id] for id in flights if needs <= self.compared[id][0].channels.keys()
+        ]
+        return estimate_increments(
+            [flight for flight, _ in able],
+            [comparison for _, comparison in able],
+            declared,
+            self.baseline,
+        )
+
+
+def _regressor(term: Hypothesis, axis: str) -> object:
+    return next(expression for on, expression in term.increment if on == axis)
+
+
+def _axes(hypotheses: Iterable[Hypothesis]) -> set[str]:
+    return {axis for each in hypotheses for axis in each.written_on}
+
+
+def _on(
+    axes: Iterable[str], terms: Sequence[int], hypotheses: Sequence[Hypothesis]
+) -> dict[str, list[Hypothesis]]:
+    """Axis -> its terms; axes without a term stay out."""
+    on = {
+        axis: [hypotheses[i] for i in terms if axis in hypotheses[i].written_on]
+        for axis in sorted(axes)
+    }
+    return {axis: members for axis, members in on.items() if members}
+
+
+def _far(
+    source: FlightSource, flights: Sequence[str], candidate: AeroDatabase, library: Library
+) -> set[str]:
+    """The axes whose error is far enough above the noise of the sensors for a model to lower it
+    materially."""
+    compared = in_threads(lambda flight: source.comparison(flight, candidate)[1], flights)
+
+    def is_far(axis: str) -> bool:
+        if not all(axis in each.usable and each.usable[axis].any() for each in compared):
+            return False
+        noise = sum(np.square(each.sigma[axis][each.usable[axis]]).sum() for each in compared)
+        return _MATERIAL * sum(_square(axis, each) for each in compared) > noise
+
+    aerodynamic = (each for each in library.hypotheses if each.kind == "aerodynamic")
+    return {axis for axis in _axes(aerodynamic) if is_far(axis)}
+
+
+def _square(axis: str, compared: Comparison, level: bool = False) -> float:
+    """Sum of squares of the error of an axis, about its mean or as it is."""
+    residual = compared.residual(axis)[compared.usable[axis]]
+    return float(np.square(residual if level else residual - residual.mean()).sum())
+
+
+def _proved(
+    estimator: _Estimator, candidate: AeroDatabase, models: Mapping[str, Sequence[Hypothesis]]
+) -> dict[str, tuple[float, float]]:
+    """Axis -> errors (rms) with the singles and of the model on flights left out, where the model
+    is materially better, and better about the mean of every flight."""
+    if not models:
+        return {}
+    flights = estimator.flights
+
+    def alone(flight: str) -> Comparison:
+        others = estimator.update(models, [other for other in flights if other != flight])
+        return estimator.source.comparison(flight, others.candidate)[1]
+
+    pairs = list(
+        zip(
+            in_threads(lambda id: estimator.source.comparison(id, candidate)[1], flights),
+            in_threads(alone, flights),
+            strict=True,
+        )
+    )
+
+    def better(axis: str) -> bool:
+        if any(_square(axis, model) >= _square(axis, single) for single, model in pairs):
+            return False
+        return all(
+            sum(_square(axis, model, level) for _, model in pairs)
+            <= _MATERIAL * sum(_square(axis, single, level) for single, _ in pairs)
+            for level in (False, True)
+        )
+
+    def rms(axis: str, side: int) -> float:
+        samples = sum(int(pair[side].usable[axis].sum()) for pair in pairs)
+        return float(np.sqrt(sum(_square(axis, pair[side], True) for pair in pairs) / samples))
+
+    return {axis: (rms(axis, 0), rms(axis, 1)) for axis in models if better(axis)}
+
+
+def _with_values(
+    findings: Sequence[Finding],
+    update: Update,
+    hypotheses: Sequence[Hypothesis],
+) -> tuple[tuple[Finding, ...], list[Increment]]:
+    """The findings with the values of the update, and its increments with their uncertainty.
+
+    The intervals are those of tracing, which contain what sensors may leave; the correlations
+    between the terms are those of the update. A term that the update could not estimate stays out.
+    """
+    added = update.candidate.increments[-len(update.axes) :]
+    by_id = {each.id: each for each in hypotheses}
+    about = dict[str, Finding]()
+    increments = []
+    for increment in added:
+        members, sigma = [], []
+        for regressor, value in zip(increment.regressors, increment.estimates, strict=True):
+            (finding,) = (
+                each
+                for each in findings
+                if (increment.axis, regressor) in by_id[each.hypothesis].increment
+            )
+            half = 0.5 * (finding.ci95[1] - finding.ci95[0])
+            members.append(finding)
+            sigma.append(half / 1.96)
+            about[finding.hypothesis] = replace(
+                finding, value=float(value), ci95=(float(value) - half, float(value) + half)
+            )
+        deviation = np.sqrt(np.diag(increment.covariance))
+        larger = np.maximum(1.0, np.array(sigma) / deviation)
+        increments.append(
+            replace(
+                increment,
+                covariance=increment.covariance * np.outer(larger, larger),
+                note="increment model: "
+                + ", ".join(f"{f.hypothesis} ({f.verdict.replace('_', ' ')})" for f in members),
+            )
+        )
+    ordered = tuple(about[f.hypothesis] for f in findings if f.hypothesis in about)
+    return ordered, increments

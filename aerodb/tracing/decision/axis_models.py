@@ -1,0 +1,160 @@
+"""The increment model of an axis: its linear terms and surfaces, estimated together.
+
+Forward selection adds one term after the other. Where many effects act at once, what the model
+still lacks stands in for others, and a term that is right in sign and name has the wrong size. Here
+the whole set of 003, eq. 7 is in the model from the start (zero term, slopes with their breaks,
+rates, surfaces), and what these flights do not need leaves, the weakest first.
+docs/method/tracing.md, section 27.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Final
+
+from aerodb.effects import Hypothesis
+from aerodb.tracing.decision.few_flights import LINEAR
+from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.decision.selection import CrossFlightTests, Decision
+from aerodb.tracing.decision.verdicts import judged
+from aerodb.tracing.estimates import campaign
+from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.settings import TracingSettings
+
+#: Effects of an increment model, besides the constant of its axis.
+_MODEL: Final = frozenset({*LINEAR, "alpha_slope_break", "body_flap", "speed_brake", "flap"})
+#: p from which a term leaves: one whose estimate is smaller than its standard error predicts other
+#: flights worse than none at all would (Toro-Vizcarrondo & Wallace, JASA 63, 1968; Theil's adjusted
+#: R2 says the same).
+_LEAVES: Final = 0.32
+#: Flights that an estimate needs here: what is claimed of a term is decided elsewhere.
+_ONE = 1
+
+
+def cross_flight_tests(
+    normal_equations: Sequence[NormalEquations],
+    hypotheses: Sequence[Hypothesis],
+    settings: TracingSettings,
+) -> CrossFlightTests:
+    """Return the tests of all hypotheses over all flights, given any model."""
+    return CrossFlightTests(
+        campaign(normal_equations, hypotheses), tuple(range(len(normal_equations))), settings
+    )
+
+
+def increment_models(
+    tests: CrossFlightTests,
+    axes: Collection[str],
+    beside: Sequence[int] = (),
+    barred: Collection[int] = (),
+) -> tuple[int, ...]:
+    """Return the terms (indices) of the increment models of some axes, estimated together.
+
+    axes : axes on which the terms are written, body or wind. beside : terms of other axes that are
+    in the model as well, and stay. barred : terms that may not enter. A term stays where its size
+    over flights, less what state noise would leave, exceeds its standard error. Sensors stand
+    beside with their priors, but do not decide: what predicts other flights of the same
+    installation need not be known apart.
+    """
+    hypotheses = tests.campaign.hypotheses
+    kept = [
+        index
+        for index, each in enumerate(hypotheses)
+        if each.kind == "aerodynamic"
+        and each.effect in _MODEL
+        and index not in barred
+        and index not in beside
+        and set(each.written_on) <= set(axes)
+    ]
+    while kept:
+        test = tests.tested((*beside, *kept), (), _ONE)
+        p = test.unmasked[kept]
+        if p.max() >= _LEAVES:
+            kept.pop(int(p.argmax()))
+            continue
+        by_noise = test.p_by_noise(kept)
+        if by_noise.max() < _LEAVES:
+            break
+        kept.pop(int(by_noise.argmax()))
+    test = tests.tested((*beside, *kept), (), _ONE)
+    constants = [
+        index
+        for index in tests.campaign.offsets
+        if set(hypotheses[index].written_on) <= {body for i in kept for body in hypotheses[i].axes}
+        and index not in barred
+        and test.unmasked[index] < _LEAVES
+    ]
+    return (*kept, *constants)
+
+
+def supported_axes(
+    tests: CrossFlightTests, terms: Sequence[int], beside: Sequence[int]
+) -> set[str]:
+    """Return the axes on which some term of the models is significant beside the errors that
+    sensors may have, after Bonferroni over all terms."""
+    claims = [index for index in terms if index not in tests.campaign.offsets]
+    test = tests.tested((*beside, *terms), (), _ONE)
+    p = test.p_at(claims) * len(claims)
+    return {
+        axis
+        for index, each in zip(claims, p, strict=True)
+        if each < tests.settings.level
+        for axis in tests.campaign.hypotheses[index].written_on
+    }
+
+
+def trace_increment_models(
+    tests: CrossFlightTests,
+    normal_equations: Sequence[NormalEquations],
+    terms: Sequence[int],
+    beside: Sequence[int],
+    barred: Collection[int],
+) -> Traced:
+    """Return the findings of the terms of increment models, each judged beside the others.
+
+    normal_equations : those of `tests`; the rest as in `increment_models`, which is repeated
+    without some of the flights to see which terms return.
+    """
+    axes = {axis for index in terms for axis in tests.campaign.hypotheses[index].written_on}
+
+    def decide(given: CrossFlightTests) -> Decision:
+        model = terms if given is tests else increment_models(given, axes, beside, barred)
+        enough = len(given.flights) >= given.settings.fewest
+        every = (*beside, *model)
+        return Decision(every, (), ()) if enough else Decision((), every, ())
+
+    traced = judged(tests, decide, normal_equations)
+    hypotheses, level = tests.campaign.hypotheses, tests.settings.level
+    p = tests.tested((*beside, *terms), (), _ONE).p_at(terms)
+    alone = {hypotheses[index].id: each < level for index, each in zip(terms, p, strict=True)}
+    findings = [
+        _as_member(each, alone[each.hypothesis])
+        for each in traced.findings
+        if each.hypothesis in alone
+    ]
+    return replace(traced, findings=tuple(findings))
+
+
+def significant_beside(tests: CrossFlightTests, terms: Sequence[int]) -> frozenset[str]:
+    """Return the ids of what is significant over the whole library beside the terms."""
+    significant = tests.tested(terms, ()).significant
+    return frozenset(
+        h.id for h, is_it in zip(tests.campaign.hypotheses, significant, strict=True) if is_it
+    )
+
+
+def _as_member(finding: Finding, alone: bool) -> Finding:
+    """The finding of a term of an increment model, with the reason why nothing is claimed of it by
+    itself.
+
+    alone : whether it differs from what the errors of all sensors together may leave. Where it does
+    not, no single one of them is a better explanation.
+    """
+    if alone and finding.verdict != "suspected":
+        return finding
+    start = f"{finding.because.partition('; ')[0]}; estimated together with the terms of its axis"
+    if alone:
+        return replace(finding, because=f"{start}, and not significant over the whole library")
+    because = f"{start}; errors of sensors that are believable together may leave as much"
+    return replace(
+        finding, verdict="suspected", explanation_set=(finding.hypothesis,), because=because
+    )
