@@ -5,7 +5,7 @@ are in SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is 
 is an error that names the nearest known key.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
@@ -18,11 +18,14 @@ from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel, is_surface
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
-from aerodb.support import Array, Strict, validated_toml
+from aerodb.support import Array, Strict, validated, validated_toml
 from aerodb.units import quantity
 
-#: What `[measured]` can state beside deflections.
+#: What `[measured]` can state beside deflections and errors of sensors.
 _MEASURABLE = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz", "thrust")
+#: Ends of the names of errors: of a sensor, a surface or a mass property.
+_ERRORS = ("_bias", "_scale", "_delay", "_offset", "_share")
+_POSITION = ("air_data_x", "air_data_z")
 
 
 class Reference(Strict):
@@ -164,10 +167,12 @@ class Sensor(Strict):
 
 
 class Measured(Strict):
-    """How well a mass property, the thrust or a deflection was measured outside flight.
+    """How well a mass property, the thrust, a deflection or an error of a sensor was measured
+    outside flight.
 
-    sigma : one standard deviation, of cg_x, cg_y and cg_z in m, of all others as a share. by : how
-    and when, for reports.
+    The section is named like the quantity, or like the error as reports name it (``alpha_delay``,
+    ``delta_elevator_scale``). sigma : one standard deviation; of cg_x, cg_y and cg_z in m, of an
+    error in its unit, of all others as a share. by : how and when, for reports.
     """
 
     sigma: Annotated[float, Field(gt=0)]
@@ -253,12 +258,14 @@ class Vehicle(Strict):
                         f" {nearest(side, self.surfaces)}"
                     )
         for name in self.measured:
-            if name not in _MEASURABLE and not is_surface(name):
+            known = name in (*_MEASURABLE, *_POSITION) or is_surface(name)
+            if not known and _of_error(name) == name:
                 raise ValueError(
-                    f"'{name}' in [measured] is no mass property, thrust or deflection;"
-                    f" {nearest(name, _MEASURABLE)}"
+                    f"'{name}' in [measured] is no mass property, thrust or deflection, and no"
+                    f" error of a sensor; {nearest(name, _MEASURABLE)}"
                 )
-        for name in (*self.configuration, *self.sensors, *self.measured):
+        quantities = (_of_error(name) for name in self.measured if name not in _POSITION)
+        for name in (*self.configuration, *self.sensors, *quantities):
             try:
                 channel(name)
             except UnknownNameError as error:
@@ -273,9 +280,22 @@ def _converted(name: str, value: Any) -> Any:
         return value  # `_names` refuses the unknown name later, with the nearest known one
 
 
+def _of_error(name: str) -> str:
+    """The channel that an error is one of; the name itself where it is no error."""
+    end = next((end for end in _ERRORS if name.endswith(end)), "")
+    return name.removesuffix(end)
+
+
 def _sigma_of(name: str, value: Any) -> Any:
-    unit = "m" if name.startswith("cg_") else ""
-    return quantity(value, unit) if isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    if name.startswith("cg_") or name in _POSITION:
+        return quantity(value, "m")
+    if name.endswith("_delay"):
+        return quantity(value, "s")
+    if name.endswith(("_bias", "_offset")):
+        return _converted(_of_error(name), value)
+    return quantity(value, "")
 
 
 def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
@@ -283,6 +303,29 @@ def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
         key: _converted(name, value) if key in ("noise", "bias_prior") else value
         for key, value in entry.items()
     }
+
+
+def with_measured(vehicle: Vehicle, stated: Sequence[str]) -> Vehicle:
+    """Return the vehicle with more entries in ``[measured]``, which replace those of the same name.
+
+    stated : ``NAME=SIGMA`` each, with a unit if there is one, and after a comma by what it was
+    measured: ``"cg_x=3 mm, weighed 2026-03-01"``. Raises InputError for text of another form and
+    for what `Measured` cannot state.
+    """
+    entries: dict[str, Any] = {name: entry.model_dump() for name, entry in vehicle.measured.items()}
+    for text in stated:
+        name, equals, rest = text.partition("=")
+        sigma, _, by = (part.strip() for part in rest.partition(","))
+        if not equals or not sigma:
+            raise InputError(
+                f"'{text}' states no measurement", "measured", 'write "cg_x=3 mm, weighed"'
+            )
+        try:
+            entries[name.strip()] = {"sigma": float(sigma), "by": by}
+        except ValueError:
+            entries[name.strip()] = {"sigma": sigma, "by": by}
+    data = {**vehicle.model_dump(), "measured": entries}
+    return validated(Vehicle, data, "measured")
 
 
 def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:

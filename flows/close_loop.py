@@ -32,6 +32,7 @@ def close_loop_flow(
     accept_lumped: list[str] | None = None,
     accept_suspected: list[str] | None = None,
     accept_ambiguous: list[str] | None = None,
+    measured: list[str] | None = None,
     effects: str = "",
     library: str = "",
 ) -> dict[str, Any]:
@@ -39,7 +40,8 @@ def close_loop_flow(
     effects.
 
     hold_out : as in the update. accept_* : effects to add although their verdict alone does not
-    admit them. effects : the text of a file of user templates. library : the hash that the library
+    admit them. measured : what was measured outside flight, ``NAME=SIGMA, BY`` each. effects : the
+    text of a file of user templates. library : the hash that the library
     must have, or its beginning. Returns the loop's document with ``label`` and ``page``, the file
     of its report; ``candidate`` is None if nothing was added.
     """
@@ -57,7 +59,9 @@ def close_loop_flow(
         model="",
         hold_out=hold_out,
     )
-    frozen = steps(freeze_library, plan, **where, effects=effects, expected=library)
+    frozen = steps(
+        freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
+    )
     # The first round's normal equations are the bulk of the work, and do not depend on each other.
     steps.map(
         trace_flight,

@@ -44,6 +44,8 @@ from aerodb.tracing import (
 _MATERIAL: Final = 0.5
 #: Flights below which nothing is decided: one that is left out needs others that agree.
 _FEWEST: Final = 3
+#: Terms, the constant apart, from which effects are many: a single one is found by itself, or not.
+_MANY: Final = 2
 
 
 @dataclass(frozen=True)
@@ -97,15 +99,18 @@ def axis_models(
     candidate: AeroDatabase,
     library: Library,
     added: Sequence[Finding],
-    barred: Collection[str],
+    without_gain: Collection[str] = (),
+    late: Collection[str] = (),
     given: Collection[str] | None = None,
 ) -> AxisModels | None:
     """Return the increment models that replace the singles on their axes; None where there are
     none.
 
-    candidate : `baseline` with the singles, `added`. barred : ids that may not enter. given : ids
-    of the terms, as more flights have decided; None: decided here, where the values that the other
-    flights give must predict each flight.
+    candidate : `baseline` with the singles, `added`. without_gain : ids that lowered no error of
+    other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
+    that may not enter, as these flights may have suggested them. given : ids of the terms, as more
+    flights have decided; None: decided here, where the values that the other flights give must
+    predict each flight.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -113,13 +118,14 @@ def axis_models(
         axes = _axes(hypotheses[number[id]] for id in given)
     else:
         axes = _far(source, flights, candidate, library) if len(flights) >= _FEWEST else set()
+        axes -= _axes(hypotheses[number[id]] for id in without_gain)
     if not axes:
         return None
     normal_equations = in_threads(
         lambda flight: source.normal_equations(flight, baseline, library), flights
     )
     tests = cross_flight_tests(normal_equations, hypotheses, settings)
-    out = [number[id] for id in barred if id in number]
+    out = [number[id] for id in late]
     beside = [
         number[each.hypothesis]
         for each in added
@@ -135,7 +141,12 @@ def axis_models(
     estimator = _Estimator(source, baseline, tuple(flights))
     errors = dict.fromkeys(sorted(axes), (0.0, 0.0))
     if given is None:
-        errors = _proved(estimator, candidate, _on(axes, terms, hypotheses))
+        models = {
+            axis: members
+            for axis, members in _on(axes, terms, hypotheses).items()
+            if sum(each.effect != "zero_offset" for each in members) >= _MANY
+        }
+        errors = _proved(estimator, candidate, models)
         if not errors or evidently_moving(source, flights, baseline, library):
             return None
     terms = tuple(i for i in terms if set(hypotheses[i].written_on) <= errors.keys())

@@ -22,6 +22,7 @@ from aerodb.loop.stall import cross_fitted_laws, of_family, stalled_flights, wit
 from aerodb.loop.stall_loop import cross_fitted_loops, loop_of_family, with_loops
 from aerodb.tables import AeroDatabase, Law, Relay
 from aerodb.tracing import TracingSettings, tracing_bandwidth
+from aerodb.vehicle import with_measured
 
 
 def freeze_library(
@@ -30,13 +31,15 @@ def freeze_library(
     database: AeroDatabase,
     effects: str = "",
     expected: str = "",
+    measured: Sequence[str] = (),
 ) -> Library:
     """Return the library for a baseline and the channels of the flights (ids) that identify.
 
-    effects : text of a file of user templates. Only channels' names and flight conditions are read.
-    Raises InputError when its hash is not the `expected` one.
+    effects : text of a file of user templates. measured : what was measured outside flight, beside
+    the vehicle file, as `aerodb.vehicle.with_measured` reads it. Only channels' names and flight
+    conditions are read. Raises InputError when its hash is not the `expected` one.
     """
-    vehicle = flights.vehicle
+    vehicle = with_measured(flights.vehicle, measured) if measured else flights.vehicle
     flown = [flights.flight(id) for id in identified]
     channels = set[str]().union(*(flight.channels for flight in flown))
     user = (*registered_templates(), *(parse_effects(effects) if effects else ()))

@@ -160,14 +160,17 @@ def run_loop(
         withheld |= {finding.hypothesis for finding in new if finding not in kept}
         added += kept
         database = candidate
-    models = (
-        axis_models(source, flights, baseline, database, library, added, without_gain, modelled)
-        if not database.states
-        else None
-    )
+    models = None
+    # A wrong sensor is to be mended first, and a stall has a fit of its own.
+    if not database.states and not any(f.verdict == "sensor" for f in findings.values()):
+        every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
+        late = every - (every if known_before is None else known_before)
+        models = axis_models(
+            source, flights, baseline, database, library, added, without_gain, late, modelled
+        )
     if models is not None:
-        traced, late = only_what_was_frozen(models.traced, known_before)
-        remarks += (*late, *(model.remark for model in models.models))
+        traced = models.traced
+        remarks += tuple(model.remark for model in models.models)
         members = {finding.hypothesis: finding for finding in traced.findings}
         apart = models.apart(library)
         withheld &= apart

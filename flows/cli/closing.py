@@ -37,6 +37,13 @@ def close_loop(
             help="Effect that a sensor error explains as well, to add anyway; it is marked."
         ),
     ] = None,
+    measured: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What was measured outside flight, with one sigma: `cg_x=3 mm, weighed`,"
+            " `delta_elevator_scale=.005, rig`; as [measured] in the vehicle file."
+        ),
+    ] = None,
     effects: Annotated[
         Path | None, typer.Option(help="File (TOML) of effects of your own.")
     ] = None,
@@ -85,6 +92,7 @@ def close_loop(
         "accept_lumped": accept_lumped,
         "accept_suspected": accept_suspected,
         "accept_ambiguous": accept_ambiguous,
+        "measured": measured,
         "effects": read_text(effects) if effects else "",
         "library": library,
     }

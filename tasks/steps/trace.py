@@ -1,5 +1,7 @@
 """Tracing: the frozen library of a campaign, and the stored normal equations of each flight."""
 
+from collections.abc import Sequence
+
 from aerodb.loop import Library
 from aerodb.loop import freeze_library as frozen_library
 from aerodb.tables import AeroDatabase
@@ -10,18 +12,25 @@ from aerodb.tracing import NormalEquations
 
 
 def freeze_library(
-    plan: Plan, *, workspace: str, run: str, effects: str = "", expected: str = ""
+    plan: Plan,
+    *,
+    workspace: str,
+    run: str,
+    effects: str = "",
+    expected: str = "",
+    measured: Sequence[str] = (),
 ) -> Library:
     """Return the library for the plan's baseline, vehicle and the flights' channels.
 
-    effects : text of a file of user templates. Only names of channels and flight conditions are
+    effects : text of a file of user templates. measured : as in `aerodb.loop.freeze_library`. Only
+    names of channels and flight conditions are
     read, no residual. Raises InputError if the library's hash is not the `expected` one.
     """
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
         access_workspace(workspace).database(plan.baseline),
     )
-    return frozen_library(source, plan.hold_out.identified, baseline, effects, expected)
+    return frozen_library(source, plan.hold_out.identified, baseline, effects, expected, measured)
 
 
 def trace_flight(

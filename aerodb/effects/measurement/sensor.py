@@ -42,12 +42,13 @@ def sensor(
     """A sensor hypothesis; its sigma is the context's prior for `parameter`, else `declared`, else
     `natural`.
 
-    measured : channels whose size the parameter is an error of. Where the vehicle file states for
-    all of them how well they were measured, that is the sigma, and three times it the believable
-    range.
+    measured : channels whose size the parameter is an error of. Where the vehicle file states how
+    well the parameter itself was measured, or all of them, that is the sigma, and three times it
+    the believable range.
     """
     known_by = ""
-    stated = [context.vehicle.measured.get(name) for name in measured]
+    itself = context.vehicle.measured.get(parameter)
+    stated = [itself] if itself else [context.vehicle.measured.get(name) for name in measured]
     if stated and all(stated):
         largest = max((each for each in stated if each), key=lambda each: each.sigma)
         declared, known_by = largest.sigma, largest.by or "the vehicle file"

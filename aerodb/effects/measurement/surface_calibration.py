@@ -126,7 +126,8 @@ def _bias(context: LibraryContext) -> list[Hypothesis]:
             subject=surface.name,
             declared=stated,
         )
-        hypotheses.append(replace(found, known_by="the vehicle file" if stated else ""))
+        known_by = found.known_by or ("the vehicle file" if stated else "")
+        hypotheses.append(replace(found, known_by=known_by))
     return hypotheses
 
 

@@ -142,11 +142,16 @@ def _calibration(tests: CrossFlightTests, decision: Decision, index: int, sensor
     terms = tuple(i for i in decision.terms if i != index)
     needed = abs(float(tests.tested(terms, decision.freed, FEWEST_SUSPECTED).mean[sensor]))
     start = f"{names[index].id} or {names[sensor].id}: an independent calibration"
+    parameter = names[sensor].parameter
+    where = (
+        f"state it as [measured.{parameter}] in the vehicle file, or with --measured"
+        f" {parameter}=SIGMA"
+    )
     if not np.isfinite(needed) or needed == 0.0:
-        return f"{start} of {names[sensor].parameter} decides"
+        return f"{start} of {parameter} decides; {where}"
     return (
-        f"{start} that knows {names[sensor].parameter} to"
-        f" {with_unit(needed / 3.0, names[sensor].unit, 2)} decides"
+        f"{start} that knows {parameter} to"
+        f" {with_unit(needed / 3.0, names[sensor].unit, 2)} decides; {where}"
     )
 
 
