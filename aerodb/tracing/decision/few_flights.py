@@ -268,20 +268,20 @@ def _halves_agree(
 def accompanying_linear_terms(
     joint: JointModel, findings: Sequence[Finding]
 ) -> tuple[Finding, ...]:
-    """Return the linear terms of the model on the axes of `findings` that are no findings
-    themselves.
+    """Return the linear terms of the model that are written on the axes of `findings` and are no
+    findings themselves.
 
     The value of a finding holds only beside them. They are suspected like the findings; a term
     without any unit in its test stays out.
     """
     hypotheses = joint.tests.campaign.hypotheses
-    axes = {axis for finding in findings for axis in finding.axis}
     named = {finding.hypothesis for finding in findings}
+    axes = {axis for each in hypotheses if each.id in named for axis in each.written_on}
     test = _tested(joint)
     chosen = [
         i
         for i in joint.terms
-        if hypotheses[i].id not in named and axes & set(hypotheses[i].axes) and test.count[i]
+        if hypotheses[i].id not in named and axes & set(hypotheses[i].written_on) and test.count[i]
     ]
     return tuple(_finding(joint, test, index, ()) for index in chosen)
 
