@@ -204,6 +204,18 @@ class Processing(Strict):
     bandwidth: Annotated[float, in_unit("Hz"), Field(gt=0)] | None = None
 
 
+class VerticalAir(Strict):
+    """Prior of the slow vertical motion of the air: standard deviation [m/s] and time constant [s].
+
+    Defaults: the boundary layer of a day with weak convection, .6 of a convective velocity scale of
+    .8 m/s (Stull, An Introduction to Boundary Layer Meteorology, 1988, section 4.2), over some km
+    of path. Faster gusts are the smoother's. A standard deviation of zero: still air.
+    """
+
+    sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.5
+    time: Annotated[float, in_unit("s"), Field(gt=0)] = 30.0
+
+
 class Vehicle(Strict):
     """Contents of a vehicle file."""
 
@@ -219,6 +231,7 @@ class Vehicle(Strict):
     accuracy: Accuracy = Accuracy()
     processing: Processing = Processing()
     air_data: AirData = AirData()
+    vertical_air: VerticalAir = VerticalAir()
     configuration: dict[str, Number] = {}
     measured: dict[str, Measured] = {}
 

@@ -168,10 +168,12 @@ def corrected_flight(
             here = np.isfinite(smooth_channel)
             channels[name] = smooth_channel if own is None else np.where(here, smooth_channel, own)
             sigma[name] = np.where(here, np.hypot(error, choice.beside), choice.sensor)
+            sigma[name] = np.hypot(sigma[name], _by_vertical_air(result, name, values))
             if name in flags:
                 flags[name] = np.where(here, 0, flags[name]).astype(flags[name].dtype)
         elif own is not None:
-            sigma[name] = np.where(np.isfinite(own), choice.sensor, np.nan)
+            size = np.hypot(choice.sensor, _by_vertical_air(result, name, values))
+            sigma[name] = np.where(np.isfinite(own), size, np.nan)
     channels |= _pressure(flight, moved, channels, values)
     changed = tuple(
         name
@@ -218,7 +220,8 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
     result : reconstruction with winds.
     gusts : standard deviations [m/s] and correlation times [s] of the gusts.
     """
-    spread, estimates = result.covariance.copy(), list(result.estimates)
+    spread, still = result.covariance.copy(), result.still.copy()
+    estimates = list(result.estimates)
     for number, entry in enumerate(result.estimates):
         if entry.parameter.kind == "wind":
             records = [
@@ -236,10 +239,11 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
             )
             more = 2.0 * size**2 * min(time / observed_time, 0.5)
             spread[number, number] += more
+            still[number, number] += more
             estimates[number] = replace(
                 entry, standard_error=float(np.hypot(entry.standard_error, np.sqrt(more)))
             )
-    return replace(result, covariance=spread, estimates=tuple(estimates))
+    return replace(result, covariance=spread, still=still, estimates=tuple(estimates))
 
 
 def _noise(
@@ -431,15 +435,31 @@ def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_])
 def _uncertain(
     result: Reconstruction, vehicle: Vehicle, name: str, values: Mapping[str, float]
 ) -> float:
-    """Standard error of a sensor's bias after correction: that of the estimate, or the vehicle
-    file's prior if none is applied."""
-    estimates = {
-        entry.parameter.name: entry for entry in result.estimates if not entry.parameter.scope
-    }
-    for known in (f"{name}_bias", f"probe_{name}_offset"):
-        if known in estimates and known in values:
-            return estimates[known].standard_error
+    """Standard error of a sensor's bias after correction, in air without vertical motion: that of
+    the estimate, or the vehicle file's prior if none is applied."""
+    number = _bias(result, name, values)
+    if number is not None:
+        return float(np.sqrt(result.still[number, number]))
     return vehicle.sensors[name].bias_prior if name in vehicle.sensors else 0.0
+
+
+def _bias(result: Reconstruction, name: str, values: Mapping[str, float]) -> int | None:
+    """Number of the estimate of a channel's bias that is applied; None if there is none."""
+    for number, entry in enumerate(result.estimates):
+        item = entry.parameter
+        if item.name in (f"{name}_bias", f"probe_{name}_offset") and item.name in values:
+            return number
+    return None
+
+
+def _by_vertical_air(result: Reconstruction, name: str, values: Mapping[str, float]) -> float:
+    """Standard error of a channel because vertical air may be part of its bias: the same for the
+    sensor and for the smoother, whose path takes the air as still."""
+    number = _bias(result, name, values)
+    if number is None:
+        return 0.0
+    both = result.covariance[number, number] - result.still[number, number]
+    return float(np.sqrt(max(both, 0.0)))
 
 
 def _at_full_rate(

@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.pressures import HOLES
 from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter
-from aerodb.vehicle import Accuracy, Sensor, Vehicle
+from aerodb.vehicle import Accuracy, Sensor, Vehicle, VerticalAir
 
 #: Prior of initial states, in natural sizes: they start from noisy first samples.
 _START = 10.0
@@ -47,6 +47,7 @@ class Plan:
     left_out : channel that has left the estimate -> its rms disagreement before, SI.
     remarks : what else the estimates say of the sensors, in sentences.
     misplaced : where the vanes seem to be, in a sentence; empty: where the vehicle file says.
+    vertical_air : prior of the vertical motion of the air.
     """
 
     free: tuple[str, ...]
@@ -59,6 +60,7 @@ class Plan:
     left_out: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     misplaced: str = ""
+    vertical_air: VerticalAir = field(default_factory=lambda: VerticalAir(sigma=0.0))
 
     @property
     def priors(self) -> dict[str, float]:
@@ -218,6 +220,7 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
         stated_priors,
         _left_out(logged, earth, turned),
         noise_floor=noise_floor,
+        vertical_air=vehicle.vertical_air,
     )
 
 

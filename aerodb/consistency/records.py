@@ -254,6 +254,7 @@ def records_from_flight(
                     density=None if density is None else density[part],
                     gravity=gravity,
                     first=start + first * decimation,
+                    start=(start + first * decimation) * flight.step,
                     installation=how,
                     pressure=None if pressure is None else pressure[part],
                     earth=earth,

@@ -228,16 +228,12 @@ def reconstruct_flight(
         }
         own = solve(most_active(records), plan, fixed=held)
         stated = {name: sigma for name, sigma in stated.items() if name not in calibration.names}
-    estimates = with_vehicle_priors(shared_estimates(own), stated)
-    if calibration is not None:
-        # a calibration made from this flight already contains it: do not count the flight twice
-        in_calibration = flight_of(records[0]) in calibration.flights
-        estimates = (
-            overridden_by_calibration(estimates, calibration)
-            if in_calibration
-            else with_calibration(estimates, calibration)
-        )
-    estimates = never_early(estimates)
+    # a calibration made from this flight already contains it: do not count the flight twice
+    counted = calibration is not None and flight_of(records[0]) in calibration.flights
+    estimates, still = (
+        never_early(_combined(shared_estimates(own, still), stated, calibration, counted))
+        for still in (False, True)
+    )
     held = {name: value for name, value in held.items() if not is_early(name, value)}
     fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
@@ -245,7 +241,22 @@ def reconstruct_flight(
         solve(list(group), plan, winds, fixed, own)
         for _, group in groupby(records, key=lambda record: record.flight)
     ]
-    return FlightReconstruction(_joined(own, parts, estimates), estimates, held)
+    return FlightReconstruction(_joined(own, parts, estimates, still.covariance), estimates, held)
+
+
+def _combined(
+    estimates: SensorEstimates,
+    stated: Mapping[str, float],
+    calibration: Calibration | None,
+    counted: bool,
+) -> SensorEstimates:
+    """A flight's estimates with the vehicle file's priors and a calibration; `counted`: the
+    calibration contains the flight."""
+    estimates = with_vehicle_priors(estimates, stated)
+    if calibration is None:
+        return estimates
+    combine = overridden_by_calibration if counted else with_calibration
+    return combine(estimates, calibration)
 
 
 def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
@@ -289,14 +300,19 @@ def solve(
         fixed=fixed,
         near=near,
         least_gain=least_gain,
+        vertical_air=plan.vertical_air,
     )
 
 
 def _joined(
-    own: Reconstruction, parts: Sequence[Reconstruction], estimates: SensorEstimates
+    own: Reconstruction,
+    parts: Sequence[Reconstruction],
+    estimates: SensorEstimates,
+    still: Array,
 ) -> Reconstruction:
-    """Join reconstructions of parts of a flight, with the sensor estimates and with the standard
-    errors of the joint solution where these are larger."""
+    """Join reconstructions of parts of a flight, with the sensor estimates (`still`: their
+    covariance in air without vertical motion) and with the standard errors of the joint solution
+    where these are larger."""
     joint = {path.record.name: path for path in own.paths}
     state = np.sqrt(np.mean([np.mean(path.state_sigma**2, axis=1) for path in own.paths], axis=0))
     air = np.sqrt(np.mean([np.mean(path.air_sigma**2, axis=1) for path in own.paths], axis=0))
@@ -324,10 +340,12 @@ def _joined(
     others = [entry for part in parts for entry in part.estimates]
     converged = own.converged and sum(part.converged for part in parts) > 0.5 * len(parts)
     spread = block_diag(estimates.covariance, *(part.covariance for part in parts))
+    calm = block_diag(still, *(part.still for part in parts))
     return replace(
         own,
         estimates=(*sensors, *others),
         covariance=spread,
+        still=calm,
         paths=tuple(paths),
         converged=converged,
     )

@@ -75,15 +75,16 @@ class SensorEstimates:
         )
 
 
-def shared_estimates(result: Reconstruction) -> SensorEstimates:
-    """The sensor parameters of a reconstruction, winds and first states integrated out."""
+def shared_estimates(result: Reconstruction, still: bool = False) -> SensorEstimates:
+    """The sensor parameters of a reconstruction, winds and first states integrated out; `still`:
+    with the covariance that they had in air without vertical motion."""
     index = [number for number, entry in enumerate(result.estimates) if not entry.parameter.scope]
     chosen = [result.estimates[number] for number in index]
     values = np.array([entry.value for entry in chosen])
     return SensorEstimates(
         tuple(entry.parameter.name for entry in chosen),
         values,
-        result.covariance[np.ix_(index, index)],
+        (result.still if still else result.covariance)[np.ix_(index, index)],
     )
 
 
@@ -91,9 +92,9 @@ def with_vehicle_priors(estimates: SensorEstimates, stated: Mapping[str, float])
     """The estimates updated by the vehicle file's priors (name -> one sigma about zero, SI).
 
     Where the file states none, the prior is the natural size: what a serviceable sensor may have,
-    not what anybody has measured of this one. A flight that determines a bias (standard error below
-    that size) and finds it beyond speaks for itself: the variance of the prior is then the one that
-    makes the estimate most likely, ``value^2 - standard_error^2``.
+    not what anybody has measured of this one. A flight that finds a bias beyond that size by more
+    than its standard error speaks for itself: the variance of the prior is then the one that makes
+    the estimate most likely, ``value^2 - standard_error^2``.
     """
     names = tuple(name for name in estimates.names if name in stated)
     sigma = np.array([_prior(name, stated[name], *estimates.by_name[name]) for name in names])
@@ -102,9 +103,14 @@ def with_vehicle_priors(estimates: SensorEstimates, stated: Mapping[str, float])
 
 def _prior(name: str, stated: float, value: float, error: float) -> float:
     """Standard deviation of the prior of a parameter with this estimate, SI."""
-    size, square = parameter(name).size, value**2 - error**2
-    speaks = stated == size and error < size and square > size**2
-    return float(np.sqrt(square)) if speaks else stated
+    return float(np.sqrt(value**2 - error**2)) if _beyond(name, stated, value, error) else stated
+
+
+def _beyond(name: str, stated: float, value: float, error: float) -> bool:
+    """Whether the prior is only the natural size, and the estimate beyond it by more than its
+    standard error, which is itself below that size."""
+    size = parameter(name).size
+    return stated == size and error < size and abs(value) > size + error
 
 
 def with_calibration(estimates: SensorEstimates, calibration: Calibration) -> SensorEstimates:
@@ -221,7 +227,7 @@ def _worthwhile_error(name: str, value: float, error: float, plan: Plan) -> floa
     stated, size = plan.stated_priors.get(name, np.inf), parameter(name).size
     if stated < size:
         return WORTH * stated
-    if stated == size and error < size < abs(value):
+    if _beyond(name, stated, value, error):
         return WORTH * abs(value)
     return 0.5 * WORTH * stated
 

@@ -29,6 +29,7 @@ from aerodb.consistency.output_error.normal_equations import (
     residuals,
     usable_samples,
 )
+from aerodb.consistency.output_error.vertical_air import Pull, air_information, pull
 from aerodb.consistency.sensors import (
     Parameter,
     Record,
@@ -39,6 +40,7 @@ from aerodb.consistency.sensors import (
 from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum
 from aerodb.support import Array
+from aerodb.vehicle import VerticalAir
 
 
 @dataclass(frozen=True)
@@ -96,12 +98,15 @@ class Reconstruction:
     """A joint reconstruction.
 
     estimates : one per unknown, k in all. covariance : (k, k), in their order, SI.
+    still : (k, k), the part of the covariance that does not come from the vertical motion of the
+        air.
     noise : channel -> one sigma of its residual, SI. paths : one per record.
     converged, iterations : of the Gauss-Newton search.
     """
 
     estimates: tuple[Estimate, ...]
     covariance: Array
+    still: Array
     noise: Mapping[str, float]
     paths: tuple[ReconstructedPath, ...]
     converged: bool
@@ -125,6 +130,7 @@ def reconstruct(
     starts: Sequence[Array] | None = None,
     near: Reconstruction | None = None,
     least_gain: float = SMALL_GAIN,
+    vertical_air: VerticalAir | None = None,
 ) -> Reconstruction:
     """Estimate sensor errors, winds and initial states of all records together.
 
@@ -142,6 +148,7 @@ def reconstruct(
     near : a reconstruction of some of the same records that is probably close: the search starts
         there.
     least_gain : gain of log-likelihood below which a step ends the search.
+    vertical_air : prior of the vertical motion of the air, which widens the covariance; None: none.
 
     No parameter is fixed for lack of information: those that the manoeuvres cannot separate need a
     prior, and their standard error then shows it.
@@ -168,7 +175,8 @@ def reconstruct(
     start = np.zeros(len(problem.items)) if near is None else _start(problem, near)
     solution = search(problem, start, least_gain)
     vector, sums = solution.vector, solution.equations
-    covariance, white = _covariances(problem, vector, sums)
+    still, white, moved = _covariances(problem, vector, sums, vertical_air)
+    covariance = still + moved
     estimates = tuple(
         Estimate(
             item,
@@ -187,7 +195,7 @@ def reconstruct(
         name: float(np.sqrt(value)) for name, value in sums.variance(problem.noise_floor).items()
     }
     return Reconstruction(
-        estimates, covariance, noise, paths, solution.converged, solution.iterations
+        estimates, covariance, still, noise, paths, solution.converged, solution.iterations
     )
 
 
@@ -229,9 +237,11 @@ def _start(problem: Problem, near: Reconstruction) -> Array:
     return np.clip(vector, problem.lower, problem.upper)
 
 
-def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tuple[Array, Array]:
-    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and the one for
-    white residuals."""
+def _covariances(
+    problem: Problem, vector: Array, sums: NormalEquations, air: VerticalAir | None
+) -> tuple[Array, Array, Array]:
+    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
+    white residuals, and what vertical air adds to the first."""
     noise = sums.variance(problem.noise_floor)
     size = np.array([item.size for item in problem.items])
     white = np.asarray(
@@ -240,6 +250,7 @@ def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tupl
     )
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
+    pulls: list[Pull] = []
     for record, start in zip(problem.records, problem.starts, strict=True):
         index, values, response = _predicted(problem, vector, record, start)
         for name, error in residuals(record, response).items():
@@ -253,11 +264,18 @@ def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tupl
             record, values, first_state(start, values), own, response.slopes, noise
         )
         drift[np.ix_(index, index)] += part
+        if air is not None and air.sigma > 0:
+            first = first_state(start, values)
+            pulls.append(pull(record, values, first, own, index, response, noise))
     covariance = white + white @ drift @ white
     # enlarge it where residuals are more coloured than white noise and inertial drift explain
     coloured = np.diag(white @ middle @ white)
     grow = np.sqrt(np.maximum(coloured / np.diag(covariance), 1.0))
-    return np.asarray(covariance * np.outer(grow, grow)), white
+    covariance = covariance * np.outer(grow, grow)
+    moved = np.zeros_like(white)
+    if air is not None and pulls:
+        moved = white @ air_information(pulls, air, len(white)) @ white
+    return np.asarray(covariance), white, moved
 
 
 def _predicted(

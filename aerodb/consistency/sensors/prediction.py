@@ -40,7 +40,7 @@ class Record:
         needs one).
     gravity : [m/s2]; over a rotating earth only for what is not integrated.
     held : inputs are held until the next sample instead of being linear between samples.
-    first : index of its first sample in the flight.
+    first : index of its first sample in the flight. start : time of that sample in the flight [s].
     installation : of the other sensors.
     pressure : (n,), static pressure behind the density [Pa] (`models.SensorModels`).
     earth : rotating oblate earth, for long records; None: flat.
@@ -62,6 +62,7 @@ class Record:
     gravity: float = GRAVITY
     held: bool = False
     first: int = 0
+    start: float = 0.0
     installation: Installation = field(default_factory=Installation)
     pressure: Array | None = None
     earth: Earth | None = None

@@ -120,9 +120,9 @@ def smooth_flight(
 ) -> Smoothed:
     """Smooth the records of one flight of a reconstruction.
 
-    The reconstruction's sensor errors and mean winds are kept, with their covariance (a mean wind
-    that was not estimated is zero); initial states, gusts and drifts are estimated again. Standard
-    errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p)
+    The reconstruction's sensor errors and mean winds are kept, with their covariance in air without
+    vertical motion (a mean wind that was not estimated is zero); initial states, gusts and drifts
+    are estimated again. Standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p)
     (dx/dp)'`` for the reconstruction's parameters p. Sensors with coloured residuals are weighted
     by their low-frequency noise. Airspeed and qbar with a common error count once. Time and memory
     grow linearly with the length of the flight.
@@ -146,7 +146,7 @@ def smooth_flight(
     """
     own = _paths(result, flight)
     free, values, index = _parameters(result, flight, fixed)
-    spread = _root(result.covariance[np.ix_(index, index)])
+    spread = _root(result.still[np.ix_(index, index)])
     by = intensities
     if by is None:
         by = intensities_of(result, (flight,), fixed=fixed, noise_floor=noise_floor, coarse=coarse)
