@@ -71,6 +71,7 @@ def judge(
     accuracy: Accuracy,
     faults: Sequence[Fault] = (),
     left_out: Mapping[str, float] | None = None,
+    calibrated: Collection[str] = (),
 ) -> Verdict:
     """The verdict on one flight of a joint reconstruction.
 
@@ -85,6 +86,8 @@ def judge(
     faults : gross faults (`expected.detect_faults`); each rejects the flight.
     left_out : channel that has left the estimate -> its rms disagreement before, SI. Each limits
         the flight; nothing else is judged by it.
+    calibrated : parameters that a calibration names: known and removed, whatever their size, they
+        limit a flight but do not reject it.
     """
     left_out = left_out or {}
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
@@ -134,10 +137,12 @@ def judge(
                 item.kind == "bias"
                 and item.subject in (*INPUTS, "qbar")
                 and abs(estimate.value) > GROSS * item.size
+                and item.name not in calibrated
             )
             # another parameter at its bound distorts this one: that does not prove a broken sensor
             words.append("rejected" if gross_bias and not bound else "limited")
             beside = f", with {' and '.join(bound)} at a bound" if bound else ""
+            beside += ", and known from its calibration" if item.name in calibrated else ""
             reasons.append(
                 f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor"
                 f" ({item.size:g}){beside}"

@@ -93,7 +93,12 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         sensors = with_vehicle_priors(shared_estimates(own), plan.stated_priors)
         drifted = drift(calibration, sensors.names, sensors.values, sensors.standard_errors)
     verdict = judge(
-        known.reconstruction, flight.id, vehicle.accuracy, common_faults(records), plan.left_out
+        known.reconstruction,
+        flight.id,
+        vehicle.accuracy,
+        common_faults(records),
+        plan.left_out,
+        () if calibration is None else calibration.names,
     )
     if plan.misplaced:
         verdict = verdict.with_first("limited", plan.misplaced)

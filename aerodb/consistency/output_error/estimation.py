@@ -10,7 +10,7 @@ from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
 from aerodb.conditioning import bridge
-from aerodb.consistency.calibration import Calibration
+from aerodb.consistency.calibration import Calibration, drift
 from aerodb.consistency.output_error.gauss_newton import SMALL_GAIN
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.installation import (
@@ -26,6 +26,7 @@ from aerodb.consistency.output_error.posterior import (
     is_early,
     never_early,
     overridden_by_calibration,
+    pooled,
     shared_estimates,
     significant_parameters,
     with_calibration,
@@ -231,9 +232,13 @@ def reconstruct_flight(
     # a calibration made from this flight already contains it: do not count the flight twice
     counted = calibration is not None and flight_of(records[0]) in calibration.flights
     estimates, still = (
-        never_early(_combined(shared_estimates(own, still), stated, calibration, counted))
+        _combined(shared_estimates(own, still), stated, calibration, counted)
         for still in (False, True)
     )
+    late = never_early(estimates)
+    for name in estimates.names:
+        still = still if name in late.names else still.conditioned_on_zero(name)
+    estimates = late
     held = {name: value for name, value in held.items() if not is_early(name, value)}
     fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
@@ -393,7 +398,10 @@ def joint_calibration(
     """Estimate the sensor parameters that several flights share.
 
     One reconstruction of all flights, each with its own winds and initial states. The records with
-    the most motion are used, the same number of every flight, `MOST_STRETCHES_JOINT` in all.
+    the most motion are used, the same number of every flight, `MOST_STRETCHES_JOINT` in all. A
+    parameter in which a flight alone contradicts the joint estimate (`drift`) is not shared: the
+    calibration leaves it to the flights, and gives of the others what the flights alone say
+    together, because the joint estimate of these has borne the contradiction.
 
     Parameters
     ----------
@@ -404,15 +412,15 @@ def joint_calibration(
     Raises InputError when no flight can be reconstructed or no parameter is determined.
     """
     room = max(1, MOST_STRETCHES_JOINT // max(len(flights), 1))
-    records = [
-        record
-        for flight in flights
-        for record in most_active(decimated_records(flight, vehicle), room)
-    ]
+    by_flight = [most_active(decimated_records(flight, vehicle), room) for flight in flights]
+    records = [record for own in by_flight for record in own]
     if not records:
         raise InputError("no flight", f"calibration of {vehicle.name}", "give at least one flight")
     result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
-    estimates = never_early(with_vehicle_priors(shared_estimates(result), plan.stated_priors))
+    estimates = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
+    if len(by_flight) > 1:
+        estimates = _shared_by_all(estimates, by_flight, plan, vehicle)
+    estimates = never_early(estimates)
     if not estimates.names:
         raise InputError(
             "these flights determine no sensor parameter",
@@ -429,6 +437,29 @@ def joint_calibration(
         valid_from,
         valid_until,
     )
+
+
+def _shared_by_all(
+    joint: SensorEstimates,
+    by_flight: Sequence[Sequence[Record]],
+    plan: Plan,
+    vehicle: Vehicle,
+) -> SensorEstimates:
+    """The joint estimates, or without the parameters that a flight alone contradicts.
+
+    joint : of all flights. by_flight : their records. plan : that of the joint estimates.
+    """
+    alone = [
+        shared_estimates(estimate_sensors(own, make_plan(own, vehicle), vehicle.accuracy)[0])
+        for own in by_flight
+    ]
+    whole = Calibration(vehicle.name, joint.names, joint.values, joint.covariance)
+    apart = set()
+    for own in alone:
+        known = with_vehicle_priors(own, plan.stated_priors)
+        found = drift(whole, known.names, known.values, known.standard_errors)
+        apart |= {entry.name for entry in found}
+    return pooled(alone, set(joint.names) - apart, plan.stated_priors) if apart else joint
 
 
 def _motion(record: Record) -> float:

@@ -5,7 +5,7 @@ and not as weights in the search: its weights assume white residuals, are too la
 drift colour them, and would outweigh any calibration sheet.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,6 +144,28 @@ def never_early(estimates: SensorEstimates) -> SensorEstimates:
     ]:
         estimates = estimates.conditioned_on_zero(early[0])
     return estimates
+
+
+def pooled(
+    flights: Sequence[SensorEstimates], names: Collection[str], stated: Mapping[str, float]
+) -> SensorEstimates:
+    """What several flights say together of some parameters, the others integrated out in each.
+
+    flights : independent estimates, without priors. names : parameters; those that no flight has
+    are left out. stated : priors, name -> one sigma about zero, SI.
+    """
+    known = tuple(dict.fromkeys(name for own in flights for name in own.names if name in names))
+    information, push = np.zeros((len(known), len(known))), np.zeros(len(known))
+    for own in flights:
+        index = [number for number, name in enumerate(own.names) if name in known]
+        at = [known.index(own.names[number]) for number in index]
+        weight = np.linalg.inv(own.covariance[np.ix_(index, index)])
+        information[np.ix_(at, at)] += weight
+        push[at] += weight @ own.values[index]
+    spread = np.linalg.inv(information)
+    return with_vehicle_priors(
+        SensorEstimates(known, spread @ push, 0.5 * (spread + spread.T)), stated
+    )
 
 
 def significant_parameters(

@@ -122,9 +122,9 @@ def smooth_flight(
 
     The reconstruction's sensor errors and mean winds are kept, with their covariance in air without
     vertical motion (a mean wind that was not estimated is zero); initial states, gusts and drifts
-    are estimated again. Standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p)
-    (dx/dp)'`` for the reconstruction's parameters p. Sensors with coloured residuals are weighted
-    by their low-frequency noise. Airspeed and qbar with a common error count once. Time and memory
+    are estimated again. Standard errors are those of the posterior under this model, ``Cov(x) =
+    Cov(x | p) + (dx/dp) Cov(p) (dx/dp)'`` for the reconstruction's parameters p. Sensors with
+    coloured residuals are weighted by their low-frequency noise. Airspeed and qbar with a common error count once. Time and memory
     grow linearly with the length of the flight.
 
     Parameters
