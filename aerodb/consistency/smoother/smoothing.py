@@ -124,8 +124,8 @@ def smooth_flight(
     vertical motion (a mean wind that was not estimated is zero); initial states, gusts and drifts
     are estimated again. Standard errors are those of the posterior under this model, ``Cov(x) =
     Cov(x | p) + (dx/dp) Cov(p) (dx/dp)'`` for the reconstruction's parameters p. Sensors with
-    coloured residuals are weighted by their low-frequency noise. Airspeed and qbar with a common error count once. Time and memory
-    grow linearly with the length of the flight.
+    coloured residuals are weighted by their low-frequency noise. Airspeed and qbar with a common
+    error count once. Time and memory grow linearly with the length of the flight.
 
     Parameters
     ----------
