@@ -213,7 +213,7 @@ class VerticalAir(Strict):
     """
 
     sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.5
-    time: Annotated[float, in_unit("s"), Field(gt=0)] = 30.0
+    time: Annotated[float, in_unit("s"), Field(ge=1)] = 30.0
 
 
 class Vehicle(Strict):

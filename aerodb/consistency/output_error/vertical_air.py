@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from aerodb.consistency.output_error.normal_equations import usable_samples
 from aerodb.consistency.sensors import Parameter, Record, Response, parameter, predict_outputs
@@ -104,10 +103,7 @@ def air_information(pulls: Sequence[Pull], air: VerticalAir, k: int) -> Array:
 def _faded(a: Array, step: float) -> Array:
     """(2, n, k) sums over the samples up to each, of a (n, k) weighted with ``exp(-t)`` and with
     ``t exp(-t)``, for a time t since the sample in units of the time constant."""
-    keep = np.exp(-step)
-    return np.stack(
-        [
-            lfilter([1.0], [1.0, -keep], a, axis=0),
-            lfilter([0.0, step * keep], [1.0, -2.0 * keep, keep * keep], a, axis=0),
-        ]
-    )
+    passed = step * np.arange(len(a))[:, None]
+    grown = np.exp(passed) * a
+    near = np.exp(-passed) * np.cumsum(grown, axis=0)
+    return np.stack([near, passed * near - np.exp(-passed) * np.cumsum(passed * grown, axis=0)])

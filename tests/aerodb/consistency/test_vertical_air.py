@@ -36,9 +36,7 @@ def _in_air(seed: int, down: np.ndarray | float, bias: float, without: tuple[str
     columns = table(seed, planted=planted, seconds=30.0)
     columns["velocity_down"] = columns["velocity_down"] + down
     channels = {
-        name: values
-        for name, values in columns.items()
-        if name != "time" and name not in without
+        name: values for name, values in columns.items() if name != "time" and name not in without
     }
     return Flight(f"{seed:064d}", NAME, columns["time"], channels)
 
