@@ -42,11 +42,13 @@ def test_the_twin_otter_records_do_not_share_what_nasa_removed_from_one(otter):
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_no_record_is_rejected_by_its_calibration(otter, name):
+    """Under the vane's bias that they share, what the air did in 9752ed20 stands in alpha (.9 deg at
+    57 m/s) and limits it."""
     flights, calibration = otter
     found = make_consistent(flights[name], TWIN_OTTER, calibration)
-    alone = make_consistent(flights[name], TWIN_OTTER)
-    assert found.verdict.word == alone.verdict.word != "rejected"
+    assert found.verdict.word in ("good", "limited")
     assert found.drifted == ()
+    assert not [reason for reason in found.verdict.reasons if "_bias" in reason]
     biases = {
         entry["parameter"]: (entry["value"], entry["standard_error"])
         for entry in found.document["estimates"]
