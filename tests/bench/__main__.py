@@ -1,5 +1,5 @@
 """`make bench`: the product beside what a user would use instead, as ratios within one run. Nothing
-here asserts.
+here asserts; the ratios are appended to docs/reference/benchmarks.md.
 
 Each measurement is a process of its own; time and peak memory are taken inside it, after its
 imports, so that starting an interpreter counts for neither. Memory is the peak of the whole
@@ -9,14 +9,17 @@ process.
 import argparse
 import json
 import os
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tests.bench.closed_loop import closed_loop
+from tests.bench.record import RECORD, append
 from tests.bench.running import running
 
 VEHICLE = """
@@ -88,42 +91,49 @@ def measure(imports: str, body: str) -> dict[str, Any]:
     return result
 
 
-def per_flight_run(folder: Path, seconds: float, runs: int) -> None:
-    """The whole per-flight run of a generated one-hour log beside pyulog's parsing of the same
-    file."""
+def per_flight_run(
+    folder: Path, seconds: float, runs: int, ways: Sequence[str] = ("direct", "auto")
+) -> dict[str, dict[str, float]]:
+    """The whole per-flight run of a generated log beside pyulog's parsing of the same file.
+
+    Returns what was run -> its median seconds and megabytes, and both as ratios to pyulog's.
+    """
     from aerodb.storage.writers.ulog import write_ulog
     from tests.bench.generated_log import generated_topics
 
-    log = folder / "hour.ulg"
+    log = folder / f"flight-{seconds:g}.ulg"
     write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
     print(
         f"per-flight run of a log of {seconds:g} s, {log.stat().st_size / 1e6:.0f} MB, {runs} runs,"
         " medians"
     )
+    names = {"direct": "aerodb, direct", "auto": "aerodb, Prefect"}
     rows: dict[str, list[dict[str, float]]] = {
         "pyulog parses": [],
-        "aerodb, direct": [],
-        "aerodb, Prefect": [],
+        **{names[how]: [] for how in ways},
     }
     for number in range(runs):
         rows["pyulog parses"].append(measure("from pyulog import ULog", f"ULog({str(log)!r})"))
-        for how in ("direct", "auto"):
-            workspace = folder / f"workspace-{how}-{number}"
+        for how in ways:
+            workspace = folder / f"workspace-{seconds:g}-{how}-{number}"
             imports, body = _ingest(workspace, log, how)
-            rows["aerodb, Prefect" if how == "auto" else "aerodb, direct"].append(
-                measure(imports, body)
-            )
+            rows[names[how]].append(measure(imports, body))
+            shutil.rmtree(workspace)
+    log.unlink()
     base = {
         key: statistics.median(r[key] for r in rows["pyulog parses"])
         for key in ("seconds", "megabytes")
     }
+    found = {}
     for name, results in rows.items():
         middle = {key: statistics.median(r[key] for r in results) for key in base}
         ratios = {key: middle[key] / base[key] for key in base}
+        found[name] = middle | {f"{key} ratio": value for key, value in ratios.items()}
         print(
             f"  {name:16} {middle['seconds']:7.2f} s ({ratios['seconds']:.2f} x)"
             f" {middle['megabytes']:7.0f} MB ({ratios['megabytes']:.2f} x)"
         )
+    return found
 
 
 def _ingest(workspace: Path, log: Path, how: str) -> tuple[str, str]:
@@ -221,13 +231,13 @@ def ours():
 """
 
 
-def reconstruction() -> None:
+def reconstruction() -> dict[str, float]:
     """ATTAS: six biases over three manoeuvres, beside what an engineer writes first; cold counts
-    compilation and first import."""
+    compilation and first import. Returns its figure for the record, if it can be measured."""
     folder = _measured_data() / "attas"
     if not folder.is_dir():
         print("ATTAS reconstruction: not measured, the records are not here (set AERODB_TEST_DATA)")
-        return
+        return {}
     with tempfile.TemporaryDirectory() as cache:
         setup = ATTAS.format(cache=cache, folder=str(folder))
         cold = measure(setup, "answer = ours()")
@@ -248,6 +258,7 @@ def reconstruction() -> None:
         print(
             f"  aerodb, {name:22} {seconds:8.3f} s ({plain['seconds'] / seconds:.1f} times faster)"
         )
+    return {"uncompiled": cold["seconds"]}
 
 
 HOUR = """
@@ -268,9 +279,9 @@ whole = flight({seconds})
 """
 
 
-def consistency_step(folder: Path, seconds: float) -> None:
+def consistency_step(folder: Path, seconds: float) -> dict[str, float]:
     """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of
-    half of it."""
+    half of it. Returns the figure for the record: the former."""
     from aerodb.storage.writers.ulog import write_ulog
     from tests.bench.generated_log import generated_topics
 
@@ -295,6 +306,11 @@ def consistency_step(folder: Path, seconds: float) -> None:
             f" {done['megabytes']:7.0f} MB"
         )
         print(f"  aerodb, {part * seconds:6g} s {cost}, {count} estimates, {word}")
+    return {"consistency": done["seconds"] / parsed}
+
+
+#: What can be run by itself.
+PARTS = ("coefficients", "reconstruction", "consistency", "flight", "loop", "running")
 
 
 def main() -> None:
@@ -311,14 +327,36 @@ def main() -> None:
         default=[10, 100, 1000],
         help="flights stored beside a night's new one",
     )
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run")
+    parser.add_argument(
+        "--no-record", action="store_true", help="leave docs/reference/benchmarks.md as it is"
+    )
     options = parser.parse_args()
-    coefficients(options.points)
-    reconstruction()
-    with tempfile.TemporaryDirectory() as folder:
-        consistency_step(Path(folder), options.seconds)
-        per_flight_run(Path(folder), options.seconds, options.runs)
-        closed_loop(Path(folder), measure)
-        running(Path(folder), tuple(options.stored))
+    figures: dict[str, float] = {}
+    if "coefficients" in options.only:
+        coefficients(options.points)
+    if "reconstruction" in options.only:
+        figures |= reconstruction()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if "consistency" in options.only:
+            figures |= consistency_step(folder, options.seconds)
+        if "flight" in options.only:
+            hour = per_flight_run(folder, options.seconds, options.runs)
+            short = per_flight_run(folder, options.seconds / 6.0, options.runs, ("direct",))
+            figures |= {
+                "pyulog": hour["pyulog parses"]["seconds"],
+                "hour": hour["aerodb, direct"]["seconds ratio"],
+                "hour memory": hour["aerodb, direct"]["megabytes ratio"],
+                "hour Prefect": hour["aerodb, Prefect"]["seconds ratio"],
+                "ten minutes": short["aerodb, direct"]["seconds ratio"],
+            }
+        if "loop" in options.only:
+            figures |= closed_loop(folder, measure)
+        if "running" in options.only:
+            running(folder, tuple(options.stored))
+    if figures and not options.no_record:
+        print(f"appended to {RECORD}:\n{append(figures)}")
 
 
 if __name__ == "__main__":
