@@ -208,8 +208,8 @@ class VerticalAir(Strict):
     """Prior of the slow vertical motion of the air: standard deviation [m/s] and time constant [s].
 
     Defaults: the boundary layer of a day with weak convection, .6 of a convective velocity scale of
-    .8 m/s (Stull, An Introduction to Boundary Layer Meteorology, 1988, section 4.2), over some km
-    of path. Faster gusts are the smoother's. A standard deviation of zero: still air.
+    .8 m/s (Stull, An Introduction to Boundary Layer Meteorology, 1988), over some km of path.
+    Faster gusts are the smoother's. A standard deviation of zero: still air.
     """
 
     sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.5

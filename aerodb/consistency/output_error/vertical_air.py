@@ -12,6 +12,7 @@ else widens.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +20,10 @@ from aerodb.consistency.output_error.normal_equations import usable_samples
 from aerodb.consistency.sensors import Parameter, Record, Response, parameter, predict_outputs
 from aerodb.support import Array
 from aerodb.vehicle import VerticalAir
+
+
+#: Time constants that are summed at once: ``exp`` of them must be a number.
+_BLOCK: Final = 50.0
 
 
 @dataclass(frozen=True)
@@ -102,8 +107,16 @@ def air_information(pulls: Sequence[Pull], air: VerticalAir, k: int) -> Array:
 
 def _faded(a: Array, step: float) -> Array:
     """(2, n, k) sums over the samples up to each, of a (n, k) weighted with ``exp(-t)`` and with
-    ``t exp(-t)``, for a time t since the sample in units of the time constant."""
-    passed = step * np.arange(len(a))[:, None]
-    grown = np.exp(passed) * a
-    near = np.exp(-passed) * np.cumsum(grown, axis=0)
-    return np.stack([near, passed * near - np.exp(-passed) * np.cumsum(passed * grown, axis=0)])
+    ``t exp(-t)``, for a time t since the sample in units of the time constant, as `step` is."""
+    block = max(1, int(_BLOCK / step))
+    sums = np.empty((2, *a.shape))
+    near, far = np.zeros(a.shape[1]), np.zeros(a.shape[1])
+    for start in range(0, len(a), block):
+        part = a[start : start + block]
+        passed = step * np.arange(1, len(part) + 1)[:, None]  # since the sample before the block
+        grown = np.exp(passed) * part
+        own = np.cumsum(grown, axis=0) + near
+        late = passed * own - np.cumsum(passed * grown, axis=0) + far
+        sums[:, start : start + block] = np.exp(-passed) * np.stack([own, late])
+        near, far = sums[:, start + len(part) - 1]
+    return sums

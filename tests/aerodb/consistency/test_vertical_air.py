@@ -145,3 +145,13 @@ def test_the_recursive_sum_is_the_double_sum():
     expected += other.T @ (0.49 * (1.0 + apart) * np.exp(-apart)) @ other
     pulls.insert(1, Pull("two", 0.0, 0.9, 0.1, range(k), other))
     np.testing.assert_allclose(air_information(pulls, air, k), expected, rtol=1e-10)
+
+
+def test_the_recursive_sum_holds_for_flights_of_many_hours():
+    """Twelve hours are 1,440 time constants: more than an exponential can hold."""
+    random, air = np.random.default_rng(4), VerticalAir(sigma=0.7, time=30.0)
+    row, step = random.standard_normal((720, 2)), 60.0
+    apart = np.abs(np.subtract.outer(np.arange(720), np.arange(720))) * step / air.time
+    expected = row.T @ (0.49 * (1.0 + apart) * np.exp(-apart)) @ row
+    pulls = [Pull("one", 0.0, 719 * step, step, range(2), row)]
+    np.testing.assert_allclose(air_information(pulls, air, 2), expected, rtol=1e-10)
