@@ -21,7 +21,6 @@ from aerodb.consistency.sensors import Parameter, Record, Response, parameter, p
 from aerodb.support import Array
 from aerodb.vehicle import VerticalAir
 
-
 #: Time constants that are summed at once: ``exp`` of them must be a number.
 _BLOCK: Final = 50.0
 
