@@ -144,15 +144,35 @@ class Combination(Strict):
     left: str
 
 
-class Thrust(Strict):
-    """Thrust: none, unknown (flagged), or a logged channel [N].
+class ThrustLine(Strict):
+    """A thrust acts along `direction` through `point` [m], in body axes from the datum."""
 
-    It acts along `direction` through `point` [m], in body axes from the datum.
+    direction: tuple[Number, Number, Number] = (1.0, 0.0, 0.0)
+    point: Point | None = None
+
+
+class Thrust(ThrustLine):
+    """Thrust: none, unknown (flagged), or logged [N].
+
+    ``source = "channel"``: the total is logged as ``thrust`` and acts on one line; with `engines`,
+    each engine is logged as ``thrust_<name>`` and has a line of its own.
     """
 
     source: Literal["none", "unknown", "channel"] = "none"
-    direction: tuple[Number, Number, Number] = (1.0, 0.0, 0.0)
-    point: Point | None = None
+    engines: dict[str, ThrustLine] = {}
+
+    @property
+    def lines(self) -> dict[str, ThrustLine]:
+        """Logged channel -> its line."""
+        return {f"thrust_{name}": line for name, line in self.engines.items()} or {"thrust": self}
+
+    @model_validator(mode="after")
+    def _either(self) -> Self:
+        if self.engines and self.source != "channel":
+            raise ValueError('engines are logged: they need source = "channel"')
+        if self.engines and self.point is not None:
+            raise ValueError("point of the total thrust beside engines; give each engine its own")
+        return self
 
 
 class Sensor(Strict):
@@ -278,7 +298,7 @@ class Vehicle(Strict):
                     f" error of a sensor; {nearest(name, _MEASURABLE)}"
                 )
         quantities = (_of_error(name) for name in self.measured if name not in _POSITION)
-        for name in (*self.configuration, *self.sensors, *quantities):
+        for name in (*self.configuration, *self.sensors, *quantities, *self.thrust.lines):
             try:
                 channel(name)
             except UnknownNameError as error:
@@ -471,6 +491,9 @@ lag = "0.05 s"
 
 [thrust]
 source = "unknown"     # "none" for a glider, "channel" if thrust is logged
+# [thrust.engines.left]              # if each engine is logged: thrust_left, thrust_right
+# point = [-1.2, -2.0, -0.3]
+# direction = [1.0, 0.0, 0.0]
 
 # [sensors.p]          # standard deviation of the noise; estimated from the data if not stated
 # noise = "0.1 deg/s"

@@ -13,12 +13,12 @@ from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.physics import GRAVITY
 from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
-from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
+from aerodb.vehicle import Thrust, ThrustLine, Vehicle, cg_positions, mass_channels
 
 #: What a user does about a flight whose thrust is not known.
 THRUST_REMEDY: Final = (
-    "map the channel thrust, or state its value in [configuration] of the vehicle file if it was"
-    " constant (0 with the engine off)"
+    "map the channel thrust (thrust_<engine> with [thrust.engines]), or state its value in"
+    " [configuration] of the vehicle file if it was constant (0 with the engine off)"
 )
 
 
@@ -66,15 +66,22 @@ def thrust_share(flight: Flight, vehicle: Vehicle, point: Array) -> ThrustShare 
     qbar, cg = bridge(flight["qbar"]), cg_positions(flight, vehicle)
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
     weight = mass_channels(flight, vehicle)["mass"] * GRAVITY
+    lines = vehicle.thrust.lines
     with np.errstate(divide="ignore", invalid="ignore"):
-        force = np.where(qbar > 0, weight / (qbar * area), np.nan)[:, None] * _direction(
-            vehicle.thrust
-        )
-    moment = _moment(vehicle.thrust, force, cg)
+        size = np.where(qbar > 0, weight / (qbar * area), np.nan)[:, None] / len(lines)
+    # Moments of two engines may cancel, but one alone may be what is not known: the largest counts.
+    forces = [size * _direction(line) for line in lines.values()]
+    force = np.sum(forces, axis=0)
+    moments = [_moment(line, each, cg) for line, each in zip(lines.values(), forces, strict=True)]
+    moment = (
+        len(lines)
+        * np.take_along_axis(np.stack(moments), np.abs(moments).argmax(axis=0)[None], axis=0)[0]
+    )
     loads = {axis: force[:, k] for k, axis in enumerate(FORCE_AXES)}
     for k, (axis, length) in enumerate(zip(MOMENT_AXES, (span, chord, span), strict=True)):
         loads[axis] = moment[:, k] / length
-    known = flight.usable(["thrust"]) if "thrust" in flight else np.zeros(len(qbar), dtype=np.bool_)
+    logged = all(name in flight for name in lines)
+    known = flight.usable(lines) if logged else np.zeros(len(qbar), dtype=np.bool_)
     geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))
     return ThrustShare(transfer_moments(loads, cg, point, geometry), known)
 
@@ -86,7 +93,7 @@ def thrust_loads(
 
     Parameters
     ----------
-    thrust : source, direction and point of the thrust line.
+    thrust : source, and direction and point of each thrust line.
     cg : (n, 3) [m], body axes from the datum.
     notes : what is unknown is appended.
 
@@ -100,12 +107,16 @@ def thrust_loads(
     if thrust.source == "unknown":
         notes.append("thrust is not known: CX, CZ and Cm contain it")
         return none, none
-    if "thrust" not in flight or not flight.usable(["thrust"]).any():
+    lines = thrust.lines
+    if not all(name in flight for name in lines) or not flight.usable(lines).any():
         return none, none
-    force = bridge(flight["thrust"])[:, None] * _direction(thrust)
-    if thrust.point is None:
+    forces = {
+        name: bridge(flight[name])[:, None] * _direction(line) for name, line in lines.items()
+    }
+    if any(line.point is None for line in lines.values()):
         notes.append("thrust line not given in [thrust] point: its moment is left in Cm and Cn")
-    return force, _moment(thrust, force, cg)
+    moments = [_moment(line, forces[name], cg) for name, line in lines.items()]
+    return np.sum(list(forces.values()), axis=0), np.sum(moments, axis=0)
 
 
 def without_thrust(axes: tuple[str, ...]) -> str:
@@ -116,12 +127,12 @@ def without_thrust(axes: tuple[str, ...]) -> str:
     )
 
 
-def _direction(thrust: Thrust) -> Array:
-    return np.asarray(thrust.direction) / np.linalg.norm(thrust.direction)
+def _direction(line: ThrustLine) -> Array:
+    return np.asarray(line.direction) / np.linalg.norm(line.direction)
 
 
-def _moment(thrust: Thrust, force: Array, cg: Array) -> Array:
+def _moment(line: ThrustLine, force: Array, cg: Array) -> Array:
     """Moment (n, 3) [N m] about the CG of a thrust (n, 3) [N]; zero where its line is not given."""
-    if thrust.point is None:
+    if line.point is None:
         return np.zeros_like(force)
-    return np.cross(np.asarray(thrust.point) - cg, force)
+    return np.cross(np.asarray(line.point) - cg, force)
