@@ -187,18 +187,22 @@ def model_errors(
     predict of the residual of flights that were left out; zero where that is nothing.
 
     Columns of the evidence count as explained: without any, also what sensors could explain is part
-    of the error. Fewer flights than `settings.fewest` show none.
+    of the error. Fewer flights than `settings.fewest` that have an axis show none on it.
     """
     if len(left) < settings.fewest:
         return dict.fromkeys(axes, 0.0)
     names = sorted(_known_in_all([flight.variables for flight in left]))
-    flights = in_threads(
-        partial(_in_band, axes=axes, names=names, more=(), settings=settings), left
-    )
+
+    def in_band(flight: FlightResidual) -> dict[str, Record]:
+        has = [axis for axis in axes if axis in flight.evidence.residual]
+        return _in_band(flight, has, names, (), settings)
+
+    flights = in_threads(in_band, left)
 
     def error(axis: str) -> float:
-        records = [flight[axis] for flight in flights]
-        if not all(len(record.residual) for record in records):
+        records = [flight[axis] for flight in flights if axis in flight]
+        few = len(records) < settings.fewest
+        if few or not all(len(record.residual) for record in records):
             return 0.0
         skills, _ = _few(records, _functions(records, names, names), settings.inflation_limit)
         power = [float(np.mean(record.residual**2)) for record in records]

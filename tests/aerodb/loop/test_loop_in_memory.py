@@ -309,3 +309,26 @@ def test_of_a_surface_that_stands_still_nothing_is_claimed(source: FlightsInMemo
     idle = {each.hypothesis: each.verdict for each in loop.traced.not_found}
     assert idle["control_effectiveness@CX:strake"] == "not_excited"
     assert any("excite delta_strake" in sentence for sentence in loop.traced.next_flight)
+
+
+def test_flights_that_lack_an_axis_take_part_in_the_others(source: FlightsInMemory) -> None:
+    """Two of five flights have no CX and no Cn, as without their thrust; what Cm lacks is found,
+    proved and given its band all the same."""
+    split = hold_out(source)
+    lacking = dict(source.flown)
+    for id in split.identified[1:3]:
+        flight, made = lacking[id]
+        kept = {axis: values for axis, values in made.values.items() if axis not in ("CX", "Cn")}
+        sigma = {axis: made.sigma[axis] for axis in kept}
+        lacking[id] = flight, replace(made, values=kept, sigma=sigma)
+    fewer = replace(source, flown=lacking)
+    library, loop = closed(fewer, split.identified, database())
+    assert [finding.hypothesis for finding in loop.added] == ["pitch_damping@Cm"]
+    axes = {entry.axis: entry for entry in validate_loop(fewer, split, library, loop, Accept())}
+    assert axes["Cm"].outcome in ("improved", "at noise floor")
+    # What is wrong on CX shows on the three flights that have it, and on one it shows nothing.
+    (increment,) = loop.candidate.increments
+    wrong = replace(loop.candidate, increments=(increment, replace(increment, axis="CX")))
+    for flights, shape in ((split.identified, (2, 2)), (split.identified[1:4], (1, 1))):
+        banded = with_model_error(fewer, flights, replace(loop, candidate=wrong), library)
+        assert banded.increments[1].covariance.shape == shape
