@@ -90,7 +90,7 @@ def compare(
     prediction = database.predict({name: flight[name] for name in flight.channels})
     notes = [*coefficients.notes, *notes]
     measured, sigma = _in_geometry_of(database, coefficients, reference)
-    usable, left_out = _with_known_thrust(database, coefficients, reference, sigma)
+    usable, left_out = _with_known_thrust(database, coefficients, reference, measured)
     measured = {axis: values for axis, values in measured.items() if axis not in left_out}
     if any(axis in FORCE_AXES for axis in left_out):
         left_out += WIND_AXES
@@ -210,12 +210,12 @@ def _with_known_thrust(
     database: AeroDatabase,
     coefficients: Coefficients,
     reference: Reference,
-    sigma: Mapping[str, Array],
+    measured: Mapping[str, Array],
 ) -> tuple[dict[str, NDArray[np.bool_]], tuple[str, ...]]:
     """Usable samples per axis about the database's moment reference, where thrust that is not known
     may load other axes; and the axes left out because the flight has none.
 
-    sigma : axis -> (n,), in the database's geometry.
+    measured : axis -> (n,), in the database's geometry.
     """
     usable, left_out = dict(coefficients.usable), coefficients.left_out
     if coefficients.thrust is None or coefficients.thrust.known.all():
@@ -226,7 +226,7 @@ def _with_known_thrust(
         np.asarray(database.reference.moment_reference),
         database.reference,
     )
-    loaded = share.loaded(sigma)
+    loaded = share.loaded(measured)
     usable = {axis: u & share.known if axis in loaded else u for axis, u in usable.items()}
     if not share.known.any():
         left_out = tuple(axis for axis in AXES if axis in (*left_out, *loaded))

@@ -20,6 +20,9 @@ THRUST_REMEDY: Final = (
     "map the channel thrust (thrust_<engine> with [thrust.engines]), or state its value in"
     " [configuration] of the vehicle file if it was constant (0 with the engine off)"
 )
+#: Part of the weight that an unknown thrust may be: that of level flight at a ratio of lift to drag
+#: of four, the least of aircraft that fly on their wings.
+LEVEL: Final = 0.25
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,12 @@ class ThrustShare:
     loads: Mapping[str, Array]
     known: NDArray[np.bool_]
 
-    def loaded(self, sigma: Mapping[str, Array]) -> tuple[str, ...]:
-        """Axes on which a thrust as large as the weight exceeds the noise `sigma` (axis -> (n,)),
-        both rms; a smaller share of the thrust is not seen."""
-        return tuple(axis for axis in AXES if axis in sigma and self._exceeds(axis, sigma[axis]))
+    def loaded(self, measured: Mapping[str, Array]) -> tuple[str, ...]:
+        """Axes on which a thrust of the part `LEVEL` of the weight would be larger than what is
+        measured there, `measured` (axis -> (n,)) about its mean, both rms."""
+        return tuple(
+            axis for axis in AXES if axis in measured and self._exceeds(axis, measured[axis])
+        )
 
     def moved(
         self, factor: Mapping[str, float], from_point: Array, to_point: Array, reference: Reference
@@ -49,10 +54,10 @@ class ThrustShare:
         scaled = {axis: values * factor[axis] for axis, values in self.loads.items()}
         return ThrustShare(transfer_moments(scaled, from_point, to_point, reference), self.known)
 
-    def _exceeds(self, axis: str, sigma: Array) -> bool:
+    def _exceeds(self, axis: str, measured: Array) -> bool:
         load = self.loads[axis]
-        good = np.isfinite(load) & np.isfinite(sigma)
-        return bool(np.any(good) and np.mean(load[good] ** 2) > np.mean(sigma[good] ** 2))
+        good = np.isfinite(load) & np.isfinite(measured)
+        return bool(np.any(good) and LEVEL**2 * np.mean(load[good] ** 2) > np.var(measured[good]))
 
 
 def thrust_share(flight: Flight, vehicle: Vehicle, point: Array) -> ThrustShare | None:

@@ -233,7 +233,7 @@ def total_coefficients(
     share = thrust_share(flight, vehicle, np.asarray(reference))
     left_out: tuple[str, ...] = ()
     if share is not None:
-        loaded = share.loaded({axis: sigma[axis] for axis in values})
+        loaded = share.loaded(values)
         usable = {axis: u & share.known if axis in loaded else u for axis, u in usable.items()}
         if loaded and not share.known.any():
             left_out = loaded
