@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -50,7 +50,7 @@ class Plan:
     hold_out: HoldOut
     excluded: tuple[tuple[str, str], ...]
     keys: tuple[str, ...]
-    left_out: Mapping[str, tuple[str, ...]]
+    left_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def flights(self) -> tuple[str, ...]:
