@@ -227,12 +227,13 @@ class Processing(Strict):
 class VerticalAir(Strict):
     """Prior of the slow vertical motion of the air: standard deviation [m/s] and time constant [s].
 
-    Defaults: the boundary layer of a day with weak convection, .6 of a convective velocity scale of
-    .8 m/s (Stull, An Introduction to Boundary Layer Meteorology, 1988), over some km of path.
-    Faster gusts are the smoother's. A standard deviation of zero: still air.
+    Without a statement, the air stands still. In the boundary layer of a day with weak convection
+    .5 m/s is usual: .6 of a convective velocity scale of .8 m/s (Stull, An Introduction to Boundary
+    Layer Meteorology, 1988), over some km of path. Faster gusts are the smoother's. At 20 m/s this
+    is 1.4 deg of angle of attack: slow aircraft need calm air, or several flights, for their vanes.
     """
 
-    sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.5
+    sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.0
     time: Annotated[float, in_unit("s"), Field(ge=1)] = 30.0
 
 

@@ -274,7 +274,10 @@ def _covariances(
     covariance = covariance * np.outer(grow, grow)
     moved = np.zeros_like(white)
     if air is not None and pulls:
-        moved = white @ air_information(pulls, air, len(white)) @ white
+        # An accelerometer feels the air's changes as the aircraft does: what is measured in
+        # inertial space is not wrong by them, the vane is.
+        vane = np.array(["alpha" in item.name for item in problem.items])
+        moved = white @ air_information(pulls, air, len(white)) @ white * np.outer(vane, vane)
     return np.asarray(covariance), white, moved
 
 
