@@ -260,7 +260,7 @@ def test_logs_as_they_came_are_what_their_names_say(
                 "UPDATE version_inputs SET input_key = 'gone' WHERE rowid = (SELECT max(rowid) FROM"
                 " version_inputs)"
             ),
-            f"v0002 of {NAME}",
+            f"v0003 of {NAME}",
         ),
     ],
 )
