@@ -19,53 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.closed_loop import closed_loop
+from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
 from tests.bench.record import RECORD, append
 from tests.bench.running import running
-
-VEHICLE = """
-name = "bench"
-[reference]
-area = 0.6
-chord = 0.2
-span = 3.0
-[points]
-moment_reference = [-0.5, 0.0, 0.0]
-imu = [-0.4, 0.0, 0.05]
-[mass]
-mass = 6.0
-cg = [-0.5, 0.0, 0.0]
-Ixx = 0.8
-Iyy = 0.6
-Izz = 1.2
-Ixz = 0.05
-[surfaces.elevator]
-limits = ["-25 deg", "25 deg"]
-scale = "25 deg"
-[surfaces.aileron]
-limits = ["-25 deg", "25 deg"]
-scale = "25 deg"
-[surfaces.rudder]
-limits = ["-25 deg", "25 deg"]
-scale = "25 deg"
-"""
-
-DATABASE = """
-name = "handbook"
-[reference]
-area = 0.6
-chord = 0.2
-span = 3.0
-moment_reference = [-0.5, 0.0, 0.0]
-[derivatives.CX]
-"1" = -0.03
-[derivatives.CZ]
-"1" = -0.3
-q_hat = -6.0
-delta_elevator = -0.4
-[derivatives.Cm]
-q_hat = -12.0
-delta_elevator = -1.1
-"""
 
 MEASURED = """
 import json, resource, sys, time
@@ -102,11 +58,8 @@ def per_flight_run(
 
     Returns what was run -> its median seconds and megabytes, and both as ratios to pyulog's.
     """
-    from aerodb.storage.writers.ulog import write_ulog
-    from tests.bench.generated_log import generated_topics
-
     log = folder / f"flight-{seconds:g}.ulg"
-    write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
+    write_log(log, seconds)
     print(
         f"per-flight run of a log of {seconds:g} s, {log.stat().st_size / 1e6:.0f} MB, {runs} runs,"
         " medians"
@@ -149,15 +102,15 @@ from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 workspace = Workspace.open(Path({str(workspace)!r}))
-Catalogue.open(workspace.catalogue).add_vehicle("bench", {VEHICLE!r})
+Catalogue.open(workspace.catalogue).add_vehicle({NAME!r}, {VEHICLE!r})
 handbook = workspace.root / "handbook.toml"
 handbook.write_text({DATABASE!r})
-run_flow(import_flow, {{"file": str(handbook), "vehicle": "bench", "bindings": {{}}}}, workspace, "direct")
+run_flow(import_flow, {{"file": str(handbook), "vehicle": {NAME!r}, "bindings": {{}}}}, workspace, "direct")
 def nothing(steps, *, workspace, run):
     return None
 run_flow(nothing, {{}}, workspace, {how!r})  # starts Prefect's own server where Prefect runs: process start is not counted
 """
-    parameters = {"logs": [str(log)], "vehicle": "bench"}
+    parameters = {"logs": [str(log)], "vehicle": NAME}
     body = (
         f"outcome = run_flow(flight_flow, {parameters!r}, workspace, {how!r})[0]\nassert"
         " outcome['comparison']['key'], outcome"
@@ -276,7 +229,7 @@ def flight(seconds):
     record = simulated(np.random.default_rng(3), planted, seconds=seconds, step=0.01)
     channels = dict(zip(("ax", "ay", "az", "p", "q", "r"), record.inputs.T, strict=True)) | dict(record.outputs)
     time = 0.01 * np.arange(len(record.inputs))
-    return Flight("hour", "bench", time, {{**channels, "rho": np.full(len(time), DENSITY)}})
+    return Flight("hour", "hour", time, {{**channels, "rho": np.full(len(time), DENSITY)}})
 vehicle = parse_vehicle({vehicle!r})
 make_consistent(flight(30.0), vehicle)  # compiled code is loaded once per process
 whole = flight({seconds})
@@ -286,11 +239,8 @@ whole = flight({seconds})
 def consistency_step(folder: Path, seconds: float) -> dict[str, float]:
     """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of
     half of it. Returns the figure for the record: the former."""
-    from aerodb.storage.writers.ulog import write_ulog
-    from tests.bench.generated_log import generated_topics
-
     log = folder / "consistency.ulg"
-    write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
+    write_log(log, seconds)
     parsed = measure("from pyulog import ULog", f"ULog({str(log)!r})")["seconds"]
     print(
         f"consistency step of a flight of {seconds:g} s at 100 Hz beside parsing a log of"

@@ -1,68 +1,95 @@
-"""Generator of a long log with the topics of a fixed-wing PX4 flight, for benchmarks. Size and
-rates are realistic, the physics is not."""
+"""A long log that flies, for benchmarks: the small glider of docs/guides/with-a-boom.md in light
+turbulence, logged with the topics of a fixed-wing PX4 flight.
+
+The product's own simulator flies it, and its instruments add noise, biases and delays: the channels
+agree with one motion, as those of a real log do. Topics that no path is made of fill the file to the
+size that an hour of a real log has.
+"""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from aerodb.exchange.native import read_native
 from aerodb.recording import Topic
-
-# name, rate [Hz], fields: together about 140 kB per second of flight in 40 topics.
-_CORE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
-    ("vehicle_angular_velocity", 100.0, ("xyz[0]", "xyz[1]", "xyz[2]")),
-    ("vehicle_acceleration", 100.0, ("xyz[0]", "xyz[1]", "xyz[2]")),
-    ("vehicle_attitude", 100.0, ("q[0]", "q[1]", "q[2]", "q[3]")),
-    ("airspeed_validated", 100.0, ("calibrated_airspeed_m_s", "true_airspeed_m_s")),
-    ("airflow_aoa", 100.0, ("aoa_rad",)),
-    ("airflow_slip", 100.0, ("slip_rad",)),
-    (
-        "vehicle_air_data",
-        50.0,
-        ("rho", "baro_pressure_pa", "baro_alt_meter", "ambient_temperature"),
-    ),
-    ("vehicle_local_position", 50.0, ("x", "y", "z", "vx", "vy", "vz")),
-    ("vehicle_torque_setpoint", 100.0, ("xyz[0]", "xyz[1]", "xyz[2]")),
+from aerodb.simulation.sensors import measure
+from aerodb.storage.writers.ulog import write_ulog
+from aerodb.vehicle import parse_vehicle
+from tests.support.guide_flights import (
+    SECONDS,
+    Flown,
+    blocks,
+    fly_glider,
+    instruments,
+    steeper,
 )
-_FILLERS = 31
-_LEVEL = {
-    "xyz[2]": -9.8,
-    "q[0]": 1.0,
-    "calibrated_airspeed_m_s": 28.0,
-    "true_airspeed_m_s": 30.0,
-    "aoa_rad": 0.05,
-    "rho": 1.1,
-    "baro_pressure_pa": 9e4,
-    "baro_alt_meter": 1000.0,
-    "ambient_temperature": 12.0,
-    "vx": 30.0,
-}
+
+_GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "with-a-boom.md"
+_FILES = {title: text for _, title, text in blocks(_GUIDE.read_text(encoding="utf-8")) if title}
+#: At the rate of the inertial topics: the guide asks for 25 Hz.
+VEHICLE = _FILES["my-glider.toml"].replace("rate = 25.0\n", "")
+NAME = "my-glider"
+DATABASE = _FILES["handbook.toml"]
+
+#: Rates of the topics [Hz]; all others are logged at 100 Hz.
+_SLOWER = {"vehicle_air_data": 50.0, "vehicle_local_position": 50.0}
+#: Height at the start, enough for an hour of gliding [m], and the wind of the turbulence [m/s].
+_HEIGHT, _WIND_AT_6M = 7000.0, 1.0
+_FILLERS = 32
+
+
+def write_log(path: Path, duration: float) -> None:
+    """Writes the first `duration` [s] of the flight as a ULog file. The flight is flown once per
+    process, where the longest log is written first."""
+    write_ulog(path, generated_topics(duration), metadata={"sys_name": "PX4"})
 
 
 def generated_topics(duration: float, seed: int = 0) -> Iterator[Topic]:
-    """40 topics over `duration` [s]: nine that a PX4 flight is made of, and fillers; about 140 kB
-    per second.
-
-    An hour makes about 500 MB in 6.9 million messages. Values are smooth with float32 noise.
-    """
+    """40 topics over `duration` [s]: eight that a PX4 flight is made of, and fillers; about 140 kB
+    per second, in an hour about 500 MB in 6.8 million messages."""
     generator = np.random.default_rng(seed)
-    fillers = [
-        (f"filler_{k}", 100.0 if k < 9 else 10.0, tuple(f"value[{i}]" for i in range(24)))
-        for k in range(_FILLERS)
-    ]
-    for name, rate, fields in (*_CORE, *fillers):
+    flown = _flown(duration)
+    carried = tuple(
+        replace(instrument, rate=_SLOWER.get(instrument.topic, 100.0))
+        for instrument in instruments(parse_vehicle(VEHICLE), boom=True)
+    )
+    for topic in measure(flown.history, flown.channels, 0, carried, generator):
+        kept = topic.time <= duration
+        yield Topic(
+            topic.name,
+            topic.time[kept],
+            {name: values[kept] for name, values in topic.fields.items()},
+        )
+    for number in range(_FILLERS):
+        rate = 100.0 if number < 9 else 10.0
         time = np.arange(1, int(duration * rate) + 1) / rate
-        wave = np.sin(0.3 * time).astype(np.float32)
-        noise = generator.standard_normal(len(time), dtype=np.float32)
-        values = {}
-        for k, field in enumerate(fields):
-            level = (
-                0.0
-                if name != "vehicle_acceleration" and field.startswith("xyz")
-                else _LEVEL.get(field, 0.0)
-            )
-            values[field] = (
-                np.float32(level)
-                + np.float32(0.05) * wave
-                + np.float32(0.002) * np.roll(noise, 7 * k)
-            )
-        yield Topic(name, time, values)
+        wave = np.float32(0.05) * np.sin(0.3 * time).astype(np.float32)
+        noise = np.float32(0.002) * generator.standard_normal(len(time), dtype=np.float32)
+        fields = {f"value[{k}]": wave + np.roll(noise, 7 * k) for k in range(24)}
+        yield Topic(f"filler_{number}", time, fields)
+
+
+_LONGEST: list[Flown] = []
+
+
+def _flown(duration: float) -> Flown:
+    """A flight of at least `duration` [s]: the one flown before, where it was long enough."""
+    if not _LONGEST or _LONGEST[0].history.time[-1] < duration:
+        _LONGEST[:] = [_fly(int(np.ceil(duration / (2 * SECONDS))))]
+    return _LONGEST[0]
+
+
+def _fly(cycles: int) -> Flown:
+    handbook = read_native(DATABASE)
+    return fly_glider(
+        parse_vehicle(VEHICLE),
+        handbook,
+        read_native(steeper(DATABASE)),
+        1,
+        7,
+        cycles=cycles,
+        height=_HEIGHT,
+        wind_at_6m=_WIND_AT_6M,
+    )

@@ -21,6 +21,7 @@ from aerodb.simulation.flight import History, fly
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
+from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
@@ -59,7 +60,9 @@ class Pilot:
         }
 
 
-def _inputs(generator: np.random.Generator, flights: int) -> dict[str, Array]:
+def manoeuvres(generator: np.random.Generator, flights: int) -> dict[str, Array]:
+    """What each flight asks of its pilot over `SECONDS` [rad]: turns and test inputs, name ->
+    (n, flights)."""
     degree, events = np.deg2rad(1.0), []
     for number in range(flights):
         sign = 1.0 if number % 2 else -1.0
@@ -98,10 +101,22 @@ class Flown:
 
 
 def fly_glider(
-    vehicle: Vehicle, handbook: AeroDatabase, flown: AeroDatabase, flights: int, seed: int
+    vehicle: Vehicle,
+    handbook: AeroDatabase,
+    flown: AeroDatabase,
+    flights: int,
+    seed: int,
+    *,
+    cycles: int = 0,
+    height: float = HEIGHT,
+    wind_at_6m: float = 0.0,
 ) -> Flown:
     """`flights` of the vehicle with the aerodynamics `flown`, by an autopilot that knows the
-    handbook."""
+    handbook.
+
+    cycles : a flight is so many times `SECONDS` of manoeuvres and `SECONDS` of rest; 0: once the
+    manoeuvres alone. height : at the start [m]. wind_at_6m : of Dryden's turbulence [m/s]; 0: none.
+    """
     generator = np.random.default_rng(seed)
     frame = airframe(vehicle, flown)
     condition = dict.fromkeys(handbook.inputs, 0.0) | {
@@ -119,15 +134,21 @@ def fly_glider(
     heading = generator.uniform(-np.pi, np.pi, flights)
     wind = np.zeros((3, flights))
     wind[:2] = generator.uniform(-3.0, 3.0, (2, flights))
+    inputs = manoeuvres(generator, flights)
+    if cycles:
+        rest = {name: np.zeros_like(values) for name, values in inputs.items()}
+        parts = [part for _ in range(cycles) for part in (manoeuvres(generator, flights), rest)]
+        inputs = {name: np.concatenate([part[name] for part in parts]) for name in inputs}
     history = fly(
         frame,
         vehicle.surfaces,
-        _start(heading, wind),
+        _start(heading, wind, height),
         {name: np.zeros(flights) for name in vehicle.surfaces},
-        Pilot(Autopilot(frame, known, STEP), _inputs(generator, flights)),
+        Pilot(Autopilot(frame, known, STEP), inputs),
         step=STEP,
-        duration=SECONDS,
+        duration=SECONDS * max(2 * cycles, 1),
         wind=wind,
+        gusts=DrydenGusts(np.full(flights, wind_at_6m), generator) if wind_at_6m else None,
     )
     commands = {
         f"servo_{k}": history.commands[name] / vehicle.surfaces[name].scale
@@ -186,7 +207,7 @@ def write_flights(
     return write_logs(folder, flown, instruments(vehicle, boom=boom), 7)
 
 
-def _start(heading: Array, wind: Array) -> Array:
+def _start(heading: Array, wind: Array, height: float) -> Array:
     """State (13, k): gliding through the moving air."""
     k = len(heading)
     state, theta = np.zeros((13, k)), np.full(k, ALPHA - GLIDE)
@@ -194,7 +215,7 @@ def _start(heading: Array, wind: Array) -> Array:
     state[0], state[2] = SPEED * np.cos(ALPHA) + along, SPEED * np.sin(ALPHA)
     state[1] = wind[1] * np.cos(heading) - wind[0] * np.sin(heading)
     state[6:10] = quaternion_from_euler(np.zeros(k), theta, heading)
-    state[12] = -HEIGHT
+    state[12] = -height
     return state
 
 
