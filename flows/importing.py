@@ -1,16 +1,39 @@
-"""Import flow: a database file becomes a version."""
+"""Import flow: a database file becomes a version; and what a version needs of flights."""
 
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps import import_database
+from aerodb.tasks.steps import describe_inputs, import_database
 
 
 def import_flow(
-    steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    file: str,
+    vehicle: str,
+    bindings: dict[str, str],
+    accept_proposals: bool = False,
 ) -> dict[str, Any]:
     """Import a database file; see `aerodb.tasks.steps.publish.import_database`."""
     result: dict[str, Any] = steps(
-        import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings
+        import_database,
+        file,
+        workspace=workspace,
+        run=run,
+        vehicle=vehicle,
+        bindings=bindings,
+        accept_proposals=accept_proposals,
+    )
+    return result
+
+
+def inputs_flow(
+    steps: Steps, *, workspace: str, run: str, version: str, vehicle: str
+) -> dict[str, Any]:
+    """Describe the inputs of a version (its id); see `aerodb.tasks.steps.inputs`."""
+    result: dict[str, Any] = steps(
+        describe_inputs, version, workspace=workspace, run=run, vehicle=vehicle
     )
     return result

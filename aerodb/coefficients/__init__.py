@@ -10,11 +10,15 @@ The way through:
    a `Comparison`, whose `residual` is measured - predicted. `with_states` integrates the database's
    state models along the flight; `band_limited` limits whatever is compared with moments.
 
+3. `lacking_inputs` names what a database needs and flights lack, `with_held_inputs` holds it at
+   zero, and `input_uses` says what hangs on each `InputUse`.
+
 A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
 (`thrust_share`, THRUST_REMEDY).
 
 `total` holds the coefficients, `angular_acceleration` the choice between logged angular
-accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison.
+accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison,
+`inputs` the inputs that flights lack.
 """
 
 import lazy_loader as lazy

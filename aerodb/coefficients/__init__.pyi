@@ -1,4 +1,5 @@
 from .comparison import Comparison, band_limited, compare, with_flow_rates, with_states
+from .inputs import UNHOLDABLE, InputUse, held_inputs, input_uses, lacking_inputs, with_held_inputs
 from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
 from .total import (
     DEFAULT_BANDWIDTH,
@@ -12,16 +13,22 @@ from .total import (
 __all__ = [
     "DEFAULT_BANDWIDTH",
     "THRUST_REMEDY",
+    "UNHOLDABLE",
     "Coefficients",
     "Comparison",
+    "InputUse",
     "band_limited",
     "bandwidth_of",
     "compare",
+    "held_inputs",
     "inertial_moment",
+    "input_uses",
+    "lacking_inputs",
     "specific_force_at_cg",
     "thrust_loads",
     "thrust_share",
     "total_coefficients",
     "with_flow_rates",
+    "with_held_inputs",
     "with_states",
 ]

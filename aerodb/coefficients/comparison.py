@@ -82,8 +82,10 @@ def compare(
             f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
         )
         remedy = (
-            f"{nearest(lacking[0], flight.channels)} Or set it in the vehicle's [configuration], or"
-            " bind it at import"
+            f"{nearest(lacking[0], flight.channels)} What is proposed for each, and what hangs on"
+            " it: aerodb database inputs. To take the proposals: aerodb database import FILE"
+            " --accept-proposals; or bind it there (--bind), or set it in the vehicle's"
+            " [configuration]"
         )
         raise InputError(what, f"flight {flight.id}", remedy)
     flight = with_states(flight, database)

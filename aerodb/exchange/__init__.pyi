@@ -6,6 +6,7 @@ from .jsbsim import (
     import_jsbsim,
     input_properties,
     jsbsim_check_cases,
+    property_expression,
 )
 from .native import (
     database_content_sha256,
@@ -34,6 +35,7 @@ __all__ = [
     "input_properties",
     "is_daveml",
     "jsbsim_check_cases",
+    "property_expression",
     "read_native",
     "states_for_jsbsim",
     "to_document",

@@ -45,7 +45,7 @@ def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase
     so that there may be fewer than `count`.
     """
     points = _points(database, count)
-    values = database.predict(points).coefficients
+    values = _at_all(database, points, count)
     cases = [
         CheckCase(
             {n: float(x[k]) for n, x in points.items()},
@@ -64,7 +64,7 @@ def failed_check_cases(
     if not cases:
         return ()
     points = {name: np.array([case.inputs[name] for case in cases]) for name in cases[0].inputs}
-    values = database.predict(points).coefficients
+    values = _at_all(database, points, len(cases))
     deviations = []
     for k, case in enumerate(cases):
         for axis, expected in case.coefficients.items():
@@ -74,6 +74,12 @@ def failed_check_cases(
                     f"check case {k + 1}: {axis} is {value:.9g}, it was {expected:.9g}"
                 )
     return tuple(deviations)
+
+
+def _at_all(database: AeroDatabase, points: Mapping[str, Array], count: int) -> dict[str, Array]:
+    """Coefficients at all points, (count,) also where the database has no inputs."""
+    values = database.predict(points).coefficients
+    return {axis: np.broadcast_to(value, (count,)) for axis, value in values.items()}
 
 
 def _points(database: AeroDatabase, count: int) -> dict[str, Array]:

@@ -1,12 +1,13 @@
-"""``aerodb database``: import a baseline from a file."""
+"""``aerodb database``: import a baseline from a file, and what it needs of flights."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle
 
 app = typer.Typer(name="database", no_args_is_help=True, help="Baseline databases from files.")
 
@@ -22,11 +23,18 @@ def import_file(
             help="Definition of an unknown input of the file: NAME=EXPRESSION over channels."
         ),
     ] = None,
+    accept_proposals: Annotated[
+        bool,
+        typer.Option(
+            "--accept-proposals",
+            help="Hold at zero what the file needs and no flight has; the version keeps a record.",
+        ),
+    ] = False,
 ) -> None:
-    """Import a database file as a version; a vehicle's first one becomes `released`.
+    """Import a database file as a version; a vehicle's first one becomes `released`, and so does
+    the same file imported again before anything was made of it.
 
-    Example: aerodb database import DHC6.xml --vehicle twin-otter --bind
-    systems/propulsion/thrust-coefficient=0
+    Example: aerodb database import DHC6.xml --vehicle twin-otter --accept-proposals
     """
     from aerodb.flows.importing import import_flow
 
@@ -34,11 +42,72 @@ def import_file(
     if not file.is_file():
         raise InputError("no such file", str(file), "check the path")
     bindings = dict(_binding(text) for text in bind or [])
-    parameters = {"file": str(file), "vehicle": vehicle, "bindings": bindings}
+    parameters = {
+        "file": str(file),
+        "vehicle": vehicle,
+        "bindings": bindings,
+        "accept_proposals": accept_proposals,
+    }
     document = session.run(import_flow, parameters, direct=True)
     session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
-    session.say(f"needs: {', '.join(document['inputs'])}")
+    if not document["released"]:
+        label = document["label"]
+        session.say(f"'released' stays where it is; build on this one with --baseline {label}")
+    _say_inputs(session, document)
+    if document["lacking"]:
+        session.say("to take the proposals: import again with --accept-proposals")
     session.answer(document)
+
+
+@app.command("inputs")
+def inputs(
+    context: typer.Context,
+    version: Annotated[str, typer.Argument(help="The version.")] = "released",
+    vehicle: Vehicle = None,
+) -> None:
+    """Say what a version needs, what no flight has, what is proposed for it, and what hangs on it.
+
+    Example: aerodb database inputs released --vehicle twin-otter
+    """
+    from aerodb.flows.importing import inputs_flow
+    from aerodb.tasks.references import version_of
+
+    session: Session = context.obj
+    row = version_of(session.catalogue(), version, vehicle)
+    parameters = {"version": row.id, "vehicle": row.vehicle}
+    document = session.run(inputs_flow, parameters, direct=True)
+    _say_inputs(session, document)
+    session.answer(document)
+
+
+def _say_inputs(session: Session, document: dict[str, Any]) -> None:
+    """Print inputs, and a proposal for each that no flight has."""
+    session.say(f"needs: {', '.join(document['inputs']) or 'nothing'}")
+    for name in document["required"]:
+        session.say(f"- no flight has {name}, which nothing can stand for: map it from the log")
+    for use in document["uses"]:
+        proposed = "" if use["accepted"] else "no flight has "
+        session.say(f"- {proposed}{use['sentence']}")
+        if not use["accepted"]:
+            session.say(f"  proposed: {proposal(use)}")
+        for each in use["residuals"]:
+            if each["with_zero"] < each["now"]:
+                session.say(f"  on {each['axis']} the flights speak for zero: {proposal(use)[6:]}")
+
+
+def proposal(use: dict[str, Any]) -> str:
+    """The lines with which a user takes a proposal.
+
+    >>> proposal({"name": "flap", "source": "JSBSim property fcs/flap-pos-norm"})
+    'zero: --bind fcs/flap-pos-norm=0'
+    """
+    _, _, name = use["source"].partition(" = ")[0].partition("property ")
+    if name:
+        return f"zero: --bind {name}=0"
+    if use["source"].startswith("channel "):
+        name = use["source"].removeprefix("channel ")
+        return f'zero: "{name} = 0.0" in [configuration] of the vehicle file before ingestion'
+    return f"zero: --bind {use['name']}=0"
 
 
 def _binding(text: str) -> tuple[str, str]:

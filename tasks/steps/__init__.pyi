@@ -23,6 +23,7 @@ from .inbox import (
     settle,
 )
 from .ingest import store_log
+from .inputs import describe_inputs
 from .inspect_log import look_over
 from .notify import deliver, tell
 from .publish import import_database, publish_candidate, publish_loop
@@ -45,6 +46,7 @@ __all__ = [
     "compare_with_database",
     "compare_with_version",
     "deliver",
+    "describe_inputs",
     "due",
     "estimate",
     "export_version",

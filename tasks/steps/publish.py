@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from aerodb.coefficients import with_held_inputs
 from aerodb.errors import InputError
 from aerodb.exchange import (
     database_content_sha256,
@@ -27,6 +28,7 @@ from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
+from aerodb.tasks.steps.inputs import flights_of, input_remarks, inputs_document
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -42,10 +44,21 @@ _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], .
 
 
 def import_database(
-    file: str, *, workspace: str, run: str, vehicle: str, bindings: Mapping[str, str] | None = None
+    file: str,
+    *,
+    workspace: str,
+    run: str,
+    vehicle: str,
+    bindings: Mapping[str, str] | None = None,
+    accept_proposals: bool = False,
 ) -> dict[str, Any]:
     """Import a database file as a version without parent; a vehicle's first one becomes
-    ``released``."""
+    ``released``, and so does the same file imported again while nothing was made of the first.
+
+    accept_proposals : hold inputs that no flight has at zero. Returns a document: version, label,
+    database, inputs, released (whether it now is), held (what it holds at zero), and those of
+    `inputs_document`.
+    """
     access, path = access_workspace(workspace), Path(file)
     access.catalogue.vehicle(vehicle)
     data = path.read_bytes()
@@ -60,6 +73,13 @@ def import_database(
 
     database = read_database(data, path.name, bindings or {}, part)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
+    flights = flights_of(access, vehicle, run)
+    known = inputs_document(access, vehicle, database, flights, bindings or {})
+    held = known["lacking"] if accept_proposals else []
+    if held:
+        database = with_held_inputs(database, held)
+        known = inputs_document(access, vehicle, database, flights, bindings or {})
+        settings["held"] = held
     version = _add(
         access,
         database,
@@ -67,18 +87,32 @@ def import_database(
         None,
         sorted(inputs),
         settings,
-        {"imported_from": path.name},
+        {"imported_from": path.name, **({"held_at_zero": held} if held else {})},
         [],
         run,
     )
-    if access.named(vehicle, RELEASED) is None:
+    released = access.named(vehicle, RELEASED)
+    if released is None:
         move(access, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
+    elif _is_untouched_import(access, vehicle, released, path.name):
+        move(access, vehicle, RELEASED, version.id, f"imported again ({path.name})")
     return {
         "version": version.id,
         "label": version.label,
         "database": database.name,
-        "inputs": list(database.inputs),
+        "released": access.named(vehicle, RELEASED) == version.id,
+        "held": held,
+        **known,
     }
+
+
+def _is_untouched_import(access: WorkspaceAccess, vehicle: str, version: str, name: str) -> bool:
+    """Whether a version (its id) was imported from a file of this name, and nothing was made of
+    it."""
+    catalogue = access.catalogue
+    report = catalogue.version_documents(version).report
+    made = any(row.parent == version for row in catalogue.versions(vehicle))
+    return report.get("imported_from") == name and not made
 
 
 def read_database(
@@ -127,6 +161,7 @@ def publish_candidate(
     signs = sign_reasons(access.database(plan.baseline), update.candidate)
     document["remarks"] += [
         *_without_thrust(access, plan),
+        *input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run),
         *(f"The gate will refuse this version: {reason}." for reason in signs),
     ]
     settings = {
@@ -199,6 +234,7 @@ def publish_loop(
     )
     document["remarks"] += [
         *_without_thrust(access, plan),
+        *input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run),
         *(
             f"The gate will refuse this version: {reason}."
             for reason in sign_reasons(loop.baseline, loop.candidate)

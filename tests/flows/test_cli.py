@@ -32,6 +32,7 @@ COMMANDS = [
     ["vehicle", "list"],
     ["vehicle", "show"],
     ["database", "import"],
+    ["database", "inputs"],
     ["log", "inspect"],
     ["flight", "ingest"],
     ["flight", "list"],

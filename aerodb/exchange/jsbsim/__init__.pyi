@@ -1,6 +1,11 @@
 from .check_cases import check_in_jsbsim, jsbsim_check_cases
 from .export import export_jsbsim, input_properties
-from .properties import STALL_HYSTERESIS, hysteresis_description, property_identifier
+from .properties import (
+    STALL_HYSTERESIS,
+    hysteresis_description,
+    property_expression,
+    property_identifier,
+)
 from .reader import import_jsbsim
 
 __all__ = [
@@ -11,5 +16,6 @@ __all__ = [
     "import_jsbsim",
     "input_properties",
     "jsbsim_check_cases",
+    "property_expression",
     "property_identifier",
 ]

@@ -10,6 +10,8 @@ import math
 import re
 from typing import Final
 
+from aerodb.tables import Expression, parse
+
 FOOT: Final = 0.3048  # m, exact
 INCH: Final = 0.0254  # m, exact
 POUND_FORCE: Final = 4.4482216152605  # N, exact
@@ -166,6 +168,16 @@ def hysteresis_limits(text: str) -> tuple[float, float] | None:
     """
     match = _HYSTERESIS_TEXT.fullmatch(text)
     return (float(match[2]), float(match[1])) if match else None
+
+
+def property_expression(name: str) -> Expression | None:
+    """Return what a property means in channels; None where that depends on the aircraft's file, or
+    is not known.
+
+    >>> str(property_expression("aero/mag-beta-rad"))
+    'abs(beta)'
+    """
+    return parse(PROPERTIES[name]) if name in PROPERTIES else None
 
 
 def property_identifier(name: str) -> str:

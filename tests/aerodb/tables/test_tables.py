@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.nomenclature import AXES
+from aerodb.tables.check_cases import failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
@@ -382,3 +383,13 @@ def test_increments_that_do_not_fit_are_refused() -> None:
 def test_reference_geometry_must_be_positive(change: dict[str, object]) -> None:
     with pytest.raises(InputError):
         replace(REFERENCE, **change)
+
+
+def test_check_cases_of_a_database_without_inputs():
+    """The empty baseline from which everything is to be identified."""
+    empty = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
+    cases = make_check_cases(empty)
+    assert len(cases) == 25
+    assert failed_check_cases(empty, cases) == ()
+    offset = replace(empty, terms=(Term("offset", "CX", parse("0.1")),))
+    assert len(failed_check_cases(offset, cases)) == 25

@@ -1,0 +1,165 @@
+"""What a database needs and a vehicle's flights lack: proposals, and what each does to the
+result."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from aerodb.coefficients import (
+    UNHOLDABLE,
+    Comparison,
+    InputUse,
+    compare,
+    held_inputs,
+    input_uses,
+    lacking_inputs,
+    with_held_inputs,
+)
+from aerodb.errors import InputError
+from aerodb.exchange import property_expression
+from aerodb.flight import Flight
+from aerodb.storage.catalogue import FlightRow
+from aerodb.tables import AeroDatabase, Expression, Number
+from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
+from aerodb.tasks.steps.compare import compare_with_database
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+
+#: Most flights along which effects are computed: the newest.
+_MOST_FLIGHTS: Final = 10
+_JSBSIM: Final = "JSBSim property "
+
+
+def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> dict[str, Any]:
+    """Describe the inputs of a version (its id) beside the vehicle's flights.
+
+    Returns a document: inputs (names), flights (number looked at), lacking (inputs that no flight
+    has and that zero is proposed for), required (those that flights must give) and uses (per input
+    that is held or made from motion: name, source, binding, accepted, range, effects, residuals,
+    sentence).
+    """
+    access = access_workspace(workspace)
+    flights = flights_of(access, vehicle, run)
+    return inputs_document(
+        access, vehicle, access.database(version), flights, bindings_of(access, version)
+    )
+
+
+def flights_of(access: WorkspaceAccess, vehicle: str, run: str) -> list[FlightCoefficients]:
+    """Return the newest flights of a vehicle whose coefficients are known and that stand."""
+    rows = [row for row in access.catalogue.flights(vehicle) if _stands(row)]
+    loaded = []
+    for row in rows[-_MOST_FLIGHTS:]:
+        try:
+            loaded.append(load_coefficients(access, row, run))
+        except InputError:
+            continue  # the flight's own documents say why
+    return loaded
+
+
+def _stands(row: FlightRow) -> bool:
+    return row.retracted_utc is None and row.verdict != "rejected"
+
+
+def bindings_of(access: WorkspaceAccess, version: str) -> Mapping[str, str]:
+    """Return the bindings with which the database below a version (its id) was imported."""
+    catalogue = access.catalogue
+    row = catalogue.versions_by_id([version])[version]
+    while row.parent is not None:
+        row = catalogue.versions_by_id([row.parent])[row.parent]
+    found: Mapping[str, str] = catalogue.settings_of([row.id])[row.id].get("bindings", {})
+    return found
+
+
+def inputs_document(
+    access: WorkspaceAccess,
+    vehicle: str,
+    database: AeroDatabase,
+    flights: Sequence[FlightCoefficients],
+    bindings: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the document of `describe_inputs` for a database that need not be stored."""
+    lacking = lacking_inputs(database, [loaded.flight.channels for loaded in flights])
+    required = [name for name in lacking if name in UNHOLDABLE]
+    lacking = tuple(name for name in lacking if name not in UNHOLDABLE)
+    held = with_held_inputs(database, lacking)
+    described, _ = access.vehicle(vehicle)
+    pairs = []
+    for loaded in flights:
+        try:
+            comparison = compare(loaded.flight, loaded.coefficients, held, described.reference)
+        except InputError:
+            continue  # it lacks what other flights have
+        pairs.append((loaded.flight, comparison))
+    new = {name if name in held.variables else f"{name}_held" for name in lacking}
+    uses = input_uses(held, described, pairs, new, _bound(held, bindings, pairs))
+    return {
+        "inputs": list(database.inputs),
+        "flights": len(pairs),
+        "lacking": list(lacking),
+        "required": required,
+        "uses": [_use(use) for use in uses],
+    }
+
+
+def input_remarks(
+    access: WorkspaceAccess,
+    vehicle: str,
+    version: str,
+    database: AeroDatabase,
+    flights: Sequence[str],
+    run: str,
+) -> list[str]:
+    """Return a sentence per input that `database`, made from a version (its id), holds at zero,
+    where a coefficient depends on it.
+
+    flights : their ids; the newest are looked at.
+    """
+    bindings = bindings_of(access, version)
+    if not bindings and not held_inputs(database):
+        return []
+    loaded = [compare_with_database(access, f, database, run) for f in flights[-_MOST_FLIGHTS:]]
+    compared = [(each.flight, each.comparison) for each in loaded]
+    bound = _bound(database, bindings, compared)
+    uses = input_uses(database, access.vehicle(vehicle)[0], compared, (), bound)
+    return [f"{use}." for use in uses if use.effects and use.binding == "zero"]
+
+
+def _bound(
+    database: AeroDatabase,
+    bindings: Mapping[str, str],
+    compared: Sequence[tuple[Flight, Comparison]],
+) -> dict[str, Expression | None]:
+    """Variables that somebody bound to a number at import -> what they would be from the flights'
+    channels, None where the flights cannot say."""
+    channels = [set(flight.channels) for flight, _ in compared]
+    known = set.intersection(*channels) if channels else set()
+    known |= {f"{angle}dot" for angle in ("alpha", "beta") if angle in known}
+    bound: dict[str, Expression | None] = {}
+    for name, variable in database.variables.items():
+        names = {name, variable.description.removeprefix(_JSBSIM), *variable.declared.values()}
+        key = next((key for key in bindings if key in names), None)
+        if key is not None and isinstance(variable.expression, Number):
+            otherwise = property_expression(key)
+            can = otherwise is not None and otherwise.names <= known
+            bound[name] = otherwise if can else None
+    return bound
+
+
+def _use(use: InputUse) -> dict[str, Any]:
+    return {
+        "name": use.name,
+        "source": use.source,
+        "binding": use.binding,
+        "accepted": use.accepted,
+        "range": {"low": use.range.low, "high": use.range.high, "origin": use.range.origin},
+        "effects": [
+            {
+                "axis": effect.axis,
+                "change": effect.change,
+                "of_residual": effect.share if math.isfinite(effect.share) else None,
+            }
+            for effect in use.effects or ()
+        ],
+        "residuals": [each._asdict() for each in use.residuals],
+        "sentence": str(use),
+    }

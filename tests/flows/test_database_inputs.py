@@ -1,0 +1,142 @@
+"""What a database needs and flights lack is asked for by name, by command: the Twin Otter beside the
+DHC-6 of JSBSim, and a small glider whose database knows an engine."""
+
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+
+from tests.support.command import aerodb, asked
+from tests.support.paths import VEHICLES
+from tests.support.small_glider import AREA, CHORD, NAME, VEHICLE, channels, write_csv
+
+#: The small glider as JSBSim has it: drag of a spoiler that no log holds, lift of alphadot.
+AIRCRAFT = f"""<fdm_config name="g"><metrics><wingarea unit="M2">{AREA}</wingarea>
+<wingspan unit="M">3.6</wingspan><chord unit="M">{CHORD}</chord>
+<location name="AERORP" unit="M"><x>0.4</x><y>0</y><z>0</z></location></metrics><aerodynamics>
+<axis name="DRAG"><function name="aero/brake"><product><property>aero/qbar-psf</property>
+<property>metrics/Sw-sqft</property><property>fcs/brake-norm</property><value>0.02</value></product>
+</function></axis><axis name="LIFT"><function name="aero/lift"><product>
+<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>
+<property>aero/alpha-rad</property><value>5.0</value></product></function>
+<function name="aero/flap"><product><property>aero/qbar-psf</property>
+<property>metrics/Sw-sqft</property><property>fcs/flap-pos-rad</property><value>0.5</value>
+</product></function></axis></aerodynamics></fdm_config>"""
+
+
+@pytest.fixture
+def glider(tmp_path):
+    (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
+    (tmp_path / "g.xml").write_text(AIRCRAFT, encoding="utf-8")
+    asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    return tmp_path / "w", ("database", "import", str(tmp_path / "g.xml"), "--vehicle", NAME)
+
+
+def ingested(workspace: Path, seeds=(1, 2)):
+    logs = [str(write_csv(workspace / f"{seed}.csv", channels(seed))) for seed in seeds]
+    return asked(workspace, "flight", "ingest", *logs, "--vehicle", NAME, "--direct")
+
+
+def uses(document):
+    return {use["name"]: use for use in document["uses"]}
+
+
+def test_lacking_inputs_are_named_proposed_and_taken_by_one_flag(glider):
+    workspace, importing = glider
+    first = asked(workspace, *importing)
+    assert first["lacking"] == ["fcs_brake_norm"]  # no flight yet: what no log can hold
+    assert "none yet" in uses(first)["fcs_brake_norm"]["sentence"]
+    (flight, _) = ingested(workspace)
+    assert "aerodb database inputs" in flight["comparison"]["reason"]
+
+    asking = asked(workspace, "database", "inputs", "--vehicle", NAME)
+    assert asking["lacking"] == ["delta_flap", "fcs_brake_norm"]
+    brake = uses(asking)["fcs_brake_norm"]
+    assert (brake["binding"], brake["accepted"]) == ("zero", False)
+    (effect,) = brake["effects"]
+    assert (effect["axis"], effect["change"]) == ("C_drag", pytest.approx(0.02))  # full travel
+
+    taken = asked(workspace, *importing, "--accept-proposals")
+    assert taken["held"] == ["delta_flap", "fcs_brake_norm"]
+    assert taken["lacking"] == []
+    assert taken["released"]  # in place of the first, of which nothing was made
+    assert all(use["accepted"] for use in taken["uses"])
+    shown = asked(workspace, "version", "show", "released")
+    assert shown["settings"]["held"] == shown["report"]["held_at_zero"] == taken["held"]
+    again = asked(workspace, "flight", "show", flight["flight"])
+    assert again["flight"] == flight["flight"]
+    assert ingested(workspace, (3,))[0]["comparison"]["axes"]  # now it can be compared
+
+
+def test_what_flights_have_is_not_asked_for(glider):
+    workspace, importing = glider
+    ingested(workspace, (1,))
+    log = {**channels(5), "delta_flap": np.full_like(channels(5)["time"], 0.1)}
+    path = write_csv(workspace / "flap.csv", log)
+    asked(workspace, "flight", "ingest", str(path), "--vehicle", NAME, "--direct")
+    assert asked(workspace, *importing)["lacking"] == ["fcs_brake_norm"]
+
+
+# The Twin Otter
+
+
+@pytest.fixture(scope="module")
+def twin_otter(measured, tmp_path_factory):
+    """Records and database, imported as a new user would, with what it answers."""
+    root = tmp_path_factory.mktemp("twin-otter") / "w"
+    names = ("demo", "f1_017")
+    logs = [str(measured(f"twin_otter/totter_{name}_data.mat")) for name in names]
+    aircraft = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"
+    asked(root, "vehicle", "add", str(VEHICLES / "twin_otter.toml"))
+    asked(root, "flight", "ingest", *logs, "--vehicle", "twin-otter", "--direct")
+    importing = ("database", "import", str(aircraft), "--vehicle", "twin-otter")
+    return root, importing, asked(root, *importing, "--accept-proposals")
+
+
+def test_twin_otter_needs_no_bindings_that_only_an_expert_knows(twin_otter):
+    root, _, document = twin_otter
+    assert document["held"] == [
+        "fcs_flap_pos_norm",
+        "fcs_speedbrake_pos_norm",
+        "systems_propulsion_thrust_coefficient",
+    ]
+    motion = {use["name"]: use for use in document["uses"] if use["binding"] == "motion"}
+    assert set(motion) == {"alphadot", "aero_mag_beta_rad", "fcs_mag_elevator_pos_rad"}
+    model = str(VEHICLES / "twin_otter_increments.toml")
+    update = asked(
+        root,
+        "update",
+        "--vehicle",
+        "twin-otter",
+        "--model",
+        model,
+        "--hold-out",
+        "none",
+        "--direct",
+    )
+    said = [remark for remark in update["remarks"] if "held at zero" in remark]
+    assert len(said) == 3
+
+
+def test_drag_of_sideslip_is_what_the_flights_speak_against(twin_otter):
+    """The file's table of drag over |beta| is larger than what these flights have: the residual of
+    C_drag falls to a third without it, and the line that leaves it out is said."""
+    root, _, document = twin_otter
+    (beta,) = [use for use in document["uses"] if use["name"] == "aero_mag_beta_rad"]
+    (drag,) = [each for each in beta["residuals"] if each["axis"] == "C_drag"]
+    assert drag["with_zero"] < 0.5 * drag["now"]
+    printed = aerodb(root, "database", "inputs").stdout
+    assert "on C_drag the flights speak for zero: --bind aero/mag-beta-rad=0" in printed
+
+
+def test_what_was_bound_to_zero_is_told_against_the_flights_own_values(twin_otter):
+    root, importing, document = twin_otter
+    bound = asked(root, *importing, "--accept-proposals", "--bind", "fcs/mag-elevator-pos-rad=0")
+    (elevator,) = [use for use in bound["uses"] if "mag-elevator" in use["source"]]
+    (before,) = [use for use in document["uses"] if "mag-elevator" in use["source"]]
+    assert elevator["binding"] == "zero"
+    assert before["binding"] == "motion"
+    assert elevator["effects"][0]["axis"] == "C_drag"
+    assert elevator["effects"][0]["change"] == pytest.approx(before["effects"][0]["change"])
+    assert not bound["released"]  # an update was made of the first
