@@ -44,6 +44,6 @@ def update_flow(
         hold_out=hold_out,
     )
     update = steps(estimate, plan, **where)
-    proof = steps(validate, plan, update, **where)
-    document = steps(publish_candidate, plan, update, proof, **where)
+    proof, beyond = steps(validate, plan, update, **where)
+    document = steps(publish_candidate, plan, update, proof, beyond, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -13,9 +13,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 4,
     "compare": 1,
     "import": 2,
-    "update": 5,
+    "update": 6,
     "gram": 11,
-    "close_loop": 22,
+    "close_loop": 23,
 }
 
 #: Names of versions that the product itself moves.

@@ -1,4 +1,4 @@
-from .comparison import Comparison, band_limited, compare, with_flow_rates, with_states
+from .comparison import FLOW_RATES, Comparison, band_limited, compare, with_flow_rates, with_states
 from .inputs import UNHOLDABLE, InputUse, held_inputs, input_uses, lacking_inputs, with_held_inputs
 from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
 from .total import (
@@ -12,6 +12,7 @@ from .total import (
 
 __all__ = [
     "DEFAULT_BANDWIDTH",
+    "FLOW_RATES",
     "THRUST_REMEDY",
     "UNHOLDABLE",
     "Coefficients",

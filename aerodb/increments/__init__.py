@@ -10,9 +10,12 @@ The way through:
 4. `keep_slope_signs` lengthens fades that would change the sign of a slope outside the data.
 5. `validate_on_held_out`, or `validate_by_leaving_one_out` with few flights, gives the error per
    axis before and after (`AxisValidation`); `worse_axes` names axes that became worse.
-6. `judge_release` decides whether a version may be released (`Verdict`).
+6. `beyond_envelopes` gives both errors, held and extrapolated, of flights that leave the envelope
+   of what predicts them (`Beyond`, `with_extrapolated_slopes`).
+7. `judge_release` decides whether a version may be released (`Verdict`).
 
 `model_file` holds the file format, `estimate` the regression, `validation` hold-out and errors,
+`beyond` flights outside the envelope,
 `gate` the release checks.
 """
 

@@ -1,3 +1,4 @@
+from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
 from .gate import Check, Standing, Verdict, judge_release, sign_reasons
 from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
@@ -16,14 +17,17 @@ __all__ = [
     "UNCHANGED",
     "AxisUpdate",
     "AxisValidation",
+    "Beyond",
     "Check",
     "ConsiderParameter",
     "DeclaredIncrement",
+    "Excursion",
     "HoldOut",
     "ModelFile",
     "Standing",
     "Update",
     "Verdict",
+    "beyond_envelopes",
     "choose_hold_out",
     "estimate_increments",
     "judge_release",
@@ -32,5 +36,6 @@ __all__ = [
     "sign_reasons",
     "validate_by_leaving_one_out",
     "validate_on_held_out",
+    "with_extrapolated_slopes",
     "worse_axes",
 ]

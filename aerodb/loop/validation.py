@@ -18,11 +18,17 @@ from aerodb.loop.library import Library
 from aerodb.loop.rounds import Accept, LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
+from aerodb.tables import AeroDatabase
 from aerodb.tracing import UnexplainedResidual
 
 
 def validate_loop(
-    source: FlightSource, hold_out: HoldOut, library: Library, loop: LoopResult, accept: Accept
+    source: FlightSource,
+    hold_out: HoldOut,
+    library: Library,
+    loop: LoopResult,
+    accept: Accept,
+    predictors: dict[str, AeroDatabase] | None = None,
 ) -> tuple[AxisValidation, ...]:
     """Return the error before and after on the flights held out, or by leaving out one flight at a
     time.
@@ -30,18 +36,22 @@ def validate_loop(
     A flight left out takes no part in a loop of its own; which terms increment models have is known
     there, their values are not. A stall is fitted to the other flights
     that stall; where manoeuvres were the units, heads and tails of flights are predicted from
-    everything else.
+    everything else. predictors : is given, per flight (its id) that was predicted as a whole, the
+    database that predicted it.
     """
+    predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
     before = {flight: source.comparison(flight, loop.baseline)[1] for flight in flights}
     after = {flight: source.comparison(flight, loop.candidate)[1] for flight in flights}
     if hold_out.kind != "cross-validated":
+        predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
         return validate_on_held_out(before, after, hold_out)
     if loop.separates:
 
         def from_others(left_out: str) -> Comparison:
             others = tuple(flight for flight in library.stall if flight != left_out)
-            return source.comparison(left_out, added_stall(source, loop.baseline, others))[1]
+            predictors[left_out] = added_stall(source, loop.baseline, others)
+            return source.comparison(left_out, predictors[left_out])[1]
 
         return validate_by_leaving_one_out(before, after, from_others)
     if loop.by_manoeuvre:
@@ -58,6 +68,7 @@ def validate_loop(
             loop.without_gain,
             [term for model in loop.axis_models for term in model.terms],
         )
+        predictors[left_out] = again.candidate
         return source.comparison(left_out, again.candidate)[1]
 
     return validate_by_leaving_one_out(before, after, without)

@@ -2,7 +2,7 @@ from . import page
 from .decimation import decimated, flagged_stretches
 from .diff_documents import diff_document
 from .diff_figures import diff_figure
-from .document import hold_out_remarks, left_out_remarks, update_document
+from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
 from .flight_page import FlightStory, flight_report
 from .headlines import error_rows, headline
 from .lineage_figure import Relative, lineage_graph
@@ -24,6 +24,7 @@ __all__ = [
     "UpdateStory",
     "UsedFlight",
     "VersionStory",
+    "beyond_remarks",
     "channel_scale",
     "decimated",
     "diff_document",

@@ -1,11 +1,13 @@
 """The JSON of an update: estimates, flights and validation (docs/reference/contract.md, "JSON")."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 from aerodb.coefficients import THRUST_REMEDY
-from aerodb.increments import AxisUpdate, AxisValidation, HoldOut, Update
+from aerodb.increments import AxisUpdate, AxisValidation, Beyond, Excursion, HoldOut, Update
+from aerodb.nomenclature import is_surface
 
 WITHIN_FLIGHTS: Final = "cross-validated within flights"
 
@@ -19,6 +21,7 @@ def update_document(
     looks: Mapping[str, int],
     update: Update,
     proof: Sequence[AxisValidation],
+    beyond: Sequence[Beyond] = (),
 ) -> dict[str, Any]:
     """Make the document of an update.
 
@@ -29,6 +32,7 @@ def update_document(
     return {
         **opening(vehicle, baseline, hold_out, excluded, looks),
         "axes": {entry.axis: axis_document(entry) for entry in proof},
+        "beyond": [beyond_document(entry) for entry in beyond],
         "increments": [_increment(entry) for entry in update.axes],
         "findings": [],
         "not_found": [],
@@ -75,6 +79,44 @@ def axis_document(entry: AxisValidation) -> dict[str, Any]:
         "explained": entry.explained,
         "outcome": entry.outcome,
     }
+
+
+def beyond_document(entry: Beyond) -> dict[str, Any]:
+    """Both errors of a flight outside the envelope (docs/reference/contract.md, "JSON")."""
+    return {
+        **asdict(entry),
+        "excursions": [asdict(each) for each in entry.excursions],
+        "intervals": [list(each) for each in entry.intervals],
+        "used": "held",
+    }
+
+
+def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[str]:
+    """Remarks on flights that leave the envelope of what predicts them: where, both errors, and
+    which one the version uses. One per flight and axis.
+
+    labels : flight (id) -> its name.
+    """
+    remarks = []
+    for entry in beyond:
+        name = labels.get(entry.flight, entry.flight[:12])
+        ways = [_excursion(each) for each in entry.excursions]
+        remarks.append(
+            f"{name} leaves the flown envelope on {entry.axis} in {entry.share:.0%} of its samples"
+            f" ({'; '.join(ways)}). There the error is {entry.held_outside:.2g} with the correction"
+            f" held at the edge and faded, as the version has it, and"
+            f" {entry.extrapolated_outside:.2g} with its slopes extrapolated; over the whole flight"
+            f" {entry.held:.2g} and {entry.extrapolated:.2g}."
+        )
+    return remarks
+
+
+def _excursion(each: Excursion) -> str:
+    """A variable that leaves its envelope; angles in degrees."""
+    angle = is_surface(each.variable) or each.variable in ("alpha", "beta", "phi", "theta")
+    factor, unit = (math.degrees(1.0), " deg") if angle else (1.0, "")
+    low, high, first, last = (f"{value * factor:.3g}" for value in (*each.flight, *each.envelope))
+    return f"{each.variable} {low} to {high}{unit}, flown {first} to {last}"
 
 
 def _increment(entry: AxisUpdate) -> dict[str, Any]:

@@ -6,9 +6,9 @@ See docs/reference/contract.md, "JSON".
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.increments import AxisValidation, HoldOut
+from aerodb.increments import AxisValidation, Beyond, HoldOut
 from aerodb.nomenclature import AXES
-from aerodb.report.document import axis_document, opening
+from aerodb.report.document import axis_document, beyond_document, opening
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 
 #: An error of this many noise floors, each flight's constant apart, is no matter of noise as
@@ -35,6 +35,7 @@ def loop_document(
     between: Sequence[FlightDependence] = (),
     asked_for: Sequence[Finding] = (),
     axis_models: Sequence[Mapping[str, Any]] = (),
+    beyond: Sequence[Beyond] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
@@ -43,7 +44,7 @@ def loop_document(
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. axis_models : documents of the increment models
-    that entered as a whole. ``candidate`` is left
+    that entered as a whole. beyond : flights outside the envelope. ``candidate`` is left
     None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
@@ -58,6 +59,7 @@ def loop_document(
         **head,
         "library": {"sha256": library, "rounds": rounds},
         "axes": {entry.axis: axis_document(entry) for entry in proof},
+        "beyond": [beyond_document(entry) for entry in beyond],
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
         "axis_models": list(axis_models),

@@ -181,7 +181,16 @@ def evaluate(
         [axis, f"{value:.6g}", shown[axis], document["places"][axis]]
         for axis, value in document["coefficients"].items()
     ]
-    session.table(["axis", f"{row.label} at {at}", "standard error", "place"], rows, numbers=(1, 2))
+    head = ["axis", f"{row.label} at {at}", "standard error", "place"]
+    if document["extrapolated"] is not None:
+        head.append("slopes extrapolated")
+        rows = [[*each, f"{document['extrapolated'][each[0]]:.6g}"] for each in rows]
+    session.table(head, rows, numbers=(1, 2, 4))
+    if document["outside_envelope"]:
+        session.say(
+            f"outside the flown envelope: {', '.join(document['outside_envelope'])}. The version"
+            " holds and fades what flights added; slopes extrapolated are beside it for comparison"
+        )
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
     if document["outside_tables"]:

@@ -3,7 +3,7 @@ flights."""
 
 from dataclasses import replace
 
-from aerodb.increments import AxisValidation
+from aerodb.increments import AxisValidation, Beyond
 from aerodb.loop import (
     Accept,
     Library,
@@ -14,8 +14,9 @@ from aerodb.loop import (
     with_model_error,
 )
 from aerodb.loop import run_loop as run_rounds
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import flights_of
-from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.steps.update import Plan, outside_envelopes
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
 
@@ -42,14 +43,16 @@ def run_loop(
 
 def prove_loop(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str, accept: Accept
-) -> tuple[AxisValidation, ...]:
-    """Validate the loop: error before and after on flights that were not used for identification.
+) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...]]:
+    """Validate the loop: error before and after on flights that were not used for identification,
+    and both errors of those that leave the envelope.
 
     Below five flights, each flight is predicted from the others.
     """
-    return validate_loop(
-        flights_of(workspace, plan.vehicle, run), plan.hold_out, library, loop, accept
-    )
+    source = flights_of(workspace, plan.vehicle, run)
+    predictors: dict[str, AeroDatabase] = {}
+    proof = validate_loop(source, plan.hold_out, library, loop, accept, predictors)
+    return proof, outside_envelopes(access_workspace(workspace), predictors, run)
 
 
 def what_is_left(

@@ -19,9 +19,15 @@ from aerodb.exchange import (
     read_native,
     to_document,
 )
-from aerodb.increments import AxisValidation, Update, sign_reasons
+from aerodb.increments import AxisValidation, Beyond, Update, sign_reasons
 from aerodb.loop import Accept, Library, LoopResult
-from aerodb.report import hold_out_remarks, left_out_remarks, loop_document, update_document
+from aerodb.report import (
+    beyond_remarks,
+    hold_out_remarks,
+    left_out_remarks,
+    loop_document,
+    update_document,
+)
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
 from aerodb.support import canonical_json, version_id
@@ -144,7 +150,13 @@ def read_database(
 
 
 def publish_candidate(
-    plan: Plan, update: Update, proof: tuple[AxisValidation, ...], *, workspace: str, run: str
+    plan: Plan,
+    update: Update,
+    proof: tuple[AxisValidation, ...],
+    beyond: tuple[Beyond, ...],
+    *,
+    workspace: str,
+    run: str,
 ) -> dict[str, Any]:
     """Store an update's candidate with its validation, point ``candidate`` at it, and return the
     document."""
@@ -157,9 +169,11 @@ def publish_candidate(
         looks={flight: _looks(access, flight) for flight in plan.hold_out.held_out},
         update=update,
         proof=proof,
+        beyond=beyond,
     )
     signs = sign_reasons(access.database(plan.baseline), update.candidate)
     document["remarks"] += [
+        *beyond_remarks(beyond, access.catalogue.flight_labels(each.flight for each in beyond)),
         *_without_thrust(access, plan),
         *input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run),
         *(f"The gate will refuse this version: {reason}." for reason in signs),
@@ -194,6 +208,7 @@ def publish_loop(
     left: tuple[UnexplainedResidual, ...],
     between: tuple[FlightDependence, ...],
     proof: tuple[AxisValidation, ...],
+    beyond: tuple[Beyond, ...],
     *,
     workspace: str,
     run: str,
@@ -229,10 +244,12 @@ def publish_loop(
         asked_for=[finding for finding in loop.added if accept.asks_for(finding)],
         axis_models=[asdict(model) for model in loop.axis_models],
         proof=proof,
+        beyond=beyond,
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )
     document["remarks"] += [
+        *beyond_remarks(beyond, access.catalogue.flight_labels(each.flight for each in beyond)),
         *_without_thrust(access, plan),
         *input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run),
         *(

@@ -13,15 +13,18 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.increments import (
     AxisValidation,
+    Beyond,
     HoldOut,
     ModelFile,
     Update,
+    beyond_envelopes,
     choose_hold_out,
     estimate_increments,
     keep_slope_signs,
     parse_model_file,
     validate_by_leaving_one_out,
     validate_on_held_out,
+    with_extrapolated_slopes,
 )
 from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.storage.catalogue import FlightRow
@@ -192,9 +195,11 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     )
 
 
-def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisValidation, ...]:
+def validate(
+    plan: Plan, update: Update, *, workspace: str, run: str
+) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...]]:
     """Return the error before and after the update, on flights that did not identify it if there
-    are any."""
+    are any, and both errors of those of them that leave the envelope."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
@@ -203,7 +208,10 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
         for flight in plan.flights
     }
     if plan.hold_out.kind != "cross-validated":
-        return validate_on_held_out(before, after, plan.hold_out)
+        held_out = dict.fromkeys(plan.hold_out.held_out, update.candidate)
+        proof = validate_on_held_out(before, after, plan.hold_out)
+        return proof, outside_envelopes(access, held_out, run)
+    predictors: dict[str, AeroDatabase] = {}
     model, baseline = parse_model_file(plan.model), access.database(plan.baseline)
 
     def without(left_out: str) -> Comparison:
@@ -211,9 +219,26 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
         candidate = _estimated_where_possible(
             [flights[k] for k in others], [comparisons[k] for k in others], model, baseline
         )
+        predictors[left_out] = candidate
         return compare_with_database(access, left_out, candidate, run).comparison
 
-    return validate_by_leaving_one_out(before, after, without)
+    proof = validate_by_leaving_one_out(before, after, without)
+    return proof, outside_envelopes(access, predictors, run)
+
+
+def outside_envelopes(
+    access: WorkspaceAccess, predictors: Mapping[str, AeroDatabase], run: str
+) -> tuple[Beyond, ...]:
+    """Return both errors, held and extrapolated, of the flights that leave the envelope.
+
+    predictors : flight (its id) -> the database that predicted it.
+    """
+    found: list[Beyond] = []
+    for flight, database in predictors.items():
+        held = compare_with_database(access, flight, database, run)
+        free = compare_with_database(access, flight, with_extrapolated_slopes(database), run)
+        found += beyond_envelopes(held.flight, database, held.comparison, free.comparison)
+    return tuple(found)
 
 
 def _estimated_where_possible(

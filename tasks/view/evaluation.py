@@ -10,8 +10,10 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.exchange import from_document
+from aerodb.increments import with_extrapolated_slopes
 from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Place, evaluate_database
 from aerodb.tasks.references import point_of
 
@@ -24,14 +26,17 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     zero).
 
     Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None if not
-    known), places, outside_tables, outside_of (names of the tables; edge values are held). Raises
+    known), places, outside_tables, outside_of (names of the tables; edge values are held),
+    outside_envelope (variables that lie outside the envelope of an increment) and extrapolated
+    (axis -> the coefficient with the slopes of increments extrapolated there; None inside). Raises
     InputError for a name that is not an input and for a value that is not a number.
     """
     database = database_of(catalogue, version)
     point = _point(database, at)
-    evaluation = evaluate_database(
-        database, {name: np.array([value]) for name, value in point.channels.items()}
-    )
+    channels = {name: np.array([value]) for name, value in point.channels.items()}
+    evaluation = evaluate_database(database, channels)
+    outside = _outside_envelope(database, channels)
+    free = with_extrapolated_slopes(database).predict(channels).coefficients if outside else None
     return {
         "version": version.id,
         "at": point.given,
@@ -43,7 +48,24 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
         "places": {axis: Place(int(evaluation.place[axis][0])).label for axis in AXES},
         "outside_tables": bool(evaluation.prediction.outside[0]),
         "outside_of": sorted(evaluation.prediction.outside_tables),
+        "outside_envelope": outside,
+        "extrapolated": free and {axis: float(free[axis][0]) for axis in AXES},
     }
+
+
+def _outside_envelope(database: AeroDatabase, channels: Mapping[str, Array]) -> list[str]:
+    """Variables that lie outside the envelope of an increment that acts, sorted."""
+    acting = [increment for increment in database.increments if increment.acts_as_layer]
+    names = frozenset[str]().union(*(increment.names for increment in acting))
+    values = database.resolved(names, channels)
+    return sorted(
+        {
+            name
+            for increment in acting
+            for name, interval in increment.envelope.items()
+            if not np.all(interval.contains(values[name]))
+        }
+    )
 
 
 def sweep(
