@@ -227,13 +227,15 @@ class Processing(Strict):
 class VerticalAir(Strict):
     """Prior of the slow vertical motion of the air: standard deviation [m/s] and time constant [s].
 
-    Without a statement, the air stands still. In the boundary layer of a day with weak convection
-    .5 m/s is usual: .6 of a convective velocity scale of .8 m/s (Stull, An Introduction to Boundary
+    The standard deviation is what to expect before a flight (half-normal prior); the flight's own
+    residuals say how much it was. .5 m/s is usual in the boundary layer of a day with weak
+    convection: .6 of a convective velocity scale of .8 m/s (Stull, An Introduction to Boundary
     Layer Meteorology, 1988), over some km of path. Faster gusts are the smoother's. At 20 m/s this
-    is 1.4 deg of angle of attack: slow aircraft need calm air, or several flights, for their vanes.
+    is 1.4 deg of angle of attack: slow aircraft need a minute of calm air, or several flights, for
+    their vanes. 0: the air stands still.
     """
 
-    sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.0
+    sigma: Annotated[float, in_unit("m/s"), Field(ge=0)] = 0.5
     time: Annotated[float, in_unit("s"), Field(ge=1)] = 30.0
 
 

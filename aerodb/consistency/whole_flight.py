@@ -13,6 +13,7 @@ from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
 from aerodb.consistency.output_error import (
     Estimate,
     Reconstruction,
+    air_remarks,
     applied_corrections,
     decimated_records,
     estimate_sensors,
@@ -106,6 +107,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
     noisy = noise_beyond_declaration(known.reconstruction.paths, vehicle.sensors, moving)
+    plan = plan.without((), air_remarks(known, values))
     document = _document(
         verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy
     )
@@ -198,6 +200,7 @@ def _document(
         "converged": result.converged,
         "iterations": result.iterations,
         "records": len(result.paths),
+        "vertical_air": result.air_sigma,
         "earth": "flat" if result.paths[0].record.earth is None else "rotating",
         "calibration": None if calibration is None else calibration.id,
         "notes": [corrected.flight.notes[-1], *noisy],

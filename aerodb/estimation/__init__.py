@@ -3,7 +3,8 @@
 The way through:
 
 1. `least_squares` fits stacked records and gives a `Regression`, whose covariance stays valid when
-   residuals are correlated in time; `coloured_sum` is the sum behind it.
+   residuals are correlated in time; `coloured_sum` is the sum behind it,
+   and `samples_per_independent` what a coloured residual counts.
 2. `own_constants` replaces one constant by one per record before the fit, and `with_mean_constant`
    turns the fit back into one constant, their mean.
 3. `rms` and `theil` (`Theil`) measure how well a prediction follows a measurement.

@@ -189,6 +189,20 @@ def coloured_sum(regressors: Array, residual: Array) -> Array:
     return total / size
 
 
+def samples_per_independent(residual: Array) -> float:
+    """How many samples of a coloured residual (n,) count as one independent sample, at least 1.
+
+    ``1 + 2 sum of its autocorrelation``, here up to the first zero crossing (Bartlett 1946).
+    """
+    size = next_fast_len(2 * len(residual))
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(residual, size)) ** 2, size)[: len(residual)]
+    if correlation[0] <= 0:
+        return 1.0
+    crossing = np.flatnonzero(correlation <= 0)
+    stop = int(crossing[0]) if len(crossing) else len(residual)
+    return float(max(1.0, 2.0 * correlation[:stop].sum() / correlation[0] - 1.0))
+
+
 def _variance_inflation(regressors: Array) -> Array:
     """Variance inflation factors (k,) due to the other regressors and the constant; 1 for a
     constant."""

@@ -1,5 +1,6 @@
 from .estimation import (
     FlightReconstruction,
+    air_remarks,
     decimated_records,
     estimate_sensors,
     joint_calibration,
@@ -16,6 +17,7 @@ __all__ = [
     "ReconstructedPath",
     "Reconstruction",
     "SensorEstimates",
+    "air_remarks",
     "applied_corrections",
     "decimated_records",
     "estimate_sensors",

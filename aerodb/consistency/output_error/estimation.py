@@ -1,12 +1,11 @@
 """Estimate the sensor errors of one or several flights, and combine them with their priors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import groupby
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
 from aerodb.conditioning import bridge
@@ -22,6 +21,7 @@ from aerodb.consistency.output_error.installation import (
 )
 from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
+    SIGNIFICANT,
     SensorEstimates,
     is_early,
     never_early,
@@ -50,6 +50,7 @@ from aerodb.consistency.sensors import (
 )
 from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
+from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Vehicle
@@ -170,7 +171,7 @@ def _vane(
         result,
         plan,
         accuracy.flow_angle,
-        lambda residual: 1.0 / _inflation(residual - residual.mean()),
+        lambda residual: 1.0 / samples_per_independent(residual - residual.mean()),
         lambda other: not moving_air(other.paths, plan.left_out).matters,
     )
 
@@ -309,6 +310,29 @@ def solve(
     )
 
 
+def air_remarks(found: FlightReconstruction, applied: Collection[str]) -> tuple[str, ...]:
+    """Say which biases of a vane would be applied in still air and are not, because the air may
+    be what they are; empty if none."""
+    result = found.reconstruction
+    said = []
+    for name, (value, error) in found.sensors.by_name.items():
+        number = [entry.parameter.label for entry in result.estimates].index(name)
+        calm = float(np.sqrt(result.still[number, number]))
+        if (
+            name.endswith("_bias")
+            and name not in applied
+            and SIGNIFICANT * calm < abs(value) <= SIGNIFICANT * error
+        ):
+            degrees = [f"{np.rad2deg(each):.2g}" for each in (value, error, calm)]
+            said.append(
+                f"{name} {degrees[0]} +- {degrees[1]} deg is not applied: it may be air that rises"
+                f" or sinks, by {result.air_sigma:.2g} m/s as the residuals say (in still air:"
+                f" +- {degrees[2]} deg); several flights of this vane tell them apart"
+                " (aerodb recalibrate)"
+            )
+    return tuple(said)
+
+
 def _joined(
     own: Reconstruction,
     parts: Sequence[Reconstruction],
@@ -373,20 +397,11 @@ def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
         pieces = [bridge(piece) - np.nanmean(piece) for piece in pieces if np.isfinite(piece).any()]
         if pieces:
             inflation = np.average(
-                [_inflation(piece) for piece in pieces], weights=[len(piece) for piece in pieces]
+                [samples_per_independent(piece) for piece in pieces],
+                weights=[len(piece) for piece in pieces],
             )
             noise[name] = float(np.sqrt(inflation * np.mean(np.concatenate(pieces) ** 2)))
     return noise
-
-
-def _inflation(residual: Array) -> float:
-    size = next_fast_len(2 * len(residual))
-    correlation = np.fft.irfft(np.abs(np.fft.rfft(residual, size)) ** 2, size)[: len(residual)]
-    if correlation[0] <= 0:
-        return 1.0
-    crossing = np.flatnonzero(correlation <= 0)
-    stop = int(crossing[0]) if len(crossing) else len(residual)
-    return float(max(1.0, 2.0 * correlation[:stop].sum() / correlation[0] - 1.0))
 
 
 def joint_calibration(

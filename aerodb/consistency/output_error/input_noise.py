@@ -50,8 +50,8 @@ def drift_information(
     record : n samples.
     values : parameter name -> value, SI.
     initial : (9,), initial state.
-    unknowns : k parameters.
-    slopes : channel -> (n, k), derivatives of the outputs by the unknowns.
+    unknowns : the estimated parameters of the record.
+    slopes : channel -> (n, k), derivatives of the outputs by these or other quantities.
     noise : channel -> variance of its noise, SI.
 
     Returns
@@ -61,7 +61,8 @@ def drift_information(
     integrated = [name for name in STATES if name not in record.given]
     everything = [parameter(f"initial_{name}", record.name) for name in integrated]
     swing = predict_outputs(record, values, initial, everything)
-    n, k, m = len(record.inputs), len(unknowns), len(integrated)
+    n, m = len(record.inputs), len(integrated)
+    k = next(iter(slopes.values())).shape[1]
     size = max(1, n // BLOCKS)
     blocks = -(-n // size)
     pull = np.zeros((blocks, k, m))

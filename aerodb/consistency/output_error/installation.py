@@ -103,10 +103,11 @@ def vane_position(
     vanes = {name for record in records for name in record.outputs} & {"alpha", "beta"}
     if not vanes - plan.left_out.keys():
         return None
+    # in still air: what a misplaced vane shows looks like air that rises and sinks as well
     instead = {
         entry.parameter.name: entry.value
-        for entry in result.estimates
-        if entry.parameter.name in ALIKE and abs(entry.value) > SIGNIFICANT * entry.standard_error
+        for entry, variance in zip(result.estimates, np.diag(result.still), strict=True)
+        if entry.parameter.name in ALIKE and entry.value**2 > SIGNIFICANT**2 * variance
     }
     free = [name for name in plan.free if name not in ALIKE]
     if not instead and not _pulls(records, result, plan):
@@ -173,7 +174,7 @@ def _unusual(result: Reconstruction, plan: Plan, names: Sequence[str]) -> float:
     usual = [
         plan.stated_priors.get(each.parameter.name, ALIKE[each.parameter.name]) for each in found
     ]
-    spread = result.covariance[np.ix_(index, index)] + np.diag(np.square(usual))
+    spread = result.still[np.ix_(index, index)] + np.diag(np.square(usual))
     return 0.5 * float(values @ np.linalg.solve(spread, values))
 
 

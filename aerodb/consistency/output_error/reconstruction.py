@@ -29,7 +29,14 @@ from aerodb.consistency.output_error.normal_equations import (
     residuals,
     usable_samples,
 )
-from aerodb.consistency.output_error.vertical_air import Pull, air_information, pull
+from aerodb.consistency.output_error.vertical_air import (
+    AirSigns,
+    Pull,
+    air_columns,
+    air_deviation,
+    air_information,
+    pull_and_signs,
+)
 from aerodb.consistency.sensors import (
     Parameter,
     Record,
@@ -102,6 +109,8 @@ class Reconstruction:
         air.
     noise : channel -> one sigma of its residual, SI. paths : one per record.
     converged, iterations : of the Gauss-Newton search.
+    air_sigma : standard deviation of the air's slow vertical velocity given the residuals [m/s],
+        zero where nothing of a vane is estimated.
     """
 
     estimates: tuple[Estimate, ...]
@@ -111,6 +120,7 @@ class Reconstruction:
     paths: tuple[ReconstructedPath, ...]
     converged: bool
     iterations: int
+    air_sigma: float
 
     def __getitem__(self, label: str) -> Estimate:
         """The estimate with a label (``ax_bias``, ``wind_north[flight]``); raises KeyError when it
@@ -175,7 +185,7 @@ def reconstruct(
     start = np.zeros(len(problem.items)) if near is None else _start(problem, near)
     solution = search(problem, start, least_gain)
     vector, sums = solution.vector, solution.equations
-    still, white, moved = _covariances(problem, vector, sums, vertical_air)
+    still, white, moved, air_sigma = _covariances(problem, vector, sums, vertical_air)
     covariance = still + moved
     estimates = tuple(
         Estimate(
@@ -195,7 +205,14 @@ def reconstruct(
         name: float(np.sqrt(value)) for name, value in sums.variance(problem.noise_floor).items()
     }
     return Reconstruction(
-        estimates, covariance, still, noise, paths, solution.converged, solution.iterations
+        estimates,
+        covariance,
+        still,
+        noise,
+        paths,
+        solution.converged,
+        solution.iterations,
+        air_sigma,
     )
 
 
@@ -239,9 +256,9 @@ def _start(problem: Problem, near: Reconstruction) -> Array:
 
 def _covariances(
     problem: Problem, vector: Array, sums: NormalEquations, air: VerticalAir | None
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, float]:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
-    white residuals, and what vertical air adds to the first."""
+    white residuals, what vertical air adds to the first, and the air's standard deviation [m/s]."""
     noise = sums.variance(problem.noise_floor)
     size = np.array([item.size for item in problem.items])
     white = np.asarray(
@@ -250,35 +267,41 @@ def _covariances(
     )
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
-    pulls: list[Pull] = []
+    # An accelerometer feels the air's changes as the aircraft does: what is measured in inertial
+    # space is not wrong by them, the vane is.
+    vane = np.array(["alpha" in item.name for item in problem.items])
+    felt: list[tuple[Pull, AirSigns]] = []
     for record, start in zip(problem.records, problem.starts, strict=True):
         index, values, response = _predicted(problem, vector, record, start)
-        for name, error in residuals(record, response).items():
-            good = usable_samples(record, name, problem.items, values)
-            block = coloured_sum(response.slopes[name] * good[:, None], np.where(good, error, 0.0))
+        errors, slopes = residuals(record, response), response.slopes
+        usable = {name: usable_samples(record, name, problem.items, values) for name in errors}
+        for name, error in errors.items():
+            good = usable[name]
+            block = coloured_sum(slopes[name] * good[:, None], np.where(good, error, 0.0))
             middle[np.ix_(index, index)] += (
                 block * len(good) / max(good.sum(), 1) / noise[name] ** 2
             )
-        own = [problem.items[number] for number in index]
-        part = drift_information(
-            record, values, first_state(start, values), own, response.slopes, noise
-        )
-        drift[np.ix_(index, index)] += part
-        if air is not None and air.sigma > 0:
-            first = first_state(start, values)
-            pulls.append(pull(record, values, first, own, index, response, noise))
+        own, first = [problem.items[number] for number in index], first_state(start, values)
+        columns = None
+        if air is not None and air.sigma > 0 and vane.any():
+            columns = air_columns(record, values, first, air)
+            slopes = columns.beside(slopes)
+        part = drift_information(record, values, first, own, slopes, noise)
+        drift[np.ix_(index, index)] += part[: len(index), : len(index)]
+        if columns is not None:
+            felt.append(pull_and_signs(record, columns, slopes, errors, usable, noise, part, index))
     covariance = white + white @ drift @ white
     # enlarge it where residuals are more coloured than white noise and inertial drift explain
     coloured = np.diag(white @ middle @ white)
     grow = np.sqrt(np.maximum(coloured / np.diag(covariance), 1.0))
     covariance = covariance * np.outer(grow, grow)
-    moved = np.zeros_like(white)
-    if air is not None and pulls:
-        # An accelerometer feels the air's changes as the aircraft does: what is measured in
-        # inertial space is not wrong by them, the vane is.
-        vane = np.array(["alpha" in item.name for item in problem.items])
-        moved = white @ air_information(pulls, air, len(white)) @ white * np.outer(vane, vane)
-    return np.asarray(covariance), white, moved
+    moved, sigma = np.zeros_like(white), 0.0
+    if air is not None and felt:
+        sigma = air_deviation([signs for _, signs in felt], vector, problem.prior, air)
+        known = VerticalAir(sigma=sigma, time=air.time)
+        total = air_information([pull for pull, _ in felt], known, len(white))
+        moved = white @ total @ white * np.outer(vane, vane)
+    return np.asarray(covariance), white, moved, sigma
 
 
 def _predicted(
