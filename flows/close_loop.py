@@ -71,16 +71,26 @@ def close_loop_flow(
         database=access_workspace(workspace).database(baseline),
     )
     loop = steps(run_loop, plan, frozen, **where, accept=accept)
-    proof, beyond = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
+    proof, beyond, stalls = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
     left = steps(what_is_left, plan, frozen, loop, **where)
     while idle := without_gain(loop, proof) or beside_larger_unnamed(loop, proof, left):
         out = loop.without_gain | idle
         loop = steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out)
-        proof, beyond = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
+        proof, beyond, stalls = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
         left = steps(what_is_left, plan, frozen, loop, **where)
     between = steps(what_differs, plan, frozen, loop, **where)
     loop = steps(with_bands, plan, frozen, loop, **where)
     document = steps(
-        publish_loop, plan, frozen, loop, left, between, proof, beyond, **where, accept=accept
+        publish_loop,
+        plan,
+        frozen,
+        loop,
+        left,
+        between,
+        proof,
+        beyond,
+        stalls,
+        **where,
+        accept=accept,
     )
     return {**document, "page": steps(write_update_page, document, **where)}

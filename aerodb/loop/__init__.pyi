@@ -6,6 +6,7 @@ from .freezing import freeze_library
 from .library import Library
 from .model_error import with_model_error
 from .rounds import Accept, LoopResult, run_loop
+from .stall_windows import StallWindow, stall_windows
 from .unexplained import unexplained_residuals
 from .validation import beside_larger_unnamed, validate_loop, without_gain
 
@@ -15,6 +16,7 @@ __all__ = [
     "Library",
     "LoopResult",
     "Reconstruction",
+    "StallWindow",
     "beside_larger_unnamed",
     "consider_parameters",
     "dependences_between_flights",
@@ -22,6 +24,7 @@ __all__ = [
     "freeze_library",
     "noisier_flights",
     "run_loop",
+    "stall_windows",
     "unexplained_residuals",
     "validate_loop",
     "with_model_error",

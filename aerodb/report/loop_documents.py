@@ -4,9 +4,11 @@ See docs/reference/contract.md, "JSON".
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 from aerodb.increments import AxisValidation, Beyond, HoldOut
+from aerodb.loop import StallWindow
 from aerodb.nomenclature import AXES
 from aerodb.report.document import axis_document, beyond_document, opening
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
@@ -36,6 +38,7 @@ def loop_document(
     asked_for: Sequence[Finding] = (),
     axis_models: Sequence[Mapping[str, Any]] = (),
     beyond: Sequence[Beyond] = (),
+    stalls: Sequence[StallWindow] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
@@ -44,7 +47,8 @@ def loop_document(
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. axis_models : documents of the increment models
-    that entered as a whole. beyond : flights outside the envelope. ``candidate`` is left
+    that entered as a whole. beyond : flights outside the envelope. stalls : the stalls of
+    flights, each predicted by the others. ``candidate`` is left
     None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
@@ -60,6 +64,10 @@ def loop_document(
         "library": {"sha256": library, "rounds": rounds},
         "axes": {entry.axis: axis_document(entry) for entry in proof},
         "beyond": [beyond_document(entry) for entry in beyond],
+        "stalls": [
+            {**asdict(entry), "series": {k: list(v) for k, v in entry.series.items()}}
+            for entry in stalls
+        ],
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
         "axis_models": list(axis_models),
@@ -78,6 +86,25 @@ def loop_document(
         "next_flight": [*traced.next_flight, *(entry.settled_by for entry in between)],
         "remarks": [*remarks, *traced.notes, *_without_a_name(proof, findings, left, between)],
     }
+
+
+def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> list[str]:
+    """A remark on each flight's stall, predicted by what the other flights agree with.
+
+    labels : flight (id) -> its name.
+    """
+    return [
+        f"The stall of {labels.get(entry.flight, entry.flight[:12])} ({entry.start:.1f} to"
+        f" {entry.end:.1f} s, below {entry.band:.2g} Hz), predicted by the others that stall,"
+        " errs by "
+        + ", ".join(
+            f"{entry.held[axis]:.2g} in {axis} ({before:.2g} with the baseline,"
+            f" {entry.extrapolated[axis]:.2g} with slopes extrapolated)"
+            for axis, before in entry.before.items()
+        )
+        + "."
+        for entry in stalls
+    ]
 
 
 def _without_a_name(

@@ -285,3 +285,32 @@ def _edges(x: Array, count: int) -> Array:
         if edge - edges[-1] >= _NARROWEST * (high - low) and wanted[-1] - edge > 0.0:
             edges.append(float(edge))
     return np.array([*edges, float(wanted[-1])])
+
+
+def stall_figure(stalls: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> Figure:
+    """Draw the lift in each flight's stall over alpha and over time.
+
+    stalls : of the document. labels : flight (id) -> its name.
+    """
+    rows = len(stalls)
+    figure, panels = panel_grid((8.5, 0.75 + 2.9 * rows), rows, 2, between=(0.75, 0.75))
+    looks: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("measured", {"color": FLIGHT, "lw": 2.0, "label": "flight"}),
+        ("before", {"color": DATABASE, "lw": 1.2, "ls": "--", "label": "database"}),
+        ("held", {"color": UPDATED, "lw": 1.4, "label": "predicted by the others"}),
+    )
+    for (over_alpha, over_time), entry in zip(panels, stalls, strict=True):
+        series = entry["series"]
+        for name, look in looks:
+            over_alpha.plot(np.degrees(series["alpha"]), series[name], **look)
+            over_time.plot(series["time"], series[name], **look)
+        error = f"error {entry['before']['C_lift']:.2g} to {entry['held']['C_lift']:.2g}"
+        title = in_figure(labels.get(entry["flight"], entry["flight"][:12]))
+        over_alpha.set_title(f"{title}: {error} (below {entry['band']:.2g} Hz)", fontsize=9)
+        over_alpha.set_xlabel("alpha [deg]")
+        over_alpha.set_ylabel("C_lift")
+        over_time.set_xlabel("time [s]")
+        for panel in (over_alpha, over_time):
+            plain_panel(panel)
+        over_time.legend(fontsize=8, frameon=False)
+    return figure

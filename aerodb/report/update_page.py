@@ -19,6 +19,7 @@ from aerodb.report.update_figures import (
     forest_figure,
     moving_variables,
     residual_figure,
+    stall_figure,
 )
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase
@@ -110,6 +111,22 @@ def update_report(story: UpdateStory) -> str:
         means=MEANS,
         changed=disagreements(document, list(document["axes"]), story.before),
         pictures=_pictures(story),
+        stall_picture=_stall_picture(story),
+    )
+
+
+def _stall_picture(story: UpdateStory) -> Picture | None:
+    """Lift in the stall of each flight, predicted by the others; None without such stalls."""
+    stalls = [entry for entry in story.document.get("stalls", ()) if "measured" in entry["series"]]
+    if not stalls:
+        return None
+    return picture(
+        stall_figure(stalls, story.labels),
+        "Lift in the stall over angle of attack and over time: flight, baseline, and prediction by"
+        " the other flights.",
+        f"Dashed: {story.baseline}. Predicted by the others: the stall and the attached flow that"
+        " they agree with; the flight itself had no share in them. All below the frequency that the"
+        " title states.",
     )
 
 

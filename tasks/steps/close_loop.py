@@ -8,7 +8,9 @@ from aerodb.loop import (
     Accept,
     Library,
     LoopResult,
+    StallWindow,
     dependences_between_flights,
+    stall_windows,
     unexplained_residuals,
     validate_loop,
     with_model_error,
@@ -43,16 +45,20 @@ def run_loop(
 
 def prove_loop(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str, accept: Accept
-) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...]]:
+) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...], tuple[StallWindow, ...]]:
     """Validate the loop: error before and after on flights that were not used for identification,
-    and both errors of those that leave the envelope.
+    both errors of those that leave the envelope, and the errors in the stall of those that stall,
+    where a stall was added and each is predicted from the others.
 
     Below five flights, each flight is predicted from the others.
     """
     source = flights_of(workspace, plan.vehicle, run)
     predictors: dict[str, AeroDatabase] = {}
     proof = validate_loop(source, plan.hold_out, library, loop, accept, predictors)
-    return proof, outside_envelopes(access_workspace(workspace), predictors, run)
+    beyond = outside_envelopes(access_workspace(workspace), predictors, run)
+    from_others = predictors if loop.separates and plan.hold_out.kind == "cross-validated" else {}
+    stalled = {flight: predictors[flight] for flight in library.stall if flight in from_others}
+    return proof, beyond, stall_windows(source, loop.baseline, stalled)
 
 
 def what_is_left(

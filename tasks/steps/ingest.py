@@ -181,7 +181,11 @@ def _inadmissible(
         checked(name, FLIGHT_NAME, "the name of a flight")
     except InputError as error:
         return error
-    taken = [row for row in access.catalogue.flights(vehicle) if row.name == name]
+    taken = [
+        row
+        for row in access.catalogue.flights(vehicle)
+        if row.name == name and row.log_sha256 != sha256
+    ]
     return (
         InputError(
             f"'{name}' is already the name of flight {taken[0].id[:12]}", "", "choose another name"

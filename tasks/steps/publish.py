@@ -20,12 +20,13 @@ from aerodb.exchange import (
     to_document,
 )
 from aerodb.increments import AxisValidation, Beyond, Update, sign_reasons
-from aerodb.loop import Accept, Library, LoopResult
+from aerodb.loop import Accept, Library, LoopResult, StallWindow
 from aerodb.report import (
     beyond_remarks,
     hold_out_remarks,
     left_out_remarks,
     loop_document,
+    stall_remarks,
     update_document,
 )
 from aerodb.storage.catalogue import FlightRole, VersionRow
@@ -209,6 +210,7 @@ def publish_loop(
     between: tuple[FlightDependence, ...],
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
+    stalls: tuple[StallWindow, ...],
     *,
     workspace: str,
     run: str,
@@ -245,11 +247,14 @@ def publish_loop(
         axis_models=[asdict(model) for model in loop.axis_models],
         proof=proof,
         beyond=beyond,
+        stalls=stalls,
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )
+    labels = access.catalogue.flight_labels(each.flight for each in (*stalls, *beyond))
     document["remarks"] += [
-        *beyond_remarks(beyond, access.catalogue.flight_labels(each.flight for each in beyond)),
+        *stall_remarks(stalls, labels),
+        *beyond_remarks(beyond, labels),
         *_without_thrust(access, plan),
         *input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run),
         *(

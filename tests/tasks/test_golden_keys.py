@@ -33,7 +33,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "cbf44896ffc4063b", "9ddddc1b635ef5d7"),
     "compare": (1, "992176af633b6022", "75ab953bf9aaf46f"),
     "gram": (11, "00b18536c6ee2bbc", "d0b83ad7b0621ca0"),
-    "close_loop": (23, "66bc27003c45480b", "d3af299eab4e5a54"),
+    "close_loop": (24, "1c46381930d91449", "d3af299eab4e5a54"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (6, "1844cfa357e0f7df", "6b1983884f9e9ae7"),
 }

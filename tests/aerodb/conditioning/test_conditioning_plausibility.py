@@ -145,7 +145,7 @@ def test_force_signs_that_only_the_aircraft_tells(measured: Callable[[str], Path
     (found,) = suspicions(flight.with_channels({"ay_imu": -flight["ay_imu"]}))
     assert (found.kind, found.channel) == ("sign", "ay")
     flight = as_flight(measured(STALLS[0]))
-    (found,) = suspicions(flight.with_channels({"ax": -flight["ax"]}))
+    (found,) = suspicions(flight.with_channels({"ax_imu": -flight["ax_imu"]}))
     assert (found.kind, found.channel) == ("sign", "ax")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerodb.conditioning.differentiation import low_passed
 from aerodb.flight import Flight
 from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.mapping import choose_mapping, map_recording
@@ -112,7 +113,7 @@ def test_attas_units_differ_between_its_two_kinds_of_files(measured: Callable[[s
             < 0.05
         )
         assert np.all((flight["altitude"] > 4500.0) & (flight["altitude"] < 6000.0))
-    assert ("ax" in flight, "alphadot" in flight) == (True, True)
+    assert ("ax_imu" in flight, "alphadot" in flight) == (True, True)
 
 
 def test_attas_gap_is_flagged_and_what_was_recorded_is_kept(
@@ -145,3 +146,23 @@ def test_hfb320_and_citation(measured: Callable[[str], Path]) -> None:
     )
     np.testing.assert_allclose(citation["qbar"][airborne], compressible[airborne], rtol=0.02)
     assert "beta" in citation.missing
+
+
+def test_attas_accelerations_of_the_stalls_are_those_of_the_manoeuvres(
+    measured: Callable[[str], Path],
+) -> None:
+    """The pack's text has them at the CG. The cockpit's accelerometers (columns 5 and 6) are as far
+    ahead of columns 3 and 4 as in the elevator manoeuvre, 7.3 m; ahead of the CG they are 6.2 m."""
+    for name in ("fAttas_qst01", "fAttas_qst02"):
+        table = np.loadtxt(measured(f"attas/{name}.asc"))
+        time, (p, q, r) = table[:, 0], np.radians(table[:, 6:9]).T
+        pdot, qdot, rdot = (np.gradient(rate, time) for rate in (p, q, r))
+        ones = np.ones_like(time)
+        for difference, arms in (
+            (table[:, 5] - table[:, 3], [p * r - qdot, q * r + pdot, ones]),
+            (table[:, 4] - table[:, 2], [p * q + rdot, -(p * p + r * r), ones]),
+        ):
+            slow = [low_passed(each, time[1] - time[0], 2.0) for each in (difference, *arms[:2])]
+            columns = np.column_stack([*slow[1:], ones])
+            ahead = np.linalg.lstsq(columns, slow[0], rcond=None)[0][0]
+            assert ahead == pytest.approx(7.4, abs=0.5)

@@ -216,8 +216,6 @@ def stalls(measured, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
     folder = tmp_path_factory.mktemp("files")
     _attas(workspace, folder, attached_database(measured("attas/fAttasElv1.mat")))
     text = (MAPPINGS / "attas_quasi_steady.toml").read_text()
-    for name in ("ax", "ay", "az"):
-        text = text.replace(f'name = "{name}"\n', f'name = "{name}_imu"\n')
     no_good = (
         "psi",
         "altitude",
