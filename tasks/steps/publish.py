@@ -251,7 +251,8 @@ def publish_loop(
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )
-    labels = access.catalogue.flight_labels(each.flight for each in (*stalls, *beyond))
+    named = [*(entry.flight for entry in stalls), *(entry.flight for entry in beyond)]
+    labels = access.catalogue.flight_labels(named)
     document["remarks"] += [
         *stall_remarks(stalls, labels),
         *beyond_remarks(beyond, labels),
