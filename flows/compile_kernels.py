@@ -1,9 +1,9 @@
 """Compile the numerical kernels: ``python -m aerodb.flows.compile_kernels``, a step of ``make
 install``.
 
-Numba compiles a kernel at its first call and keeps the code beside the source file. For flight-path
-reconstruction and tables that takes about 30 s of processor time, which every process would spend
-that starts before the code is there.
+Numba compiles a kernel at its first call and keeps the code beside the source file. For reading
+logs, flight-path reconstruction and tables that takes about 15 s of processor time, which every
+process would spend that starts before the code is there.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from aerodb.consistency import make_consistent
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
+from aerodb.storage.readers import prepare_reader
 from aerodb.vehicle import parse_vehicle
 
 #: Duration and step of the flight, s.
@@ -19,8 +20,9 @@ _DURATION, _STEP = 12.0, 0.05
 
 
 def compile_kernels() -> None:
-    """Reconstruct and predict a short flight of the built-in example, so that later processes find
-    the compiled code."""
+    """Read a log, reconstruct and predict a short flight of the built-in example, so that later
+    processes find the compiled code."""
+    prepare_reader(".ulg")
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
     make_consistent(flight, vehicle)

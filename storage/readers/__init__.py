@@ -1,7 +1,8 @@
 """Log readers: a log file of any known format as a `Recording`, without interpreting its fields.
 
 `parsed_log` parses a log in another process, under resource limits, and gives its recording and the
-folder of its topics; `start_reader` starts that process in advance. Inside the process,
+folder of its topics; `start_reader` starts that process in advance,
+`prepare_reader` compiles what it needs. Inside the process,
 `any_format.read_log` selects the reader: `ulog`, `mcap`, or `tabular` (CSV, MAT, Parquet, text).
 Which field is which channel is decided afterwards by a mapping file (`aerodb.storage.mappings`).
 

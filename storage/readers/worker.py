@@ -46,7 +46,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="ascii")
     os.dup2(2, 1)
     for suffix in sys.argv[1:]:
-        _prepare(suffix)
+        prepare_reader(suffix)
     while line := os.read(0, 1 << 16):
         while not line.endswith(b"\n") and (more := os.read(0, 1 << 16)):
             line += more
@@ -55,7 +55,7 @@ def main() -> None:
 
 
 @cache
-def _prepare(suffix: str) -> None:
+def prepare_reader(suffix: str) -> None:
     """Import the reader of logs with this suffix, once for all children; for ULog, read a log of
     our own, which loads the compiled loops."""
     import_reader(suffix)
@@ -71,7 +71,7 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
     """Run a job ``{log, folder, limits}`` in a child, and return its result: ``done``, or
     ``refused`` or ``store`` with the texts of an error."""
     limits = Limits(**job["limits"])
-    _prepare(Path(job["log"]).suffix.lower())
+    prepare_reader(Path(job["log"]).suffix.lower())
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:

@@ -36,7 +36,7 @@ DATABASE = _FILES["handbook.toml"]
 #: Rates of the topics [Hz]; all others are logged at 100 Hz.
 _SLOWER = {"vehicle_air_data": 50.0, "vehicle_local_position": 50.0}
 #: Height at the start, enough for an hour of gliding [m], and the wind of the turbulence [m/s].
-_HEIGHT, _WIND_AT_6M = 7000.0, 1.0
+_HEIGHT, _WIND_AT_6M = 8500.0, 1.0
 _FILLERS = 32
 
 

@@ -20,6 +20,7 @@ COLUMNS = {
     "reconstruction, uncompiled [s]": "uncompiled",
     "10 flights, finding [s]": "ten flights",
     "one flight more": "one more",
+    "reconstruction, installed [s]": "installed",
 }
 
 

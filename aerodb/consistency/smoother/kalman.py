@@ -149,6 +149,15 @@ def _propagate(
 
 
 @njit(cache=True)
+def _copy(values: Array, into: Array) -> None:
+    """Copy a matrix. An assignment of arrays would also compile its error message, which takes
+    several seconds."""
+    for a in range(values.shape[0]):
+        for b in range(values.shape[1]):
+            into[a, b] = values[a, b]
+
+
+@njit(cache=True)
 def _predict_covariance(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     block: Array, noise: Array, p: Array, half: Array,
@@ -205,7 +214,7 @@ def _forward(
             for e in range(rows.shape[0]):
                 for q in range(k):
                     moved[rows[e], q] += values[i - 1, e] * x[columns[e], q]
-            x[:] = moved
+            _copy(moved, x)
             _predict_covariance(
                 rows, columns, values[i - 1], diagonal, block[i - 1], noise, p, half
             )
@@ -241,8 +250,8 @@ def _forward(
                 for b in range(m):
                     p[a, b] -= weight * ph[b]
             total -= 0.5 * (np.log(2.0 * np.pi * s) + error[i, j, 0] ** 2 / s)
-        filtered[i] = x
-        known[i] = p
+        _copy(x, filtered[i])
+        _copy(p, known[i])
     return total
 
 
@@ -268,7 +277,7 @@ def _adjoint_step(
             moved[column, q] += value * pull[row, q]
         for b in range(m):
             half[column, b] += value * turned[row, b]
-    pull[:] = moved
+    _copy(moved, pull)
     for b in range(m):
         for a in range(m):
             turned[b, a] = half[a, b]
@@ -346,12 +355,14 @@ def _backward(
         if i < n - 1:
             _adjoint_step(rows, columns, values[i], diagonal, pull, load, half, turned, moved)
         for q in range(k):
-            column[:] = filtered[i, :, q]
+            for a in range(m):
+                column[a] = filtered[i, a, q]
             for b in range(m):
                 weight = pull[b, q]
                 for a in range(m):
                     column[a] += p[a, b] * weight
-            states[i, :, q] = column
+            for a in range(m):
+                states[i, a, q] = column[a]
         if after.shape[0] > 0:
             _posterior(p, load, half, turned, after[i])
         for d in range(own.shape[1] if own.shape[0] > 0 else 0):

@@ -17,7 +17,6 @@ from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.ulog import read_ulog
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
-from tests.bench.generated_log import generated_topics
 
 SAMPLES = ("sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg")
 
@@ -342,8 +341,33 @@ scale = "20 deg"
 """
 
 
+#: What PX4 logs of a fixed wing in level flight: topic -> field -> level.
+LEVEL_FLIGHT = {
+    "vehicle_angular_velocity": {"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": 0.0},
+    "vehicle_acceleration": {"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -9.8},
+    "vehicle_attitude": {"q[0]": 1.0, "q[1]": 0.0, "q[2]": 0.0, "q[3]": 0.0},
+    "airspeed_validated": {"calibrated_airspeed_m_s": 28.0, "true_airspeed_m_s": 30.0},
+    "airflow_aoa": {"aoa_rad": 0.05},
+    "airflow_slip": {"slip_rad": 0.0},
+    "vehicle_air_data": {
+        "rho": 1.1,
+        "baro_pressure_pa": 9e4,
+        "baro_alt_meter": 1000.0,
+        "ambient_temperature": 12.0,
+    },
+    "vehicle_local_position": {"x": 0.0, "y": 0.0, "z": 0.0, "vx": 30.0, "vy": 0.0, "vz": 0.0},
+    "vehicle_torque_setpoint": {"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": 0.0},
+}
+
+
 def test_px4_mapping_gives_the_channels(tmp_path: Path) -> None:
-    write_ulog(tmp_path / "a.ulg", generated_topics(5.0), metadata={"sys_name": "PX4"})
+    time = np.arange(1, 501) / 100.0
+    wave = (0.05 * np.sin(0.3 * time)).astype(np.float32)
+    topics = [
+        Topic(name, time, {field: np.float32(level) + wave for field, level in levels.items()})
+        for name, levels in LEVEL_FLIGHT.items()
+    ]
+    write_ulog(tmp_path / "a.ulg", topics, metadata={"sys_name": "PX4"})
     recording = read_log(tmp_path / "a.ulg")
     mapping = choose_mapping(recording, builtin_mappings().values())
     assert mapping.name == "px4"
