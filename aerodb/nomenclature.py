@@ -135,7 +135,18 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("delta_landing_gear", "1", "landing gear position, 0 up to 1 down and locked", ""),
 )
 
+#: Velocity over the earth and position, of which a flight may have several solutions.
+NAVIGATION: Final[tuple[str, ...]] = (
+    "velocity_north",
+    "velocity_east",
+    "velocity_down",
+    "north",
+    "east",
+    "altitude",
+)
+
 _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
+_SOLUTION = re.compile(rf"({'|'.join(NAVIGATION)})_([a-z][a-z0-9]*)")
 
 CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
 
@@ -229,7 +240,8 @@ def is_surface(name: str) -> bool:
 
 
 def channel(name: str) -> Channel:
-    """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad.
+    """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad, and
+    further navigation solutions ``<channel>_<source>``, such as ``velocity_north_dgps``.
 
     >>> channel("alpha").unit
     'rad'
@@ -247,7 +259,12 @@ def channel(name: str) -> Channel:
         return Channel(
             name, "rad", f"deflection of {what}, trailing edge down positive (rudder: left)", _ISO
         )
+    solution = _SOLUTION.fullmatch(name)
+    if solution:
+        base = CHANNELS[solution[1]]
+        return Channel(name, base.unit, f"{base.description}, as {solution[2]} has it", base.source)
     inner = name.removeprefix("flags_")
-    if inner != name and (inner == "flight" or inner in CHANNELS or is_surface(inner)):
+    known = inner == "flight" or inner in CHANNELS or is_surface(inner)
+    if inner != name and (known or _SOLUTION.fullmatch(inner)):
         return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")
     raise UnknownNameError(f"unknown channel '{name}'", remedy=nearest(name, CHANNELS))

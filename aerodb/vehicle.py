@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
-from aerodb.nomenclature import channel, is_surface
+from aerodb.nomenclature import NAVIGATION, channel, is_surface
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Array, Strict, validated, validated_toml
 from aerodb.units import quantity
@@ -26,6 +26,10 @@ _MEASURABLE = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz", "thru
 #: Ends of the names of errors: of a sensor, a surface or a mass property.
 _ERRORS = ("_bias", "_scale", "_delay", "_offset", "_share")
 _POSITION = ("air_data_x", "air_data_z")
+
+
+#: Name of a navigation solution: channels end on it.
+SourceName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
 
 
 class Reference(Strict):
@@ -104,7 +108,7 @@ class MassProperties(Strict):
 
 
 class LogSource(Strict):
-    """Topic, field and unit of a surface in the log, for surfaces that the mapping cannot know."""
+    """Topic, field and unit of a channel in the log, for channels that the mapping cannot know."""
 
     topic: str
     field: str
@@ -175,6 +179,26 @@ class Thrust(ThrustLine):
         return self
 
 
+class NavigationSource(Strict):
+    """A navigation solution beside the one that the mapping takes (INS, DGPS, an on-board filter):
+    where its velocities and positions are in the log, and the point [m] they belong to, in body
+    axes from the datum (None: the CG)."""
+
+    velocity_north: LogSource | None = None
+    velocity_east: LogSource | None = None
+    velocity_down: LogSource | None = None
+    north: LogSource | None = None
+    east: LogSource | None = None
+    altitude: LogSource | None = None
+    point: Point | None = None
+
+    @property
+    def channels(self) -> dict[str, LogSource]:
+        """Logged channel, without the source's name, -> its place in the log."""
+        places = {name: getattr(self, name) for name in NAVIGATION}
+        return {name: place for name, place in places.items() if place is not None}
+
+
 class Sensor(Strict):
     """Standard deviations of a sensor, in the channel's SI unit.
 
@@ -204,13 +228,16 @@ class Accuracy(Strict):
 
     Defaults are those of the Phoenix flight tests ("Data Analysis of Phoenix Reusable Launch
     Vehicle Demonstrator Flight Test", section III): docs/reference/conventions.md, "Consistency
-    verdicts".
+    verdicts". That paper states none for climb rate and altitude; theirs are those of the
+    horizontal velocity and position.
     """
 
     attitude: Radians = float(np.deg2rad(0.3))
     flow_angle: Radians = float(np.deg2rad(0.5))
     horizontal_velocity: Annotated[float, in_unit("m/s")] = 0.8
+    climb_rate: Annotated[float, in_unit("m/s")] = 0.8
     lateral_position: Metres = 10.0
+    altitude: Metres = 10.0
     qbar_fraction: Number = 0.02
 
 
@@ -257,6 +284,7 @@ class Vehicle(Strict):
     vertical_air: VerticalAir = VerticalAir()
     configuration: dict[str, Number] = {}
     measured: dict[str, Measured] = {}
+    navigation: dict[SourceName, NavigationSource] = {}
 
     @model_validator(mode="before")
     @classmethod

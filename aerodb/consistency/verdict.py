@@ -64,6 +64,10 @@ class Verdict:
         """The verdict with one more reason, before the others."""
         return replace(self, word=_worst([self.word, word]), reasons=(reason, *self.reasons))
 
+    def with_last(self, word: VerdictWord, reason: str) -> "Verdict":
+        """The verdict with one more reason, after the others."""
+        return replace(self, word=_worst([self.word, word]), reasons=(*self.reasons, reason))
+
 
 def judge(
     result: Reconstruction,
@@ -297,12 +301,21 @@ def _with(name: str, paths: Sequence[ReconstructedPath]) -> list[ReconstructedPa
     ]
 
 
+def navigation_limits(accuracy: Accuracy) -> dict[str, float]:
+    """Channel of a navigation solution -> limit of its rms difference, SI."""
+    return {
+        **dict.fromkeys(("velocity_north", "velocity_east"), accuracy.horizontal_velocity),
+        "velocity_down": accuracy.climb_rate,
+        **dict.fromkeys(("north", "east"), accuracy.lateral_position),
+        "altitude": accuracy.altitude,
+    }
+
+
 def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> float:
     limits = {
+        **navigation_limits(accuracy),
         **dict.fromkeys(("phi", "theta", "psi"), accuracy.attitude),
         **dict.fromkeys(("alpha", "beta"), accuracy.flow_angle),
-        **dict.fromkeys(("velocity_north", "velocity_east"), accuracy.horizontal_velocity),
-        **dict.fromkeys(("north", "east"), accuracy.lateral_position),
         "V": 0.5 * accuracy.qbar_fraction * speed,  # qbar goes with the square of the speed
         "qbar": accuracy.qbar_fraction * pressure,
     }
@@ -335,6 +348,7 @@ def _departure(check: ChannelCheck) -> str:
 def _figures(check: ChannelCheck) -> tuple[str, str]:
     """What remains of a channel and its limit, with units."""
     angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
-    unit = "deg" if angle else {"qbar": "Pa", "north": "m", "east": "m"}.get(check.channel, "m/s")
+    metres = dict.fromkeys(("north", "east", "altitude"), "m")
+    unit = "deg" if angle else {"qbar": "Pa", **metres}.get(check.channel, "m/s")
     size, limit = (np.rad2deg(value) if angle else value for value in (check.after, check.limit))
     return f"{size:.2g} {unit}", f"{limit:.2g} {unit}"

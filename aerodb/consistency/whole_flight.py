@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.calibration import Calibration, Drift, drift
 from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
+from aerodb.consistency.navigation_sources import MAPPED, OWN, NavigationCheck, check_navigation
 from aerodb.consistency.output_error import (
     Estimate,
     Reconstruction,
@@ -107,9 +108,14 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
     noisy = noise_beyond_declaration(known.reconstruction.paths, vehicle.sensors, moving)
-    plan = plan.without((), air_remarks(known, values))
+    navigation = check_navigation(flight, vehicle, corrected.result)
+    wrong = [check for check in navigation if not check.good]
+    for check in (check for check in wrong if check.source == MAPPED and check.against == OWN):
+        verdict = verdict.with_last("limited", check.sentence)
+    said = [check.sentence for check in wrong if check.sentence not in verdict.reasons]
+    plan = plan.without((), (*air_remarks(known, values), *said))
     document = _document(
-        verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy
+        verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy, navigation
     )
     made = replace(corrected.flight, notes=(*corrected.flight.notes, *noisy))
     return Consistent(made, corrected.sigma, corrected.changed, document, verdict, drifted)
@@ -184,6 +190,7 @@ def _document(
     drifted: Sequence[Drift],
     calibration: Calibration | None,
     noisy: Sequence[str],
+    navigation: Sequence[NavigationCheck],
 ) -> dict[str, Any]:
     shown = [entry for entry in result.estimates if entry.parameter.kind != "initial"]
     return {
@@ -205,6 +212,7 @@ def _document(
         "calibration": None if calibration is None else calibration.id,
         "notes": [corrected.flight.notes[-1], *noisy],
         "remarks": list(plan.remarks),
+        "navigation": [check.document() for check in navigation],
         "drift": [entry.because for entry in drifted],
         "noise": corrected.noise.document(),
     }

@@ -358,6 +358,11 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
             entries[f"delta_{name}"] = ChannelMapping(
                 name=f"delta_{name}", sources=(place,), command=True
             )
+    for source, solution in vehicle.navigation.items():
+        for base, place in solution.channels.items():
+            name = f"{base}_{source}"
+            sources = (Source(topic=place.topic, field=place.field, unit=place.unit or None),)
+            entries[name] = ChannelMapping(name=name, sources=sources)
     signals: dict[str, _Signal] = {}
     notes: list[str] = []
     for entry in entries.values():
@@ -543,6 +548,7 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
         *(entry.name for entry in mapping.channel),
         *(name for derived in mapping.derived for name in derived.channels),
         *(f"delta_{name}" for name in vehicle.surfaces),
+        *(f"{base}_{name}" for name, own in vehicle.navigation.items() for base in own.channels),
         *_EXPECTED,
     ]
     return replace(
