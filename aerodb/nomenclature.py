@@ -146,6 +146,7 @@ NAVIGATION: Final[tuple[str, ...]] = (
 )
 
 _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
+_FUEL = re.compile(r"fuel_(flow|used)_([a-z][a-z0-9]*)")
 _SOLUTION = re.compile(rf"({'|'.join(NAVIGATION)})_([a-z][a-z0-9]*)")
 
 CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
@@ -241,7 +242,8 @@ def is_surface(name: str) -> bool:
 
 def channel(name: str) -> Channel:
     """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad, and
-    further navigation solutions ``<channel>_<source>``, such as ``velocity_north_dgps``.
+    further navigation solutions ``<channel>_<source>``, such as ``velocity_north_dgps``, and an
+    engine's ``fuel_flow_<engine>`` and ``fuel_used_<engine>``.
 
     >>> channel("alpha").unit
     'rad'
@@ -263,8 +265,11 @@ def channel(name: str) -> Channel:
     if solution:
         base = CHANNELS[solution[1]]
         return Channel(name, base.unit, f"{base.description}, as {solution[2]} has it", base.source)
+    if burnt := _FUEL.fullmatch(name):
+        unit, what = ("kg/s", "flow of fuel to") if burnt[1] == "flow" else ("kg", "fuel used by")
+        return Channel(name, unit, f"mass {what} engine {burnt[2]}")
     inner = name.removeprefix("flags_")
     known = inner == "flight" or inner in CHANNELS or is_surface(inner)
-    if inner != name and (known or _SOLUTION.fullmatch(inner)):
+    if inner != name and (known or _SOLUTION.fullmatch(inner) or _FUEL.fullmatch(inner)):
         return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")
     raise UnknownNameError(f"unknown channel '{name}'", remedy=nearest(name, CHANNELS))

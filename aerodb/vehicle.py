@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
-from aerodb.nomenclature import NAVIGATION, channel, is_surface
+from aerodb.nomenclature import channel, is_surface
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Array, Strict, validated, validated_toml
 from aerodb.units import quantity
@@ -136,6 +136,31 @@ class Surface(Strict):
         return self
 
 
+class Fuel(Strict):
+    """Fuel on board, for logs without the channel ``fuel_mass``.
+
+    initial : mass when the counters of fuel used stood at zero, or at the first sample [kg].
+    used : engine -> where the mass that it has used is logged. flow : engine -> where its mass flow
+    is logged, which is integrated where `used` is not logged.
+    """
+
+    initial: Kilograms
+    used: dict[SourceName, LogSource] = {}
+    flow: dict[SourceName, LogSource] = {}
+
+    @property
+    def channels(self) -> dict[str, LogSource]:
+        """Logged channel -> its place in the log."""
+        used = {f"fuel_used_{engine}": place for engine, place in self.used.items()}
+        return used | {f"fuel_flow_{engine}": place for engine, place in self.flow.items()}
+
+    @model_validator(mode="after")
+    def _stated(self) -> Self:
+        if not self.channels:
+            raise ValueError("[fuel] needs `used` or `flow` of each engine")
+        return self
+
+
 class Combination(Strict):
     """A combined deflection of a right and a left surface.
 
@@ -195,7 +220,14 @@ class NavigationSource(Strict):
     @property
     def channels(self) -> dict[str, LogSource]:
         """Logged channel, without the source's name, -> its place in the log."""
-        places = {name: getattr(self, name) for name in NAVIGATION}
+        places = {
+            "velocity_north": self.velocity_north,
+            "velocity_east": self.velocity_east,
+            "velocity_down": self.velocity_down,
+            "north": self.north,
+            "east": self.east,
+            "altitude": self.altitude,
+        }
         return {name: place for name, place in places.items() if place is not None}
 
 
@@ -285,6 +317,7 @@ class Vehicle(Strict):
     configuration: dict[str, Number] = {}
     measured: dict[str, Measured] = {}
     navigation: dict[SourceName, NavigationSource] = {}
+    fuel: Fuel | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -448,7 +481,8 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
         raise InputError(
             "the fuel table needs channel fuel_mass, which is not logged",
             f"flight {flight.id}",
-            "log fuel_mass, or state constants in [mass] of the vehicle file",
+            "log fuel_mass, state in [fuel] of the vehicle file where what was used is logged, or"
+            " state constants in [mass]",
         )
     return {
         name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k])

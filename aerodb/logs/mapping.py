@@ -22,6 +22,7 @@ from aerodb.logs.air_data import complete_air_data
 from aerodb.logs.captive import flag_captive
 from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.derivations import METHODS
+from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapping_file import (
     ChannelMapping,
     Derived,
@@ -35,7 +36,7 @@ from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording
 from aerodb.support import Array
 from aerodb.units import convert
-from aerodb.vehicle import Surface, Vehicle, add_combinations
+from aerodb.vehicle import LogSource, Surface, Vehicle, add_combinations
 
 __all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recording", "parse_mapping"]
 
@@ -358,11 +359,9 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
             entries[f"delta_{name}"] = ChannelMapping(
                 name=f"delta_{name}", sources=(place,), command=True
             )
-    for source, solution in vehicle.navigation.items():
-        for base, place in solution.channels.items():
-            name = f"{base}_{source}"
-            sources = (Source(topic=place.topic, field=place.field, unit=place.unit or None),)
-            entries[name] = ChannelMapping(name=name, sources=sources)
+    for name, place in _named_by_vehicle(vehicle).items():
+        sources = (Source(topic=place.topic, field=place.field, unit=place.unit or None),)
+        entries[name] = ChannelMapping(name=name, sources=sources)
     signals: dict[str, _Signal] = {}
     notes: list[str] = []
     for entry in entries.values():
@@ -386,6 +385,14 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
         if not any(name in signals for name in derived.channels):
             signals.update({signal.name: signal for signal in _derive(log, derived)})
     return signals, notes
+
+
+def _named_by_vehicle(vehicle: Vehicle) -> dict[str, LogSource]:
+    """Channel -> its place in the log, of the channels that no mapping knows."""
+    places = {} if vehicle.fuel is None else dict(vehicle.fuel.channels)
+    for source, solution in vehicle.navigation.items():
+        places |= {f"{base}_{source}": place for base, place in solution.channels.items()}
+    return places
 
 
 def _refuse_broken_clock(log: _Log, entry: ChannelMapping) -> None:
@@ -543,12 +550,13 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
         *(f"{name} = {value:g} from the vehicle file" for name, value in constants.items()),
     )
     flight = add_combinations(replace(flight, notes=notes), vehicle)
+    flight = with_fuel_mass(flight, vehicle)
     flight = flag_captive(complete_air_data(air_data_at_cg(flight, vehicle)))
     known = [
         *(entry.name for entry in mapping.channel),
         *(name for derived in mapping.derived for name in derived.channels),
         *(f"delta_{name}" for name in vehicle.surfaces),
-        *(f"{base}_{name}" for name, own in vehicle.navigation.items() for base in own.channels),
+        *_named_by_vehicle(vehicle),
         *_EXPECTED,
     ]
     return replace(
