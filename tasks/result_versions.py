@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "update": 6,
     "gram": 11,
-    "close_loop": 24,
+    "close_loop": 25,
 }
 
 #: Names of versions that the product itself moves.

@@ -243,7 +243,7 @@ def _slow_rate(piece: _Piece, position: str, velocity: str) -> Array:
         return np.array([])
     index = np.arange(len(along))
     along, speed = (np.interp(index, index[good], each[good]) for each in (along, speed))
-    apart = along - sign * cumulative_trapezoid(speed, dx=piece.step, initial=0.0)
+    apart = along - sign * cumulative_trapezoid(speed, dx=piece.step, initial=0)
     apart = uniform_filter1d(apart, max(1, round(1.0 / piece.step)))
     rate = (apart[many:] - apart[:-many]) / (many * piece.step)
     return np.asarray(rate[good[many:] & good[:-many]])

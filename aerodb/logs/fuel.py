@@ -28,7 +28,7 @@ def with_fuel_mass(flight: Flight, vehicle: Vehicle) -> Flight:
     if used and all(name in flight for name in used):
         burnt, source = _sum(flight, used), " and ".join(used)
     elif flows and all(name in flight for name in flows):
-        burnt = cumulative_trapezoid(_sum(flight, flows), flight.time, initial=0.0)
+        burnt = cumulative_trapezoid(_sum(flight, flows), flight.time, initial=0)
         source = "the integral of " + " and ".join(flows)
     else:
         return flight

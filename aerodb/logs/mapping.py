@@ -359,8 +359,8 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
             entries[f"delta_{name}"] = ChannelMapping(
                 name=f"delta_{name}", sources=(place,), command=True
             )
-    for name, place in _named_by_vehicle(vehicle).items():
-        sources = (Source(topic=place.topic, field=place.field, unit=place.unit or None),)
+    for name, logged in _named_by_vehicle(vehicle).items():
+        sources = (Source(topic=logged.topic, field=logged.field, unit=logged.unit or None),)
         entries[name] = ChannelMapping(name=name, sources=sources)
     signals: dict[str, _Signal] = {}
     notes: list[str] = []

@@ -34,6 +34,7 @@ from aerodb.tracing import (
     cross_flight_tests,
     increment_models,
     significant_beside,
+    significant_sensors,
     supported_axes,
     trace_increment_models,
 )
@@ -102,6 +103,7 @@ def axis_models(
     without_gain: Collection[str] = (),
     late: Collection[str] = (),
     given: Collection[str] | None = None,
+    sensors: Collection[str] = (),
 ) -> AxisModels | None:
     """Return the increment models that replace the singles on their axes; None where there are
     none.
@@ -110,7 +112,8 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight.
+    predict each flight. sensors : ids of sensors found to be wrong: where one is significant beside
+    the increment models as well, it is to be mended first, and nothing is proposed.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -136,6 +139,9 @@ def axis_models(
     if given is not None:
         terms = tuple(number[id] for id in given)
     else:
+        wrong = [number[id] for id in sensors if id in number]
+        if wrong and significant_sensors(tests, axes, wrong, beside, out):
+            return None
         terms = increment_models(tests, axes, beside, out)
         axes &= supported_axes(tests, terms, beside)
     estimator = _Estimator(source, baseline, tuple(flights))

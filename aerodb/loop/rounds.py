@@ -161,12 +161,20 @@ def run_loop(
         added += kept
         database = candidate
     models = None
-    # A wrong sensor is to be mended first, and a stall has a fit of its own.
-    if not database.states and not any(f.verdict == "sensor" for f in findings.values()):
+    if not database.states:  # a stall has a fit of its own
         every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
         late = every - (every if known_before is None else known_before)
         models = axis_models(
-            source, flights, baseline, database, library, added, without_gain, late, modelled
+            source,
+            flights,
+            baseline,
+            database,
+            library,
+            added,
+            without_gain,
+            late,
+            modelled,
+            [id for id, finding in findings.items() if finding.verdict == "sensor"],
         )
     if models is not None:
         traced = models.traced

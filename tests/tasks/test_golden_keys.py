@@ -33,7 +33,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "fb2a48660ff5b687", "9ddddc1b635ef5d7"),
     "compare": (1, "e8301bf49069a675", "75ab953bf9aaf46f"),
     "gram": (11, "e1fcf0c29f0851af", "d0b83ad7b0621ca0"),
-    "close_loop": (24, "5ec68564a358b28e", "d3af299eab4e5a54"),
+    "close_loop": (25, "2d8060b3f8f01f37", "d3af299eab4e5a54"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (6, "a6b28dc821b90445", "6b1983884f9e9ae7"),
 }

@@ -2,6 +2,7 @@ from .axis_models import (
     cross_flight_tests,
     increment_models,
     significant_beside,
+    significant_sensors,
     supported_axes,
     trace_increment_models,
 )
@@ -52,6 +53,7 @@ __all__ = [
     "only_suspected",
     "refine",
     "significant_beside",
+    "significant_sensors",
     "supported_axes",
     "trace",
     "trace_increment_models",

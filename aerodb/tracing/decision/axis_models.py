@@ -46,6 +46,7 @@ def increment_models(
     axes: Collection[str],
     beside: Sequence[int] = (),
     barred: Collection[int] = (),
+    freed: Sequence[int] = (),
 ) -> tuple[int, ...]:
     """Return the terms (indices) of the increment models of some axes, estimated together.
 
@@ -53,7 +54,8 @@ def increment_models(
     in the model as well, and stay. barred : terms that may not enter. A term stays where its size
     over flights, less what state noise would leave, exceeds its standard error. Sensors stand
     beside with their priors, but do not decide: what predicts other flights of the same
-    installation need not be known apart.
+    installation need not be known apart. freed : sensors without prior, which do decide: what they
+    explain leaves.
     """
     hypotheses = tests.campaign.hypotheses
     kept = [
@@ -66,7 +68,7 @@ def increment_models(
         and set(each.written_on) <= set(axes)
     ]
     while kept:
-        test = tests.tested((*beside, *kept), (), _ONE)
+        test = tests.tested((*beside, *kept), freed, _ONE)
         p = test.unmasked[kept]
         if p.max() >= _LEAVES:
             kept.pop(int(p.argmax()))
@@ -75,7 +77,7 @@ def increment_models(
         if by_noise.max() < _LEAVES:
             break
         kept.pop(int(by_noise.argmax()))
-    test = tests.tested((*beside, *kept), (), _ONE)
+    test = tests.tested((*beside, *kept), freed, _ONE)
     constants = [
         index
         for index in tests.campaign.offsets
@@ -84,6 +86,26 @@ def increment_models(
         and test.unmasked[index] < _LEAVES
     ]
     return (*kept, *constants)
+
+
+def significant_sensors(
+    tests: CrossFlightTests,
+    axes: Collection[str],
+    sensors: Sequence[int],
+    beside: Sequence[int] = (),
+    barred: Collection[int] = (),
+) -> bool:
+    """Whether sensors (indices) that were found to be wrong are so beside increment models too.
+
+    Where many effects act at once, one that is not found yet can look like a sensor. In the
+    models' elimination the sensors are free: terms that imitate them leave.
+    """
+    model = (*beside, *increment_models(tests, axes, beside, barred, sensors))
+    others = {each: [one for one in sensors if one != each] for each in sensors}
+    return any(
+        tests.tested(model, rest, _ONE).p_at([each])[0] < tests.settings.level
+        for each, rest in others.items()
+    )
 
 
 def supported_axes(

@@ -118,6 +118,18 @@ def test_a_complete_database_gets_no_increment_model(source: FlightsInMemory) ->
     assert loop.added == ()
 
 
+def test_a_wrong_sensor_is_not_modelled_as_many_effects(source: FlightsInMemory) -> None:
+    """alpha reads 12 % too high and every axis feels it: the sensor is found, and beside increment
+    models of all axes it still is."""
+    wrong = {
+        id: (flight.with_channels({"alpha": 1.12 * flight["alpha"]}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    loop = closed(FlightsInMemory(source.vehicle, wrong), tuple(wrong), 1.0)
+    assert [f.hypothesis for f in loop.findings if f.verdict == "sensor"] == ["alpha_scale@all"]
+    assert loop.axis_models == ()
+
+
 @pytest.mark.parametrize("seed", [70, 80, 90])
 def test_noise_far_above_the_declared_is_no_increment_model(seed: int) -> None:
     """Ten times the noise: every axis is far above its floor, and nothing predicts other flights."""
