@@ -275,7 +275,8 @@ def _worst(words: Iterable[VerdictWord]) -> VerdictWord:
 
 
 def _rms(pieces: Iterable[np.ndarray | None]) -> float:
-    values = np.concatenate([piece for piece in pieces if piece is not None])
+    """Root mean square of the finite values; nan where there are none."""
+    values = np.concatenate([np.zeros(0), *(piece for piece in pieces if piece is not None)])
     return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
 
 

@@ -307,6 +307,7 @@ def solve(
         near=near,
         least_gain=least_gain,
         vertical_air=plan.vertical_air,
+        details=False,
     )
 
 
@@ -340,26 +341,12 @@ def _joined(
     still: Array,
 ) -> Reconstruction:
     """Join reconstructions of parts of a flight, with the sensor estimates (`still`: their
-    covariance in air without vertical motion) and with the standard errors of the joint solution
-    where these are larger."""
-    joint = {path.record.name: path for path in own.paths}
-    state = np.sqrt(np.mean([np.mean(path.state_sigma**2, axis=1) for path in own.paths], axis=0))
-    air = np.sqrt(np.mean([np.mean(path.air_sigma**2, axis=1) for path in own.paths], axis=0))
-    paths = []
-    for path in (path for part in parts for path in part.paths):
-        same = joint.get(path.record.name)
-        least = (
-            (state[:, None], air[:, None]) if same is None else (same.state_sigma, same.air_sigma)
-        )
-        sigma = (np.maximum(path.state_sigma, least[0]), np.maximum(path.air_sigma, least[1]))
-        paths.append(
-            replace(
-                path,
-                state_sigma=sigma[0],
-                air_sigma=sigma[1],
-                before=_uncorrected_residuals(path.record),
-            )
-        )
+    covariance in air without vertical motion)."""
+    paths = tuple(
+        replace(path, before=_uncorrected_residuals(path.record))
+        for part in parts
+        for path in part.paths
+    )
     known = estimates.by_name
     sensors = [
         replace(entry, value=known[name][0], standard_error=known[name][1], at_bound=False)
@@ -370,12 +357,14 @@ def _joined(
     converged = own.converged and sum(part.converged for part in parts) > 0.5 * len(parts)
     spread = block_diag(estimates.covariance, *(part.covariance for part in parts))
     calm = block_diag(still, *(part.still for part in parts))
+    white = block_diag(estimates.covariance, *(part.white for part in parts))
     return replace(
         own,
         estimates=(*sensors, *others),
         covariance=spread,
         still=calm,
-        paths=tuple(paths),
+        white=white,
+        paths=paths,
         converged=converged,
     )
 

@@ -33,6 +33,11 @@ THIN_STEP, _FEWEST = 0.2, 50
 #: Gain of log-likelihood with which a search over thinned samples ends: it is only a start.
 ROUGH_GAIN = 1.0
 
+#: Expected gain of log-likelihood below which a step is the last one, and is taken without summing
+#: once more: half the square of its length in standard errors, all unknowns together, and what
+#: remains after it is of second order.
+SETTLED = 1e-2
+
 #: Default bound of scales: a sensor with a larger scale error measures something else.
 LARGEST_SCALE = 0.5
 
@@ -83,7 +88,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """Result of the search: the unknowns `vector` (k,), the normal equations there, whether the
+    """Result of the search: the unknowns `vector` (k,), the normal equations there or one last
+    insignificant step before, whether the
     search converged, and the number of iterations."""
 
     vector: Array
@@ -146,12 +152,16 @@ def information(problem: Problem, sums: NormalEquations) -> Array:
     return total
 
 
-def search(problem: Problem, vector: Array, least_gain: float = SMALL_GAIN) -> Solution:
+def search(
+    problem: Problem, vector: Array, least_gain: float = SMALL_GAIN, close: bool = False
+) -> Solution:
     """Iterate from `vector` (k,) to convergence, first over thinned samples.
 
     least_gain : gain of log-likelihood below which a step ends the search.
+    close : the start is within a few standard errors of the optimum; thinned samples, which are
+        fewer, would not lead closer.
     """
-    brief = problem.thinned()
+    brief = None if close else problem.thinned()
     if brief is not None:
         with suppress(InputError):  # no usable sample of a channel is left
             rough = max(ROUGH_GAIN, least_gain)
@@ -163,7 +173,8 @@ def gauss_newton(
     problem: Problem, vector: Array, sums: NormalEquations, least_gain: float = SMALL_GAIN
 ) -> Solution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
-    and fades when it does.
+    and fades when it does. A step that is expected to gain less than `SETTLED` is the last; the
+    sums are those before it.
 
     least_gain : gain of log-likelihood below which a step ends the search.
     """
@@ -183,6 +194,8 @@ def gauss_newton(
         step, error = _step(matrix[np.ix_(go, go)], slope[go], size[go], damping)
         trial = vector.copy()
         trial[go] = np.clip(vector[go] + step, problem.lower[go], problem.upper[go])
+        if damping < _LIGHT and 0.5 * float(slope[go] @ step) < SETTLED:
+            return Solution(trial, sums, True, iteration)
         try:
             after = problem.sums(trial)
             better = problem.cost(trial, after)

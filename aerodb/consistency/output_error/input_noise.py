@@ -13,9 +13,8 @@ from aerodb.consistency.output_error.normal_equations import in_blocks, usable_s
 from aerodb.consistency.sensors import (
     Parameter,
     Record,
+    Response,
     corrected_inputs,
-    parameter,
-    predict_outputs,
 )
 from aerodb.support import Array
 
@@ -34,7 +33,8 @@ def inertial_noise(record: Record) -> Array:
 def drift_information(
     record: Record,
     values: Mapping[str, float],
-    initial: Array,
+    response: Response,
+    swing: Sequence[int],
     unknowns: Sequence[Parameter],
     slopes: Mapping[str, Array],
     noise: Mapping[str, float],
@@ -49,7 +49,9 @@ def drift_information(
     ----------
     record : n samples.
     values : parameter name -> value, SI.
-    initial : (9,), initial state.
+    response : outputs with their derivatives, among them those by initial states.
+    swing : (m,), numbers of the derivatives by the initial values of the states that are
+        integrated, in the order of `STATES`.
     unknowns : the estimated parameters of the record.
     slopes : channel -> (n, k), derivatives of the outputs by these or other quantities.
     noise : channel -> variance of its noise, SI.
@@ -59,24 +61,22 @@ def drift_information(
     (k, k) covariance.
     """
     integrated = [name for name in STATES if name not in record.given]
-    everything = [parameter(f"initial_{name}", record.name) for name in integrated]
-    swing = predict_outputs(record, values, initial, everything)
     n, m = len(record.inputs), len(integrated)
     k = next(iter(slopes.values())).shape[1]
     size = max(1, n // BLOCKS)
     blocks = -(-n // size)
     pull = np.zeros((blocks, k, m))
-    for name in swing.outputs:
+    for name in response.outputs:
         good = usable_samples(record, name, unknowns, values)[:, None] / noise[name]
         left, right = (
             in_blocks(slopes[name] * good, blocks, size),
-            in_blocks(swing.slopes[name], blocks, size),
+            in_blocks(response.slopes[name][:, swing], blocks, size),
         )
         pull += np.swapaxes(left, 1, 2) @ right
     later = np.cumsum(pull[::-1], axis=0)[::-1]
     rows, at = [STATES.index(name) for name in integrated], np.arange(0, n, size)
-    moved = np.moveaxis(swing.state_slopes[rows][:, at], 1, 0)
-    effect = _input_effect(swing.states[:, at], corrected_inputs(record, values)[at])[:, rows]
+    moved = np.moveaxis(response.state_slopes[np.ix_(rows, at, swing)], 1, 0)
+    effect = _input_effect(response.states[:, at], corrected_inputs(record, values)[at])[:, rows]
     sigma = record.step * np.sqrt(size) * inertial_noise(record)
     # the transposed system gives A S^-1 without an inverse
     weight = np.moveaxis(

@@ -120,6 +120,7 @@ def vane_position(
         bounds=plan.bounds,
         noise_floor=plan.noise_floor,
         near=result,
+        details=False,
     )
     found = other[_POSITION]
     if abs(found.value) < FAR * found.standard_error or not calm(other):

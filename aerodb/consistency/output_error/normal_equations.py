@@ -143,7 +143,8 @@ def accumulate(
         weight = round(record.step / driver.step)
         for name, residual in residuals(record, response).items():
             good = usable_samples(record, name, items, values)
-            slope, error = response.slopes[name][good], residual[good]
+            chosen = _as_slice(good)
+            slope, error = response.slopes[name][chosen], residual[chosen]
             if name not in count:
                 count[name], squares[name] = 0, 0.0
                 information[name], gradient[name] = np.zeros((k, k)), np.zeros(k)
@@ -157,6 +158,13 @@ def accumulate(
             f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out"
         )
     return NormalEquations(count, squares, information, gradient)
+
+
+def _as_slice(good: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
+    """What chooses the same samples, without a copy where they are one stretch."""
+    first, count = int(np.argmax(good)), int(np.count_nonzero(good))
+    together = bool(good[first : first + count].all())
+    return slice(first, first + count) if together else good
 
 
 def in_blocks(values: Array, blocks: int, size: int) -> Array:

@@ -7,11 +7,12 @@ that the manoeuvres cannot separate. The covariance is corrected for coloured re
 Klein, JGCD 20(1), 1997).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.gauss_newton import (
     SMALL_GAIN,
     Problem,
@@ -40,8 +41,8 @@ from aerodb.consistency.output_error.vertical_air import (
 from aerodb.consistency.sensors import (
     Parameter,
     Record,
-    Response,
     corrected_inputs,
+    parameter,
     predict_outputs,
 )
 from aerodb.errors import InputError
@@ -71,8 +72,8 @@ class ReconstructedPath:
     inputs : (n, 6), corrected specific force [m/s2] and rates [rad/s].
     residuals, before : channel -> (n,), measured minus reconstructed, after and before the
         estimation, SI (nan where not used).
-    state_sigma : (9, n), standard errors of the states.
-    air_sigma : (3, n), standard errors of V [m/s], alpha and beta [rad].
+    state_sigma : (9, n), standard errors of the states; nan where they were not asked for.
+    air_sigma : (3, n), standard errors of V [m/s], alpha and beta [rad]; likewise.
     """
 
     record: Record
@@ -107,6 +108,7 @@ class Reconstruction:
     estimates : one per unknown, k in all. covariance : (k, k), in their order, SI.
     still : (k, k), the part of the covariance that does not come from the vertical motion of the
         air.
+    white : (k, k), covariance for white residuals: that of the search.
     noise : channel -> one sigma of its residual, SI. paths : one per record.
     converged, iterations : of the Gauss-Newton search.
     air_sigma : standard deviation of the air's slow vertical velocity given the residuals [m/s],
@@ -116,6 +118,7 @@ class Reconstruction:
     estimates: tuple[Estimate, ...]
     covariance: Array
     still: Array
+    white: Array
     noise: Mapping[str, float]
     paths: tuple[ReconstructedPath, ...]
     converged: bool
@@ -141,6 +144,7 @@ def reconstruct(
     near: Reconstruction | None = None,
     least_gain: float = SMALL_GAIN,
     vertical_air: VerticalAir | None = None,
+    details: bool = True,
 ) -> Reconstruction:
     """Estimate sensor errors, winds and initial states of all records together.
 
@@ -159,6 +163,8 @@ def reconstruct(
         there.
     least_gain : gain of log-likelihood below which a step ends the search.
     vertical_air : prior of the vertical motion of the air, which widens the covariance; None: none.
+    details : whether the paths have standard errors and the residuals before the estimation, for
+        which the motion is integrated twice more.
 
     No parameter is fixed for lack of information: those that the manoeuvres cannot separate need a
     prior, and their standard error then shows it.
@@ -173,8 +179,9 @@ def reconstruct(
     Jategaonkar (2015), Flight Vehicle System Identification, chapters 4 and 10; Morelli & Klein,
     JGCD 20(1), 1997 (covariance for coloured residuals).
     """
+    found = {} if near is None else _without_others(near, {*free, *(fixed or {})})
     if starts is None and near is not None:
-        starts = [_first_state(record, fixed or {}, near) for record in records]
+        starts = [_first_state(record, fixed or {}, near, found) for record in records]
     problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
     if not problem.items:
         raise InputError(
@@ -182,10 +189,12 @@ def reconstruct(
             records[0].name,
             "fly manoeuvres that move more",
         )
-    start = np.zeros(len(problem.items)) if near is None else _start(problem, near)
-    solution = search(problem, start, least_gain)
+    start = np.zeros(len(problem.items)) if near is None else _start(problem, near, found)
+    known = set() if near is None else {path.record.name for path in near.paths}
+    close = all(record.name in known for record in records)
+    solution = search(problem, start, least_gain, close)
     vector, sums = solution.vector, solution.equations
-    still, white, moved, air_sigma = _covariances(problem, vector, sums, vertical_air)
+    still, white, moved, air_sigma, paths = _covariances(problem, vector, sums, vertical_air)
     covariance = still + moved
     estimates = tuple(
         Estimate(
@@ -199,8 +208,11 @@ def reconstruct(
         )
         for number, item in enumerate(problem.items)
     )
-    # recompute the responses one at a time: those of a long flight do not fit in memory together
-    paths = tuple(_path(problem, vector, covariance, number) for number in range(len(records)))
+    if details:
+        paths = tuple(
+            _detailed(problem, vector, covariance, number, path)
+            for number, path in enumerate(paths)
+        )
     noise = {
         name: float(np.sqrt(value)) for name, value in sums.variance(problem.noise_floor).items()
     }
@@ -208,6 +220,7 @@ def reconstruct(
         estimates,
         covariance,
         still,
+        white,
         noise,
         paths,
         solution.converged,
@@ -216,12 +229,38 @@ def reconstruct(
     )
 
 
-def _first_state(record: Record, fixed: Mapping[str, float], near: Reconstruction) -> Array:
-    """Initial state (9,) of a record: as reconstructed before, otherwise from its first samples,
-    with the wind found before."""
+def _without_others(near: Reconstruction, names: Collection[str]) -> dict[str, float]:
+    """Label -> value of the estimates of a reconstruction if its sensor parameters that are not
+    among these names are zero; of an initial state, the change of the value."""
+    value = np.array([entry.value for entry in near.estimates])
+    gone = [
+        number
+        for number, entry in enumerate(near.estimates)
+        if entry.parameter.kind != "initial" and entry.parameter.name not in names
+    ]
+    change = np.zeros(len(value))
+    if gone:
+        spread = near.white[np.ix_(gone, gone)]
+        size = np.sqrt(np.diag(spread))
+        pushed = np.linalg.lstsq(spread / np.outer(size, size), value[gone] / size, rcond=None)[0]
+        change = -near.white[:, gone] @ (pushed / size)
+    return {
+        entry.parameter.label: float(
+            change[number] + (0.0 if entry.parameter.kind == "initial" else value[number])
+        )
+        for number, entry in enumerate(near.estimates)
+    }
+
+
+def _first_state(
+    record: Record, fixed: Mapping[str, float], near: Reconstruction, found: Mapping[str, float]
+) -> Array:
+    """Initial state (9,) of a record: as reconstructed before, with its change in `found`,
+    otherwise from its first samples, with the wind found before."""
     for path in near.paths:
         if path.record.name == record.name:
-            return np.array(path.states[:, 0])
+            labels = [parameter(f"initial_{name}", record.name).label for name in STATES]
+            return path.states[:, 0] + np.array([found.get(label, 0.0) for label in labels])
     return first_states(record, {**_winds(record, near), **fixed})
 
 
@@ -237,17 +276,14 @@ def _winds(record: Record, near: Reconstruction) -> dict[str, float]:
     return {name: float(np.mean(values)) for name, values in {**every, **own}.items()}
 
 
-def _start(problem: Problem, near: Reconstruction) -> Array:
+def _start(problem: Problem, near: Reconstruction, found: Mapping[str, float]) -> Array:
     """(k,) values to start from: those found before; initial states are those of the problem."""
-    known = {
-        entry.parameter.label: entry.value
-        for entry in near.estimates
-        if entry.parameter.kind != "initial"
-    }
     winds = {record.flight: _winds(record, near) for record in problem.records}
     vector = np.array(
         [
-            known.get(item.label, winds.get(item.scope, {}).get(item.name, 0.0))
+            0.0
+            if item.kind == "initial"
+            else found.get(item.label, winds.get(item.scope, {}).get(item.name, 0.0))
             for item in problem.items
         ]
     )
@@ -256,9 +292,10 @@ def _start(problem: Problem, near: Reconstruction) -> Array:
 
 def _covariances(
     problem: Problem, vector: Array, sums: NormalEquations, air: VerticalAir | None
-) -> tuple[Array, Array, Array, float]:
+) -> tuple[Array, Array, Array, float, tuple[ReconstructedPath, ...]]:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
-    white residuals, what vertical air adds to the first, and the air's standard deviation [m/s]."""
+    white residuals, what vertical air adds to the first, and the air's standard deviation [m/s];
+    and the paths, without details."""
     noise = sums.variance(problem.noise_floor)
     size = np.array([item.size for item in problem.items])
     white = np.asarray(
@@ -271,9 +308,15 @@ def _covariances(
     # space is not wrong by them, the vane is.
     vane = np.array(["alpha" in item.name for item in problem.items])
     felt: list[tuple[Pull, AirSigns]] = []
+    paths: list[ReconstructedPath] = []
+    # one response at a time: those of a long flight do not fit in memory together
     for record, start in zip(problem.records, problem.starts, strict=True):
-        index, values, response = _predicted(problem, vector, record, start)
-        errors, slopes = residuals(record, response), response.slopes
+        index, values = _acting(problem, vector, record)
+        own = [problem.items[number] for number in index]
+        first, (swing, more) = first_state(start, values), _swing(record, own)
+        response = predict_outputs(record, values, first, [*own, *more])
+        errors = residuals(record, response)
+        slopes = {name: slope[:, : len(own)] for name, slope in response.slopes.items()}
         usable = {name: usable_samples(record, name, problem.items, values) for name in errors}
         for name, error in errors.items():
             good = usable[name]
@@ -281,15 +324,26 @@ def _covariances(
             middle[np.ix_(index, index)] += (
                 block * len(good) / max(good.sum(), 1) / noise[name] ** 2
             )
-        own, first = [problem.items[number] for number in index], first_state(start, values)
         columns = None
         if air is not None and air.sigma > 0 and vane.any():
             columns = air_columns(record, values, first, air)
             slopes = columns.beside(slopes)
-        part = drift_information(record, values, first, own, slopes, noise)
+        part = drift_information(record, values, response, swing, own, slopes, noise)
         drift[np.ix_(index, index)] += part[: len(index), : len(index)]
         if columns is not None:
             felt.append(pull_and_signs(record, columns, slopes, errors, usable, noise, part, index))
+        paths.append(
+            ReconstructedPath(
+                record,
+                response.states,
+                response.air,
+                corrected_inputs(record, values),
+                {name: np.where(usable[name], error, np.nan) for name, error in errors.items()},
+                {},
+                np.full(response.states.shape, np.nan),
+                np.full(response.air.shape, np.nan),
+            )
+        )
     covariance = white + white @ drift @ white
     # enlarge it where residuals are more coloured than white noise and inertial drift explain
     coloured = np.diag(white @ middle @ white)
@@ -301,33 +355,40 @@ def _covariances(
         known = VerticalAir(sigma=sigma, time=air.time)
         total = air_information([pull for pull, _ in felt], known, len(white))
         moved = white @ total @ white * np.outer(vane, vane)
-    return np.asarray(covariance), white, moved, sigma
+    return np.asarray(covariance), white, moved, sigma, tuple(paths)
 
 
-def _predicted(
-    problem: Problem, vector: Array, record: Record, start: Array
-) -> tuple[list[int], dict[str, float], Response]:
-    """Indices of the unknowns that act on a record, parameter values, and the response with
-    derivatives."""
+def _swing(record: Record, own: Sequence[Parameter]) -> tuple[list[int], list[Parameter]]:
+    """Numbers of the initial values of a record's integrated states among its unknowns `own`, and
+    the further parameters for those that are not among them, which follow."""
+    known = {item.name: number for number, item in enumerate(own)}
+    numbers: list[int] = []
+    more: list[Parameter] = []
+    for state in STATES:
+        if state in record.given:
+            continue
+        name = f"initial_{state}"
+        if name not in known:
+            more.append(parameter(name, record.name))
+        numbers.append(known.get(name, len(own) + len(more) - 1))
+    return numbers, more
+
+
+def _acting(problem: Problem, vector: Array, record: Record) -> tuple[list[int], dict[str, float]]:
+    """Indices of the unknowns that act on a record, and its parameters' values."""
     index = [number for number, item in enumerate(problem.items) if applies_to(item, record)]
-    values = record_values(problem.items, vector, record, problem.fixed)
-    return (
-        index,
-        values,
-        predict_outputs(
-            record, values, first_state(start, values), [problem.items[number] for number in index]
-        ),
-    )
+    return index, record_values(problem.items, vector, record, problem.fixed)
 
 
-def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> ReconstructedPath:
-    record = problem.records[number]
-    index, values, response = _predicted(problem, vector, record, problem.starts[number])
-    after = {
-        name: np.where(usable_samples(record, name, problem.items, values), residual, np.nan)
-        for name, residual in residuals(record, response).items()
-    }
-    untouched = predict_outputs(record, problem.fixed, problem.starts[number], (), slopes=False)
+def _detailed(
+    problem: Problem, vector: Array, covariance: Array, number: int, path: ReconstructedPath
+) -> ReconstructedPath:
+    """A path with its standard errors and the residuals before the estimation."""
+    record, start = problem.records[number], problem.starts[number]
+    index, values = _acting(problem, vector, record)
+    unknowns = [problem.items[k] for k in index]
+    response = predict_outputs(record, values, first_state(start, values), unknowns)
+    untouched = predict_outputs(record, problem.fixed, start, (), slopes=False)
     own = covariance[np.ix_(index, index)]
     u, v, w = response.air
     speed, square = np.sqrt(u * u + v * v + w * w), u * u + w * w
@@ -348,13 +409,9 @@ def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> Re
             )
         )
 
-    return ReconstructedPath(
-        record,
-        response.states,
-        response.air,
-        corrected_inputs(record, values),
-        after,
-        residuals(record, untouched),
-        sigma(response.state_slopes),
-        sigma(flow),
+    return replace(
+        path,
+        before=residuals(record, untouched),
+        state_sigma=sigma(response.state_slopes),
+        air_sigma=sigma(flow),
     )

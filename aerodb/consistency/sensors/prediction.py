@@ -463,8 +463,25 @@ def delayed(values: Array, samples: float, derivative: bool = False) -> Array:
                 (x + 1) * x * (x - 1) / 6,
             ]
         )
-    index = np.arange(len(values)) + whole
-    total = np.zeros_like(values)
-    for offset, part in zip((-1, 0, 1, 2), weight, strict=True):
-        total += part * values[np.clip(index + offset, 0, len(values) - 1)]
+    table = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
+    return _weighted(table, whole, np.array(weight)).reshape(values.shape)
+
+
+@njit(cache=True)
+def _weighted(values: Array, whole: int, weight: Array) -> Array:
+    """(n, k) sums of four successive rows of `values` (n, k), the first of them `whole` - 1 rows
+    ahead; end values are repeated."""
+    n, k = values.shape
+    total = np.empty((n, k))
+    for i in range(n):
+        at = i + whole
+        a, b = min(max(at - 1, 0), n - 1), min(max(at, 0), n - 1)
+        c, d = min(max(at + 1, 0), n - 1), min(max(at + 2, 0), n - 1)
+        for j in range(k):
+            total[i, j] = (
+                weight[0] * values[a, j]
+                + weight[1] * values[b, j]
+                + weight[2] * values[c, j]
+                + weight[3] * values[d, j]
+            )
     return total

@@ -52,11 +52,10 @@ MOST_RECORDS = 4
 #: Smallest noise, SI.
 _FAINT = 1e-9
 
-#: Largest number of iterations, and the gain of log-likelihood that ends the search.
-_PASSES, _ENOUGH = 60, 0.01
-
-#: Largest number of iterations on the fine grid after a search on a coarse one.
-_POLISH = 15
+#: Largest number of iterations, and the gain of log-likelihood that ends the search; the one that
+#: ends a first search, which tells the channels that remain coloured; and the one that ends a
+#: search on the fine grid that follows one on a coarse grid.
+_PASSES, _ENOUGH, _FIRST, _LAST = 60, 0.003, 1.0, 0.1
 
 #: Step of the grid on which the intensities are searched, s: it holds frequencies up to 2.5 Hz,
 #: while gusts act below 2 Hz and drifts far below; faster noise is known from single samples.
@@ -148,22 +147,21 @@ def estimate_intensities(
     ----------
     systems : linear systems of the records.
     floor : channel -> smallest credible noise (one sigma) of a sample, SI.
-    coarser : the same records on a coarser grid: the search is made there, and only its last
-        `_POLISH` steps on `systems`.
+    coarser : the same records on a coarser grid: the search is made there, and only its last steps
+        on `systems`.
     """
     first = _Search.of(coarser or systems, floor)
-    optimum = first.most_likely()
+    optimum = first.most_likely(_FIRST)
     slow = _slowest(first.systems, _intensities(optimum, first.names), first.names)
     coloured = slow > _COLOURED * np.exp(optimum[6:])
-    if coloured.any():
-        noise = np.where(coloured, np.log(slow), optimum[6:])
-        first = first.bounded(np.r_[first.start[:6], noise], coloured)
-        optimum = first.most_likely()
+    noise = np.where(coloured, np.log(slow), optimum[6:])
+    first = first.bounded(np.r_[optimum[:6], noise], coloured)
+    optimum = first.most_likely()
     if coarser:
         shorter = 0.5 * np.log(coarser[0].size / systems[0].size)
         start = np.r_[optimum[:6], optimum[6:] + shorter]
         last = _Search.of(systems, floor).bounded(start, coloured)
-        optimum = last.most_likely(_POLISH)
+        optimum = last.most_likely(_LAST)
     return _intensities(optimum, first.names)
 
 
@@ -222,18 +220,28 @@ class _Search:
             slope -= _slope(system, by, result.score, self.names)
         return value, slope
 
-    def most_likely(self, passes: int = _PASSES) -> Array:
-        """Logarithms of the intensities that maximise the posterior, within bounds."""
+    def most_likely(self, enough: float = _ENOUGH) -> Array:
+        """Logarithms of the intensities that maximise the posterior, within bounds.
+
+        enough : gain of log-likelihood that ends the search.
+        """
         # in units of about one standard error each, so that a quasi-Newton search needs few steps
         unit = 1.0 / np.sqrt(1.0 + self._expected_information())
+        start = self.with_expected_noise().start
 
         def scaled(vector: Array) -> tuple[float, Array]:
-            value, slope = self.cost(self.start + unit * vector)
+            value, slope = self.cost(start + unit * vector)
             return value, unit * slope
 
         at_start = scaled(np.zeros(len(unit)))
-        gain = _ENOUGH / max(abs(at_start[0]), 1.0)
-        limits = [(low, high) for low, high in zip(*self._limits(unit), strict=True)]
+        gain = enough / max(abs(at_start[0]), 1.0)
+        limits = list(
+            zip(
+                ((self.low - start) / unit).tolist(),
+                ((self.high - start) / unit).tolist(),
+                strict=True,
+            )
+        )
 
         def known_at_start(vector: Array) -> tuple[float, Array]:
             return scaled(vector) if vector.any() else at_start
@@ -244,15 +252,21 @@ class _Search:
             jac=True,
             method="L-BFGS-B",
             bounds=limits,
-            options={"maxiter": passes, "ftol": gain},
+            options={"maxiter": _PASSES, "ftol": gain},
         )
-        found = np.round(self.start + unit * optimum.x, 3)
+        found = np.round(start + unit * optimum.x, 3)
         # finer than the data determine, coarser than rounding errors
         return np.asarray(np.clip(found, self.low, self.high))
 
-    def _limits(self, unit: Array) -> tuple[list[float], list[float]]:
-        low, high = (self.low - self.start) / unit, (self.high - self.start) / unit
-        return low.tolist(), high.tolist()
+    def with_expected_noise(self) -> "_Search":
+        """The search from the noise after one expectation-maximisation step, which raises the
+        likelihood from wherever it is: n measurements with the variance R then have the variance
+        ``R (1 + (d log-likelihood / d log sigma) / n)`` (Koopman & Shephard 1992)."""
+        measured = 0.5 * self._expected_information()[6:]
+        grown = 1.0 - self.cost(self.start)[1][6:] / measured
+        start = self.start.copy()
+        start[6:] += 0.5 * np.log(np.maximum(grown, _FAINT))
+        return replace(self, start=np.clip(start, self.low, self.high))
 
     def _expected_information(self) -> Array:
         """About the Fisher information of the logarithms: 2 n for the noise of n measurements, as
