@@ -54,7 +54,10 @@ class SensorEstimates:
         index = [self.names.index(name) for name in names]
         across = self.covariance[:, index]
         gain = across @ np.linalg.inv(self.covariance[np.ix_(index, index)] + covariance)
-        spread = self.covariance - gain @ across.T
+        # Joseph's form: no variance becomes negative by rounding
+        kept = np.eye(len(self.names))
+        kept[:, index] -= gain
+        spread = kept @ self.covariance @ kept.T + gain @ covariance @ gain.T
         return SensorEstimates(
             self.names,
             self.values + gain @ (values - self.values[index]),
