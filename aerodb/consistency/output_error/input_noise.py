@@ -75,7 +75,7 @@ def drift_information(
         pull += np.swapaxes(left, 1, 2) @ right
     later = np.cumsum(pull[::-1], axis=0)[::-1]
     rows, at = [STATES.index(name) for name in integrated], np.arange(0, n, size)
-    moved = np.moveaxis(response.state_slopes[np.ix_(rows, at, swing)], 1, 0)
+    moved = np.moveaxis(response.state_slopes[np.ix_(np.array(rows), at, np.array(swing))], 1, 0)
     effect = _input_effect(response.states[:, at], corrected_inputs(record, values)[at])[:, rows]
     sigma = record.step * np.sqrt(size) * inertial_noise(record)
     # the transposed system gives A S^-1 without an inverse
