@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 3,
-    "consistency": 12,
+    "consistency": 13,
     "coefficients": 4,
     "compare": 1,
     "import": 2,
