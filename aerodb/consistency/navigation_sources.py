@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
-from aerodb.consistency.kinematics import INPUTS, STATES
+from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.output_error import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import inertial_inputs
 from aerodb.consistency.sensors import MAX_DELAY, predict_outputs
@@ -91,7 +91,7 @@ def check_navigation(
     """Check all navigation solutions of one flight.
 
     A solution's delay is estimated against the motion and removed; a negative one is not. A channel
-    is compared with the motion where the motion is known to its limit without it.
+    is compared with the motion where the mapped solution has it too: the motion alone drifts.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def check_navigation(
         for base in names:
             check, error = _against_motion(source, base, pieces, limits[base])
             left[source][base] = error
-            if source != MAPPED and _motion_known(base, result.paths, limits[base]):
+            if source != MAPPED and _motion_known(base, result.paths):
                 checks.append(check)
     for one, other in combinations(left, 2):
         for base in (base for base in left[one] if base in left[other]):
@@ -204,13 +204,11 @@ def _judged(
     return NavigationCheck(source, base, against, mean, rms, delay, limit, not rms > limit)
 
 
-def _motion_known(base: str, paths: Sequence[ReconstructedPath], limit: float) -> bool:
-    """Whether the motion is known to a channel's limit."""
-    rows = [STATES.index(base)] if base in STATES else [0, 1, 2]
-    size = np.mean([np.mean(path.state_sigma[rows] ** 2) for path in paths])
-    return bool(np.sqrt(size) < limit) and (
-        base not in STATES or all(base in path.record.outputs for path in paths)
-    )
+def _motion_known(base: str, paths: Sequence[ReconstructedPath]) -> bool:
+    """Whether the reconstruction holds a channel by another solution: its own, or of a velocity its
+    position."""
+    place = {velocity: position for position, velocity in _AXES}.get(base, base)
+    return all({base, place} & path.record.outputs.keys() for path in paths)
 
 
 def _own(
