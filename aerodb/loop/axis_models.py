@@ -32,9 +32,9 @@ from aerodb.tracing import (
     Finding,
     Traced,
     cross_flight_tests,
+    imitated_sensors,
     increment_models,
     significant_beside,
-    significant_sensors,
     supported_axes,
     trace_increment_models,
 )
@@ -112,8 +112,9 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight. sensors : ids of sensors found to be wrong: where one is significant beside
-    the increment models as well, it is to be mended first, and nothing is proposed.
+    predict each flight. sensors : ids of sensors found to be wrong: where terms would
+    imitate one that is wrong beside the models as well, it is to be mended first, and nothing is
+    proposed.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -140,7 +141,7 @@ def axis_models(
         terms = tuple(number[id] for id in given)
     else:
         wrong = [number[id] for id in sensors if id in number]
-        if wrong and significant_sensors(tests, axes, wrong, beside, out):
+        if wrong and imitated_sensors(tests, axes, wrong, beside, out):
             return None
         terms = increment_models(tests, axes, beside, out)
         axes &= supported_axes(tests, terms, beside)

@@ -1,8 +1,8 @@
 from .axis_models import (
     cross_flight_tests,
+    imitated_sensors,
     increment_models,
     significant_beside,
-    significant_sensors,
     supported_axes,
     trace_increment_models,
 )
@@ -45,6 +45,7 @@ __all__ = [
     "downgraded_on_axes",
     "driven_by_rates",
     "few_flight_findings",
+    "imitated_sensors",
     "increment_models",
     "joint_bands",
     "joint_fit",
@@ -53,7 +54,6 @@ __all__ = [
     "only_suspected",
     "refine",
     "significant_beside",
-    "significant_sensors",
     "supported_axes",
     "trace",
     "trace_increment_models",

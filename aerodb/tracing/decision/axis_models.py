@@ -11,6 +11,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.few_flights import LINEAR
 from aerodb.tracing.decision.findings import Finding, Traced
@@ -88,24 +90,33 @@ def increment_models(
     return (*kept, *constants)
 
 
-def significant_sensors(
+def imitated_sensors(
     tests: CrossFlightTests,
     axes: Collection[str],
     sensors: Sequence[int],
     beside: Sequence[int] = (),
     barred: Collection[int] = (),
 ) -> bool:
-    """Whether sensors (indices) that were found to be wrong are so beside increment models too.
+    """Whether increment models would imitate one of the sensors (indices) found to be wrong.
 
-    Where many effects act at once, one that is not found yet can look like a sensor. In the
-    models' elimination the sensors are free: terms that imitate them leave.
+    Where many effects act at once, one that is not found yet can look like a sensor. In a first
+    elimination the sensors are free, and terms that imitate them leave: sensors that are not
+    significant beside what is left are not wrong. With the others free, a significant term of the
+    models leaves where it imitates one.
     """
     model = (*beside, *increment_models(tests, axes, beside, barred, sensors))
     others = {each: [one for one in sensors if one != each] for each in sensors}
-    return any(
-        tests.tested(model, rest, _ONE).p_at([each])[0] < tests.settings.level
+    wrong = [
+        each
         for each, rest in others.items()
-    )
+        if tests.tested(model, rest, _ONE).p_at([each])[0] < tests.settings.level
+    ]
+    if not wrong:
+        return False
+    model = increment_models(tests, axes, beside, barred)
+    gone = set(model) - set(increment_models(tests, axes, beside, barred, wrong))
+    p = tests.tested((*beside, *model), (), _ONE).unmasked[sorted(gone)]
+    return bool(np.any(p < tests.settings.level))
 
 
 def supported_axes(
