@@ -16,6 +16,7 @@ from aerodb.consistency.output_error import (
     Reconstruction,
     air_remarks,
     applied_corrections,
+    biases_that_may_be_air,
     decimated_records,
     estimate_sensors,
     most_active,
@@ -104,7 +105,8 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     )
     if plan.misplaced:
         verdict = verdict.with_first("limited", plan.misplaced)
-    values = applied_corrections(known.sensors, plan, calibration)
+    airy = biases_that_may_be_air(known, vehicle.accuracy)
+    values = applied_corrections(known.sensors, plan, calibration, airy)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
     noisy = noise_beyond_declaration(known.reconstruction.paths, vehicle.sensors, moving)

@@ -1,6 +1,7 @@
 from .estimation import (
     FlightReconstruction,
     air_remarks,
+    biases_that_may_be_air,
     decimated_records,
     estimate_sensors,
     joint_calibration,
@@ -19,6 +20,7 @@ __all__ = [
     "SensorEstimates",
     "air_remarks",
     "applied_corrections",
+    "biases_that_may_be_air",
     "decimated_records",
     "estimate_sensors",
     "inertial_noise",

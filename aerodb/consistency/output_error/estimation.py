@@ -38,7 +38,7 @@ from aerodb.consistency.output_error.reconstruction import (
     Reconstruction,
     reconstruct,
 )
-from aerodb.consistency.plan import Plan, make_plan
+from aerodb.consistency.plan import TRUST, Plan, make_plan
 from aerodb.consistency.records import flight_of, records_from_flight
 from aerodb.consistency.sensors import (
     AIR_DATA,
@@ -309,6 +309,28 @@ def solve(
         vertical_air=plan.vertical_air,
         details=False,
     )
+
+
+def biases_that_may_be_air(found: FlightReconstruction, accuracy: Accuracy) -> tuple[str, ...]:
+    """Names of the biases whose error is mostly vertical air's, and not small beside the limit of a
+    flow angle.
+
+    The vane's bias is the same in all flights of an installation, the air is each flight's own:
+    such an estimate, applied, would make flights differ that agree as they were measured.
+    """
+    result = found.reconstruction
+    labels = [entry.parameter.label for entry in result.estimates]
+    names = []
+    for name, (_, error) in found.sensors.by_name.items():
+        calm = result.still[labels.index(name), labels.index(name)]
+        if (
+            name.endswith("_bias")
+            and name.removesuffix("_bias") in ("alpha", "beta")
+            and error**2 > 2.0 * calm
+            and error > TRUST * accuracy.flow_angle
+        ):
+            names.append(name)
+    return tuple(names)
 
 
 def air_remarks(found: FlightReconstruction, applied: Collection[str]) -> tuple[str, ...]:

@@ -258,12 +258,16 @@ def _worthwhile_error(name: str, value: float, error: float, plan: Plan) -> floa
 
 
 def applied_corrections(
-    estimates: SensorEstimates, plan: Plan, calibration: Calibration | None
+    estimates: SensorEstimates,
+    plan: Plan,
+    calibration: Calibration | None,
+    airy: Collection[str] = (),
 ) -> dict[str, float]:
     """Name -> value (SI) of the corrections to apply.
 
     These are the parameters of a calibration, and those of the flight that are significant or known
-    clearly better than their prior.
+    clearly better than their prior; of `airy` ones (biases of vanes that may be vertical air), with
+    no more than a natural size for a prior, only the significant.
     """
     known = {} if calibration is None else calibration.by_name
     worth = {
@@ -271,7 +275,10 @@ def applied_corrections(
         for name, (value, error) in estimates.by_name.items()
         if name in known
         or abs(value) > SIGNIFICANT * error
-        or error < _worthwhile_error(name, value, error, plan)
+        or (
+            (name not in airy or plan.stated_priors.get(name, np.inf) < parameter(name).size)
+            and error < _worthwhile_error(name, value, error, plan)
+        )
     }
     values = {**{name: value for name, (value, _) in known.items()}, **worth}
     return {name: value for name, value in values.items() if not is_early(name, value)}
