@@ -13,7 +13,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 4,
     "compare": 1,
     "import": 2,
-    "update": 6,
+    "update": 7,
     "gram": 11,
     "close_loop": 25,
 }

@@ -45,6 +45,8 @@ class Plan:
     removed : parameter that was estimated and removed as insignificant -> its estimate and
         standard error before, SI.
     left_out : channel that has left the estimate -> its rms disagreement before, SI.
+    doubtful : parameters that only a channel determines which disagrees grossly, and which stays
+        because of them.
     remarks : what else the estimates say of the sensors, in sentences.
     misplaced : where the vanes seem to be, in a sentence; empty: where the vehicle file says.
     vertical_air : prior of the vertical motion of the air.
@@ -58,6 +60,7 @@ class Plan:
     noise_floor: Mapping[str, float] = field(default_factory=dict)
     removed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     left_out: Mapping[str, float] = field(default_factory=dict)
+    doubtful: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     misplaced: str = ""
     vertical_air: VerticalAir = field(default_factory=lambda: VerticalAir(sigma=0.0))

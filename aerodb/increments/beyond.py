@@ -46,6 +46,7 @@ class Beyond:
     held, extrapolated : rms residual over all usable samples, with the increments held and faded
         as the version has them, and with their slopes extrapolated.
     held_outside, extrapolated_outside : the same over the samples outside.
+    held_without_constant, extrapolated_without_constant : over all usable samples, about the mean.
     """
 
     flight: str
@@ -57,6 +58,8 @@ class Beyond:
     extrapolated: float
     held_outside: float
     extrapolated_outside: float
+    held_without_constant: float
+    extrapolated_without_constant: float
 
 
 def with_extrapolated_slopes(database: AeroDatabase) -> AeroDatabase:
@@ -96,6 +99,7 @@ def beyond_envelopes(
                 float(beyond.sum() / good.sum()),
                 *(rms(residual[good]) for residual in residuals),
                 *(rms(residual[beyond]) for residual in residuals),
+                *(float(np.std(residual[good])) for residual in residuals),
             )
         )
     return tuple(found)

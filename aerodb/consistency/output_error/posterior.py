@@ -261,13 +261,14 @@ def applied_corrections(
     estimates: SensorEstimates,
     plan: Plan,
     calibration: Calibration | None,
-    airy: Collection[str] = (),
+    doubtful: Collection[str] = (),
 ) -> dict[str, float]:
     """Name -> value (SI) of the corrections to apply.
 
     These are the parameters of a calibration, and those of the flight that are significant or known
-    clearly better than their prior; of `airy` ones (biases of vanes that may be vertical air), with
-    no more than a natural size for a prior, only the significant.
+    clearly better than their prior; of `doubtful` ones (biases that may be vertical air, or that
+    only a channel determines which disagrees), with no more than a natural size for a prior, only
+    the significant.
     """
     known = {} if calibration is None else calibration.by_name
     worth = {
@@ -276,7 +277,7 @@ def applied_corrections(
         if name in known
         or abs(value) > SIGNIFICANT * error
         or (
-            (name not in airy or plan.stated_priors.get(name, np.inf) < parameter(name).size)
+            (name not in doubtful or plan.stated_priors.get(name, np.inf) < parameter(name).size)
             and error < _worthwhile_error(name, value, error, plan)
         )
     }

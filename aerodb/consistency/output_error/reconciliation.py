@@ -6,6 +6,7 @@ a bias of the yaw gyro.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,8 +40,9 @@ def reconciled(
       determined, and no other attitude angle disagrees or has left: two of them together show an
       error of the rates.
 
-    If a gross disagreement remains in the end, no channel was the cause, and all stay. A heading
-    beyond `ASTRAY` leaves in any case.
+    Parameters that only a channel determines which disagrees so, and which therefore stays, are
+    `doubtful` in the plan. If a gross disagreement remains in the end, no channel was the cause,
+    and all stay. A heading beyond `ASTRAY` leaves in any case.
 
     Parameters
     ----------
@@ -69,10 +71,12 @@ def reconciled(
         name = max(open_to, key=lambda each: found[each][0] / found[each][1])
         fewer = plan.without_channel(name, found[name][0])
         rest = solve(fewer)
-        if _determined(result, plan, name) <= _determined(rest, fewer, name):
+        lost_with_it = _determined(result, plan, name) - _determined(rest, fewer, name)
+        if not lost_with_it:
             result, plan = rest, fewer
         else:
             kept.add(name)
+            plan = replace(plan, doubtful=tuple(sorted({*plan.doubtful, *lost_with_it})))
 
 
 def _gross(
