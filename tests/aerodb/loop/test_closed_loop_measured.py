@@ -99,24 +99,24 @@ def test_the_twin_otters_defects_are_suspected_and_no_sensor_explains_them(otter
 
 def test_what_is_suspected_in_pitch_hangs_together(otter) -> None:
     """The file's lift slope is too small by 2.7, and its drag is .039 CL^2: with the lift that is
-    lacking the drag would grow by .078 CL times that slope, which the records do not show. One of
-    the three has no thrust, and so no drag: what is left bounds the slope, and does not exclude
-    what the lift would induce. The constant of Cm is within what a quarter of a degree of the
-    elevator's zero leaves: a bound."""
+    lacking the drag would grow by .078 CL times that slope, about .10, which the records do not show.
+    On NASA's own columns the residual of C_drag has a slope of -.044 (demo) and -.018 (f1_017) per
+    rad beside lift slopes that lack 2.4 and 2.8: without what these induce, -.13 and -.12. The
+    constant of Cm is within what a quarter of a degree of the elevator's zero leaves: a bound."""
     found = {finding["hypothesis"]: finding for finding in otter[1]["findings"]}
-    assert not [name for name in found if any(f"@{axis}" in name for axis in ("C_drag", "Cm"))]
-    access, flight, before, _ = _lateral(otter)
-    lift = compare_with_database(access, flight, before, "test").comparison.measured["C_lift"]
-    induced = 2.0 * 0.039 * float(np.nanmedian(lift)) * found["alpha_slope@C_lift"]["value"]
-    (slope,) = (e for e in otter[1]["not_found"] if e["hypothesis"] == "alpha_slope@C_drag")
-    assert slope["upper_bound"] is None or slope["upper_bound"] > induced
+    assert [name for name in found if any(f"@{axis}" in name for axis in ("C_drag", "Cm"))] == [
+        "alpha_slope@C_drag"
+    ]
+    drag = found["alpha_slope@C_drag"]
+    assert drag["verdict"] == "suspected"
+    assert drag["ci95"][0] < -0.13 < -0.12 < drag["ci95"][1]
     low, high = found["alpha_slope@C_lift"]["ci95"]
     assert low < 2.7 < high
     assert any(
         "C_drag" in remark and "they contain thrust" in remark for remark in otter[1]["remarks"]
     )
     (level,) = (e for e in otter[1]["not_found"] if e["hypothesis"] == "zero_offset@Cm")
-    assert level["verdict"] == "not_detected"
+    assert level["verdict"] in ("not_detected", "not_excited")
     assert 0.0 < level["upper_bound"] < 0.1
 
 
