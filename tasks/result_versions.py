@@ -9,13 +9,13 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 3,
-    "consistency": 13,
+    "consistency": 14,
     "coefficients": 4,
     "compare": 1,
     "import": 2,
     "update": 7,
     "gram": 11,
-    "close_loop": 25,
+    "close_loop": 26,
 }
 
 #: Names of versions that the product itself moves.

@@ -110,14 +110,11 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     moving = verdict.process_noise is not None and verdict.process_noise.matters
     noisy = noise_beyond_declaration(known.reconstruction.paths, vehicle.sensors, moving)
-<<<<<<< HEAD
     navigation = check_navigation(flight, vehicle, corrected.result)
     wrong = [check for check in navigation if not check.good]
     for check in (check for check in wrong if check.source == MAPPED and check.against == OWN):
         verdict = verdict.with_last("limited", check.sentence)
     said = [check.sentence for check in wrong if check.sentence not in verdict.reasons]
-    plan = plan.without((), (*air_remarks(known, values), *said))
-=======
     wanted = applied_corrections(known.sensors, plan, calibration)
     withheld = [
         f"{name} {known.sensors.by_name[name][0]:.2g} +- {known.sensors.by_name[name][1]:.2g} (SI) is"
@@ -125,8 +122,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         for name in plan.doubtful
         if name in wanted and name not in values
     ]
-    plan = plan.without((), (*air_remarks(known, values), *withheld))
->>>>>>> a8ec79f (Each Twin Otter record predicted by the others, beside the same model on NASA's columns; estimates that only a disagreeing channel determines are not applied)
+    plan = plan.without((), (*air_remarks(known, values), *withheld, *said))
     document = _document(
         verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy, navigation
     )
