@@ -117,10 +117,10 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     said = [check.sentence for check in wrong if check.sentence not in verdict.reasons]
     wanted = applied_corrections(known.sensors, plan, calibration)
     withheld = [
-        f"{name} {known.sensors.by_name[name][0]:.2g} +- {known.sensors.by_name[name][1]:.2g} (SI) is"
-        " not applied: only a channel that disagrees with the motion determines it"
-        for name in plan.doubtful
-        if name in wanted and name not in values
+        f"{name} {value:.2g} +- {error:.2g} (SI) is not applied: only a channel that disagrees with"
+        " the motion determines it"
+        for name, (value, error) in known.sensors.by_name.items()
+        if name in plan.doubtful and name in wanted and name not in values
     ]
     plan = plan.without((), (*air_remarks(known, values), *withheld, *said))
     document = _document(
