@@ -123,13 +123,15 @@ def test_hysteresis_is_suspected_and_added_when_asked_for(closed):
 
 
 def test_lift_in_the_stall_of_the_other_record_both_ways(closed):
+    """At most the goals, and by about a third less than without the stall: published .61 (02) and
+    .77 (01) of it."""
     root, found, accepted = closed
     assert found["stalls"] == []
     names = {entry["flight"]: entry["name"] for entry in asked(root, "flight", "list")}
     stalls = {names[entry["flight"]]: entry for entry in accepted["stalls"]}
     for name, most in zip(RECORDS, (0.035, 0.026), strict=True):
         assert stalls[name]["held"]["C_lift"] <= most
-        assert stalls[name]["held"]["C_lift"] < 0.6 * stalls[name]["before"]["C_lift"]
+        assert stalls[name]["held"]["C_lift"] < 0.7 * stalls[name]["before"]["C_lift"]
         assert stalls[name]["extrapolated"]["C_lift"] <= most
         assert 0.6 < stalls[name]["band"] < 0.8
         assert f"The stall of {name} (" in " ".join(accepted["remarks"])
