@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.output_error import ReconstructedPath, Reconstruction
-from aerodb.consistency.records import inertial_inputs
+from aerodb.consistency.records import IGNORED_FLAGS, inertial_inputs
 from aerodb.consistency.sensors import MAX_DELAY, predict_outputs
 from aerodb.consistency.verdict import navigation_limits
 from aerodb.flight import Flight
@@ -104,11 +104,8 @@ def check_navigation(
     checks: list[NavigationCheck] = []
     left: dict[str, dict[str, Array]] = {}
     for source in (MAPPED, *vehicle.navigation):
-        names = {
-            base: base if source == MAPPED else f"{base}_{source}"
-            for base in NAVIGATION
-            if (base if source == MAPPED else f"{base}_{source}") in flight
-        }
+        end = "" if source == MAPPED else f"_{source}"
+        names = {base: f"{base}{end}" for base in NAVIGATION if f"{base}{end}" in flight}
         point = vehicle.points.gps if source == MAPPED else vehicle.navigation[source].point
         arm = None if point is None else np.asarray(point) - cg
         if not names:
@@ -153,7 +150,7 @@ def _piece(flight: Flight, path: ReconstructedPath, names: Mapping[str, str]) ->
     index = np.minimum(index, len(flight.time) - 1)
     showed = {}
     for base, name in names.items():
-        good = flight.usable((name,), despite=("captive",))[index]
+        good = flight.usable((name,), despite=IGNORED_FLAGS)[index]
         showed[base] = np.where(good, flight[name][index], np.nan)
     return _Piece(record.step, showed, {})
 

@@ -21,6 +21,7 @@ from typing import Final
 
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.errors import UnknownNameError, nearest
+from aerodb.nomenclature import NAVIGATION
 
 #: Channels that every reconstruction can compare with.
 OUTPUTS: Final = (
@@ -39,14 +40,7 @@ FURTHER_OUTPUTS: Final = (
 
 #: Channels of the antenna, affected by its position and delay. A barometric altitude is called
 #: ``pressure_altitude``.
-GPS_OUTPUTS: Final = (
-    "velocity_north",
-    "velocity_east",
-    "velocity_down",
-    "north",
-    "east",
-    "altitude",
-)
+GPS_OUTPUTS: Final = NAVIGATION
 
 _CHANNELS: Final = (*INPUTS, *OUTPUTS, *FURTHER_OUTPUTS)
 
