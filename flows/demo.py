@@ -15,7 +15,7 @@ import numpy as np
 
 from aerodb.estimation import rms
 from aerodb.examples.phoenix import read_example
-from aerodb.examples.phoenix.mission import fly
+from aerodb.examples.phoenix.mission import flown_lags, fly
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, draw_effects, truth
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
@@ -28,6 +28,8 @@ from aerodb.tasks.workspace_access import access_workspace
 
 VEHICLE = "phoenix"
 ENVELOPE = "envelope.json"
+#: The lags of the air-data sensors that flew, sealed beside the effects.
+LAGS = "lags.json"
 
 #: Runs a flow with its parameters, as the command line or a test does.
 Run = Callable[[Any, dict[str, Any]], Any]
@@ -46,6 +48,7 @@ class Demo:
     document: dict[str, Any]
     floors: dict[str, dict[str, float]]
     truth: list[dict[str, Any]]
+    lags: list[dict[str, Any]]
 
 
 def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
@@ -61,7 +64,9 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     statuses = sorted({outcome["status"] for outcome in outcomes})
     say(f"ingested {len(ids)} logs: {', '.join(statuses)}")
     document = run(close_loop_flow, {"vehicle": VEHICLE, "baseline": baseline, "flights": ids})
-    return beside_truth(workspace, document, open_envelope(logs[0].parent))
+    folder = logs[0].parent
+    flown = json.loads((folder / LAGS).read_text(encoding="utf-8"))
+    return beside_truth(workspace, document, open_envelope(folder), flown)
 
 
 def write_database(folder: Path) -> Path:
@@ -72,14 +77,27 @@ def write_database(folder: Path) -> Path:
 
 
 def beside_truth(
-    workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]
+    workspace: Workspace,
+    document: dict[str, Any],
+    effects: tuple[Effect, ...],
+    flown: dict[str, float],
 ) -> Demo:
-    """Compare the document of a closed loop with the effects that flew."""
+    """Compare the document of a closed loop with the effects and the lags [s] that flew."""
     told = [
         {**asdict(effect), "agreement": agreement(effect, document["findings"])}
         for effect in effects
     ]
-    return Demo(document, floors(workspace, document, effects), told)
+    lags = [
+        {
+            "parameter": finding["parameter"],
+            "value": flown[finding["parameter"]],
+            "found": finding["value"],
+            "ci95": finding["ci95"],
+        }
+        for finding in document["findings"]
+        if finding["verdict"] == "sensor" and finding["parameter"] in flown
+    ]
+    return Demo(document, floors(workspace, document, effects), told, lags)
 
 
 def write_logs(folder: Path, flights: int, seed: int | None, noise: int = 0) -> list[Path]:
@@ -93,8 +111,10 @@ def write_logs(folder: Path, flights: int, seed: int | None, noise: int = 0) -> 
     (folder / ENVELOPE).write_text(
         json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8"
     )
+    drawn = noise if seed is None else seed
+    (folder / LAGS).write_text(json.dumps(flown_lags(drawn), indent=1) + "\n", encoding="utf-8")
     paths = []
-    for log in fly(noise if seed is None else seed, flights, effects):
+    for log in fly(drawn, flights, effects):
         path = folder / f"{log.name}.ulg"
         write_ulog(
             path,

@@ -73,6 +73,21 @@ def demo(
         ],
         numbers=(3,),
     )
+    if result.lags:
+        session.say()
+        session.table(
+            ["lag of a sensor", "flown [ms]", "found [ms]", "95 %"],
+            [
+                [
+                    lag["parameter"],
+                    f"{1e3 * lag['value']:.1f}",
+                    f"{1e3 * lag['found']:.1f}",
+                    f"{1e3 * lag['ci95'][0]:.1f} to {1e3 * lag['ci95'][1]:.1f}",
+                ]
+                for lag in result.lags
+            ],
+            numbers=(1, 2),
+        )
     agreed = [entry["agreement"] for entry in result.truth]
     session.answer(
         {
@@ -80,5 +95,6 @@ def demo(
             "truth": result.truth,
             "agreement": agreed,
             "truth_floor": result.floors,
+            "truth_lags": result.lags,
         }
     )

@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 
 from aerodb.examples.phoenix import read_example
-from aerodb.flows.demo import ENVELOPE, beside_truth, open_envelope, write_database, write_logs
+from aerodb.flows.demo import (
+    ENVELOPE,
+    LAGS,
+    beside_truth,
+    open_envelope,
+    write_database,
+    write_logs,
+)
 from aerodb.flows.demo import floors as floors_of
 from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
@@ -59,13 +66,15 @@ def blind(tmp_path_factory):
     write_database(logs)
     (folder / "vehicle.toml").write_text(read_example("vehicle.toml"), encoding="utf-8")
     effects = open_envelope(logs)
+    lags = json.loads((logs / LAGS).read_text())
     (logs / ENVELOPE).unlink()
+    (logs / LAGS).unlink()
     given = [logs, folder / "workspace", folder / "vehicle.toml"]
     command = [sys.executable, "-c", BLIND, *map(str, given)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     modules, document = json.loads(done.stdout.splitlines()[-1])
-    return modules, beside_truth(Workspace.open(folder / "workspace"), document, effects)
+    return modules, beside_truth(Workspace.open(folder / "workspace"), document, effects, lags)
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +116,17 @@ def test_an_undeclared_effect_is_found_named_added_and_proved(blind):
     assert {f["parameter"] for f in confirmed} == {effect["parameter"] for effect in demo.truth}
     for axis, rms in demo.floors.items():
         assert rms["after"] <= 1.05 * rms["floor"], axis
+
+
+def test_a_claimed_sensor_is_a_lag_that_flew(blind):
+    """The vanes of every drawn flight are 2 to 4 ms late: whatever sensor is claimed is one of these
+    lags, and its interval holds it."""
+    _, demo = blind
+    assert all(0.002 <= lag["value"] <= 0.004 for lag in demo.lags)
+    claimed = {f["parameter"] for f in demo.document["findings"] if f["verdict"] == "sensor"}
+    assert claimed == {lag["parameter"] for lag in demo.lags} == {"alpha_delay"}
+    for lag in demo.lags:
+        assert lag["ci95"][0] <= lag["value"] <= lag["ci95"][1], lag
 
 
 def test_the_product_cannot_see_the_truth(blind):

@@ -131,3 +131,13 @@ def servo_channels(vehicle: Vehicle, history: History) -> dict[str, Array]:
     channels["gear_command"] = (history.commands["landing_gear"] - gear.offset) / gear.scale
     channels |= {f"q{n}": history.quaternion[:, n] for n in range(4)}
     return channels
+
+
+def lags(vehicle: Vehicle, generator: np.random.Generator) -> dict[str, float]:
+    """Return the lags [s] of the air-data sensors that `instruments` draws, by sensor parameter."""
+    return {
+        f"{signal.channel.removesuffix('_probe')}_delay": instrument.delay
+        for instrument in instruments(vehicle, generator)
+        for signal in instrument.signals
+        if signal.channel.endswith("_probe")
+    }

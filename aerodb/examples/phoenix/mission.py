@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.examples.phoenix import read_example
-from aerodb.examples.phoenix.instruments import instruments, servo_channels
+from aerodb.examples.phoenix.instruments import instruments, lags, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange import read_native
 from aerodb.physics import DENSITY_0, GRAVITY, standard_atmosphere
@@ -381,7 +381,7 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
 
     Biases belong to the vehicle: they are the same in all flights of a seed.
     """
-    installed = instruments(vehicle, np.random.default_rng([seed, 2]))
+    installed = instruments(vehicle, _installation(seed))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
     simulated = []
     for number in range(len(history.samples)):
@@ -391,3 +391,12 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
         taken_off = datetime(2004, 5, 8, 9, 0, tzinfo=UTC) + timedelta(days=number)
         simulated.append(SimulatedLog(f"phoenix-{number + 1:02d}", topics, taken_off))
     return simulated
+
+
+def flown_lags(seed: int) -> dict[str, float]:
+    """Return the lags [s] of the air-data sensors in the logs of a seed, by sensor parameter."""
+    return lags(parse_vehicle(read_example("vehicle.toml"), "vehicle.toml"), _installation(seed))
+
+
+def _installation(seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, 2])
