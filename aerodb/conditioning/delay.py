@@ -93,11 +93,11 @@ def delay_between(
         < 1e-9
     ):
         return _unobservable(name, "nothing moves")
-    from scipy.signal import correlate  # slow to import
-
     spline = CubicSpline(time, theirs)
     reach = round(largest / step)
-    match = correlate(ours, theirs, method="fft")[n - 1 - reach : n + reach]
+    size = next_fast_len(n + reach, real=True)
+    product = irfft(rfft(ours, size) * np.conj(rfft(theirs, size)), size)
+    match = np.concatenate([product[size - reach :], product[: reach + 1]])  # lag -reach to reach
     delay = (int(np.argmax(match)) - reach) * step
     for _ in range(8):
         regressors = np.stack(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import prev_fast_len
+from scipy.fft import irfft, next_fast_len, prev_fast_len, rfft
 from scipy.linalg.blas import dtbsv
 
 from aerodb.conditioning.clock import interval, is_uniform
@@ -37,12 +37,12 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     The filter of `low_pass_taps`; the ends are continued by point reflection, which preserves value
     and slope.
     """
-    from scipy.signal import oaconvolve  # slow to import
-
     kernel = low_pass_taps(new_step / step)
     padded = np.pad(values, len(kernel) // 2, mode="reflect", reflect_type="odd")
-    result: Array = oaconvolve(padded, kernel, mode="valid")
-    return result
+    size = next_fast_len(len(padded), real=True)
+    # what wraps around falls on the first samples, which are the continuation's
+    passed = irfft(rfft(padded, size) * rfft(kernel, size), size)
+    return np.asarray(passed[len(kernel) - 1 : len(padded)])
 
 
 def low_pass_taps(ratio: float) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from aerodb.conditioning.manoeuvres import DEGREE, rolling_range
+from aerodb.conditioning.manoeuvres import DEGREE, rank_correlation, rolling_range
 from aerodb.physics import GRAVITY
 from aerodb.support import Array, Mask
 
@@ -47,6 +47,46 @@ class _DampedSine:
     share: float
     period: float
     amplitude: float
+
+
+@dataclass(frozen=True)
+class _Sines:
+    """Damped sines of n samples, fitted beside a straight line.
+
+    line : (n, 2), orthonormal. waves : (w, n, 2), sine and cosine of each. across : (w, n, 2),
+    orthonormal, what of them no line explains. period : (w,) [s].
+    """
+
+    line: Array
+    waves: Array
+    across: Array
+    period: Array
+
+    @classmethod
+    def of(cls, n: int, step: float, expected: float) -> "_Sines":
+        """Sines over n samples at `step` [s], of periods near `expected` [s]."""
+        time = step * np.arange(n)
+        line, _ = np.linalg.qr(np.stack([np.ones_like(time), time], axis=1))
+        periods, decays = expected * np.linspace(0.7, 1.4, 15), np.array([0.0, 0.3, 0.8])
+        period, decay = np.repeat(periods, len(decays)), np.tile(decays, len(periods))
+        share = time / period[:, None]
+        fading, turn = np.exp(-decay[:, None] * share), 2 * np.pi * share
+        waves = np.stack([fading * np.sin(turn), fading * np.cos(turn)], axis=2)
+        across, _ = np.linalg.qr(waves - line @ (line.T @ waves))
+        return cls(line, waves, across, period)
+
+    def best(self, values: Array) -> _DampedSine:
+        """The one that explains the largest share of values (n,)."""
+        rest = values - self.line @ (self.line.T @ values)
+        total = float(rest @ rest)
+        if not total > 0:
+            return _DampedSine(0.0, float(self.period[0]), 0.0)
+        share = np.sum((rest @ self.across) ** 2, axis=1) / total
+        best = int(np.argmax(share))
+        basis = np.column_stack([self.line, self.waves[best]])
+        solution = np.linalg.lstsq(basis, values)[0]
+        size = float(np.hypot(*solution[2:]))
+        return _DampedSine(float(share[best]), float(self.period[best]), size)
 
 
 #: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs
@@ -221,9 +261,9 @@ def _best_oscillation(speed: Array, step: float, expected: float) -> _Oscillatio
     dt = step * coarse
     for length in (1.0, 0.75, 0.5, 0.35):
         size = int(length * len(thin))
+        sines = _Sines.of(size, dt, expected)
         for begin in range(0, len(thin) - size + 1, max(1, (len(thin) - size) // 6 or 1)):
-            part = thin[begin : begin + size]
-            sine = _best_sine(part, dt, expected)
+            sine = sines.best(thin[begin : begin + size])
             if (
                 sine.share > PHUGOID_SHARE
                 and sine.amplitude > PHUGOID_SPEED
@@ -238,34 +278,11 @@ def _best_oscillation(speed: Array, step: float, expected: float) -> _Oscillatio
     return None
 
 
-def _best_sine(values: Array, step: float, expected: float) -> _DampedSine:
-    """The damped sine of a period near `expected` [s] that explains the largest share."""
-    time = step * np.arange(len(values))
-    line = np.stack([np.ones_like(time), time / max(time[-1], step)], axis=1)
-    rest = values - line @ np.linalg.lstsq(line, values)[0]
-    total = float(rest @ rest)
-    best = _DampedSine(0.0, expected, 0.0)
-    for period in expected * np.linspace(0.7, 1.4, 15):
-        for decay in (0.0, 0.3, 0.8):
-            wave = np.exp(-decay * time / period)
-            turn = 2 * np.pi * time / period
-            basis = np.column_stack([line, wave * np.sin(turn), wave * np.cos(turn)])
-            solution = np.linalg.lstsq(basis, values)[0]
-            share = (
-                1.0 - float(np.sum((values - basis @ solution) ** 2)) / total if total > 0 else 0.0
-            )
-            if share > best.share:
-                best = _DampedSine(share, float(period), float(np.hypot(*solution[2:])))
-    return best
-
-
 def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Response]:
     """Return spirals: bank [rad] (n,) changes slowly and steadily by 15 deg, surfaces fixed."""
     alone = flying.copy()
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
-    from scipy.stats import spearmanr  # slow to import
-
     responses = []
     for first, last in runs(alone, round(SPIRAL_TIME / step), round(1.0 / step)):
         part = phi[first : last + 1 : max(1, round(0.5 / step))]
@@ -274,7 +291,7 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
         if (
             abs(change) > SPIRAL_BANK
             and rate < SPIRAL_RATE
-            and abs(spearmanr(np.arange(len(part)), part).statistic) > 0.95
+            and abs(rank_correlation(part)) > 0.95
         ):
             reason = (
                 f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces"

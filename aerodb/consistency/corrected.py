@@ -50,7 +50,7 @@ from aerodb.consistency.smoother import (
 )
 from aerodb.flight import Flight
 from aerodb.logs import angles_from_pressures
-from aerodb.support import Array
+from aerodb.support import Array, in_threads
 from aerodb.vehicle import Vehicle
 
 #: A channel without a sensor is given if its standard error is within this many accuracy limits of
@@ -199,12 +199,12 @@ def _smoothed(
     """Smooth every stretch of constant wind with common intensities; some of them, spread over the
     flight, with draws."""
     drawn = set(np.linspace(0, len(scopes) - 1, MOST_DRAWN).round().astype(int).tolist())
-    return [
-        smooth_flight(
-            result, scope, fixed=held, intensities=by, draws=DRAWS if number in drawn else 0
-        )
-        for number, scope in enumerate(scopes)
-    ]
+
+    def smoothed(number: int) -> Smoothed:
+        draws = DRAWS if number in drawn else 0
+        return smooth_flight(result, scopes[number], fixed=held, intensities=by, draws=draws)
+
+    return in_threads(smoothed, range(len(scopes)))
 
 
 def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:

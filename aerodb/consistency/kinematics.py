@@ -31,7 +31,7 @@ STEEPEST: Final = float(np.deg2rad(88.0))
 _FASTEST: Final = 1e5
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slope(x: Array, u: Array, gravity: float, out: Array) -> None:
     """Time derivative of the states (9,) under inputs (6,): Klein & Morelli (2006), eqs.
     10.1-10.3."""
@@ -57,7 +57,7 @@ def _slope(x: Array, u: Array, gravity: float, out: Array) -> None:
     out[8] = x[0] * st - (x[1] * sf + x[2] * cf) * ct
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slope_along(x: Array, u: Array, gravity: float, dx: Array, du: Array, out: Array) -> None:
     """Derivative of `_slope` in the directions dx (9, k), du (6, k), written to out (9, k)."""
     cf, sf, ct, st, cp, sp = (
@@ -105,7 +105,7 @@ def _slope_along(x: Array, u: Array, gravity: float, dx: Array, du: Array, out: 
         out[8, k] = d0 * st - dlift * ct + ahead * dt
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _input_directions(u: Array, kind: NDArray[np.int64], gain: Array, du: Array) -> None:
     """du (6, k): kind -1 none, 0-5 bias and 6-11 scale of that input, where ``true = gain (measured
     - bias)``."""
@@ -118,7 +118,7 @@ def _input_directions(u: Array, kind: NDArray[np.int64], gain: Array, du: Array)
             du[kind[k] - 6, k] = -gain[kind[k] - 6] * u[kind[k] - 6]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _march(
     inputs: Array, given: Array, is_given: NDArray[np.bool_], x: Array, dx: Array,
     kind: NDArray[np.int64], gain: Array, step: float, gravity: float, held: bool,

@@ -20,7 +20,7 @@ from aerodb.support import Array
 _LEAST_COSINE = 1e-7
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slope(x: Array, u: Array, gravity: float, out: Array, jacobian: Array) -> None:
     """Time derivative over the flat earth and its Jacobian.
 
@@ -58,7 +58,7 @@ def _slope(x: Array, u: Array, gravity: float, out: Array, jacobian: Array) -> N
     _attitude(0.5 * p, 0.5 * q, 0.5 * r, 0.5 * a, 0.5 * b, 0.5 * c, 0.5 * d, out, jacobian)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _attitude(
     p: float,
     q: float,
@@ -84,7 +84,7 @@ def _attitude(
     jacobian[6, 13], jacobian[6, 14], jacobian[6, 15] = -c, b, a
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _back(q: Array, y: Array, out: Array, by: Array) -> None:
     """out (3,) = R'(q) y, from earth to body axes; by (3, 4) its derivatives by q."""
     dot = q[1] * y[0] + q[2] * y[1] + q[3] * y[2]
@@ -99,7 +99,7 @@ def _back(q: Array, y: Array, out: Array, by: Array) -> None:
         by[i, 1 + k] = 2.0 * (y[k] * q[1 + i] - q[1 + k] * y[i] + q[0] * y[j])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Array) -> None:
     """As `_slope`, over the rotating earth.
 
@@ -137,7 +137,7 @@ def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Arra
     jacobian[8, 9] = -out[8] / normal
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _velocity_by_earth(
     x: Array,
     spin: Array,
@@ -172,7 +172,7 @@ def _velocity_by_earth(
             jacobian[i, 3 + c] += none[i, c] - daround[j, c] * v[k] + daround[k, c] * v[j]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _attitude_by_earth(
     x: Array,
     spin: Array,
@@ -225,7 +225,7 @@ def _attitude_by_earth(
             jacobian[4 + i, number] -= 0.5 * (q[0] * change[i, number] + across)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _along(
     jacobian: Array,
     rotating: bool,
@@ -268,7 +268,7 @@ def _along(
                     out[i, k] += jacobian[i, 10 + number] * change
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -> None:
     """Write the states with Euler angles, and their sensitivities, at sample `number`.
 
@@ -307,7 +307,7 @@ def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -
         sensitivity[5, number, k] = heading / upright
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _normalise(x: Array, dx: Array) -> None:
     """Normalise the quaternion and project its derivatives on the tangent space."""
     size = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5] + x[6] * x[6])
@@ -319,7 +319,7 @@ def _normalise(x: Array, dx: Array) -> None:
             dx[j, k] = (dx[j, k] - x[j] * along) / size
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def march(
     inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float,
     gravity: float, earth: Array | None, held: bool, every: int, states: Array, sensitivity: Array,

@@ -22,6 +22,8 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 
 #: Rows of a row group. Strided views are copied one group at a time, which bounds memory.
 _GROUP_ROWS = 1 << 17
+#: Bytes of text that 32-bit offsets reach.
+_MOST_TEXT = (1 << 31) - 1
 _KEY = b"aerodb"
 _CHECK = b"aerodb.sha256"
 
@@ -188,17 +190,34 @@ def _encoding(kind: Any) -> str:
 def _to_arrow(values: NDArray[Any], kind: Any, name: str) -> Any:
     if values.dtype.kind in "UOS":
         try:
-            return pa.array(values.tolist(), type=kind)
+            return _text(values, kind)
         except UnicodeEncodeError as error:
             raise InputError(
                 "text is not valid Unicode", name, "decode it with errors='replace' in the reader"
             ) from error
     native = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
-    if native.dtype.kind not in "iuf":
-        return pa.array(native, type=kind)
+    if native.dtype.kind == "b":
+        native = np.packbits(native, bitorder="little")
     # `pa.array` and `to_numpy` import pandas, which takes longer than writing or reading ten
     # minutes of flight.
-    return pa.Array.from_buffers(kind, len(native), [None, pa.py_buffer(native)])
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(native)])
+
+
+def _text(values: NDArray[Any], kind: Any) -> Any:
+    """Text or bytes as an array of Arrow; UnicodeEncodeError for text that is not valid Unicode."""
+    words = values.tolist()
+    if values.dtype.kind == "S":
+        whole = b"".join(words)
+    else:
+        joined = "".join(words)
+        whole = joined.encode("utf-8")
+        if len(whole) != len(joined):
+            words = [word.encode("utf-8") for word in words]
+    if len(whole) > _MOST_TEXT:
+        return pa.array(words, type=kind)
+    ends = np.zeros(len(words) + 1, dtype=np.int32)
+    np.cumsum(np.fromiter(map(len, words), np.int64, len(words)), out=ends[1:])
+    return pa.Array.from_buffers(kind, len(words), [None, pa.py_buffer(ends), pa.py_buffer(whole)])
 
 
 def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -318,7 +318,7 @@ class _Path:
         return slope
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _chain(
     parts: Array, rows: NDArray[np.int64], along: Array, columns: NDArray[np.int64], slope: Array
 ) -> None:
@@ -467,7 +467,7 @@ def delayed(values: Array, samples: float, derivative: bool = False) -> Array:
     return _weighted(table, whole, np.array(weight)).reshape(values.shape)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _weighted(values: Array, whole: int, weight: Array) -> Array:
     """(n, k) sums of four successive rows of `values` (n, k), the first of them `whole` - 1 rows
     ahead; end values are repeated."""

@@ -10,7 +10,7 @@ after MIL-F-8785C (1980), 3.7, scale lengths of 200 m, and near-isotropic intens
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -26,7 +26,7 @@ from aerodb.consistency.smoother.path_error import (
     VELOCITY,
     PathError,
 )
-from aerodb.support import Array
+from aerodb.support import Array, Threads
 
 #: Prior medians: intensity (m/s) and scale length (m) of gusts, in-run drift of accelerometers
 #: (m/s2) and gyros (rad/s); correlation time of the drift (s).
@@ -167,8 +167,8 @@ def estimate_intensities(
 
 @dataclass(frozen=True)
 class _Search:
-    """A search for the most likely intensities: records, channels, and the start and bounds of the
-    logarithms."""
+    """A search for the most likely intensities: records, channels, the start and bounds of the
+    logarithms, and the threads that the records are smoothed in."""
 
     systems: Sequence[PathError]
     names: tuple[str, ...]
@@ -176,6 +176,7 @@ class _Search:
     low: Array
     high: Array
     expected: Array
+    threads: Threads = field(default_factory=Threads)
 
     @classmethod
     def of(cls, systems: Sequence[PathError], floor: Mapping[str, float] | None) -> "_Search":
@@ -208,7 +209,12 @@ class _Search:
         """Negative logarithm of the posterior density, and its gradient."""
         by = _intensities(vector, self.names)
         value, slope = _expectation(vector, self.expected)
-        for system in self.systems:
+
+        likelihood = np.zeros(len(self.systems))
+        rise = np.zeros((len(self.systems), len(vector)))
+
+        def fill(number: int) -> None:
+            system = self.systems[number]
             result = smooth(
                 transition(system, by),
                 system.residual[:, :, None],
@@ -216,9 +222,11 @@ class _Search:
                 system.observation,
                 False,
             )
-            value -= result.log_likelihood
-            slope -= _slope(system, by, result.score, self.names)
-        return value, slope
+            likelihood[number] = result.log_likelihood
+            rise[number] = _slope(system, by, result.score, self.names)
+
+        self.threads.each(fill, range(len(self.systems)))
+        return value - float(likelihood.sum()), slope - rise.sum(axis=0)
 
     def most_likely(self, enough: float = _ENOUGH) -> Array:
         """Logarithms of the intensities that maximise the posterior, within bounds.

@@ -130,7 +130,7 @@ def propagate(model: Transition, states: Array) -> None:
     _propagate(model.rows, model.columns, model.values, model.diagonal, states)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _propagate(
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
@@ -148,7 +148,7 @@ def _propagate(
                 states[i, rows[e], q] += values[i - 1, e] * states[i - 1, columns[e], q]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _copy(values: Array, into: Array) -> None:
     """Copy a matrix. An assignment of arrays would also compile its error message, which takes
     several seconds."""
@@ -157,7 +157,7 @@ def _copy(values: Array, into: Array) -> None:
             into[a, b] = values[a, b]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _predict_covariance(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     block: Array, noise: Array, p: Array, half: Array,
@@ -185,7 +185,7 @@ def _predict_covariance(
             p[a, b] += block[a, b]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _forward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     block: Array, noise: Array, first: Array, measured: Array, variance: Array, observation: Array,
@@ -255,7 +255,7 @@ def _forward(
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _adjoint_step(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     pull: Array, load: Array, half: Array, turned: Array, moved: Array,
@@ -290,7 +290,7 @@ def _adjoint_step(
             load[column, a] += value * turned[row, a]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _adjoint_measurements(
     variance: Array,
     observation: Array,
@@ -334,7 +334,7 @@ def _adjoint_measurements(
                     load[b, a] -= tied[a] * seen
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _backward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array,
@@ -387,7 +387,7 @@ def _backward(
             sums[0 if i > 0 else 1, a] += pull[a, 0] ** 2 - load[a, a]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _posterior(p: Array, load: Array, half: Array, turned: Array, out: Array) -> None:
     """Write p - p load p to out; load is stored transposed, half and turned are working space."""
     m = p.shape[0]
