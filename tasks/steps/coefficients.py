@@ -71,6 +71,7 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
     with failing_alone("the calculation of coefficients", f"flight {row.id}"):
         coefficients = total_coefficients(flight, vehicle, angular_acceleration="chosen")
     result.keep(run, lambda path: _write(path, coefficients, settings))
+    coefficients = cached(file_key(result.path, consistent.key), lambda: coefficients)
     return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
 
 

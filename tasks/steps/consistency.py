@@ -92,14 +92,18 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
     consistent = make_consistent(flight, vehicle, calibration)
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
+    table = _table(consistent)
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]
     result.keep(
         run,
-        lambda path: write_results(path, _table(consistent), document),
+        lambda path: write_results(path, table, document),
         inputs=origins,
         settings={},
     )
-    return ConsistentFlight(consistent.flight, document, result.key)
+    restored, document = cached(
+        file_key(result.path, flight_key), lambda: _restored(flight, table, document)
+    )
+    return ConsistentFlight(restored, document, result.key)
 
 
 def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:

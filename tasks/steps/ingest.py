@@ -120,6 +120,7 @@ def store_log(
             _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
     _keep(access, recording, flight, conditioning, layout, run, name)
+    _remembered(_result(access, sha256, vehicle, layout).path, flight)
     repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
     status = "damaged" if broken else "duplicate" if whole else "stored"
@@ -210,7 +211,13 @@ def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flig
     recording = open_recording(access.topics_of(row.log_sha256))
     flight = _mapped(access, recording, mapping, row.vehicle, row.id)
     _keep(access, recording, flight, examined(access, flight, mapping), mapping, run, row.name)
-    return without_wild_points(flight), key
+    return _remembered(result.path, flight), key
+
+
+def _remembered(path: Path, flight: Flight) -> Flight:
+    """Return a flight that was just written to `path` as later steps use it: they need not read it
+    back."""
+    return cached(file_key(path), lambda: without_wild_points(flight))
 
 
 def _mapped(
