@@ -14,6 +14,7 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.storage.files.flights import read_results
+from aerodb.tasks import memory_cache
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import parse_vehicle
@@ -127,6 +128,13 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     loaded = load_consistent(access, row, "")
     flight, document, key = loaded.flight, loaded.document, loaded.key
     assert key == found["key"]
+    memory_cache._cache.clear()
+    read = load_consistent(access, row, "")
+    assert (read.document, read.flight.notes) == (document, flight.notes)
+    for now, then in ((read.flight.channels, flight.channels), (read.flight.flags, flight.flags)):
+        assert list(now) == list(then)
+        for name, values in then.items():
+            np.testing.assert_array_equal(now[name], values, err_msg=name)
     true, sigma = exact(columns), stored_sigma(access, key)
     for name in ("V", "alpha", "beta"):
         assert _error(flight[name], true[name]) < 0.2 * _error(columns[name], true[name]), name

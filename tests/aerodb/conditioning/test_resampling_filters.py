@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.signal import firwin, kaiserord, lfilter
+from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
 from aerodb.conditioning import first_order_lag, low_pass_taps
+from aerodb.conditioning.resampling import low_pass
 
 
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.7, 25.0, 100.0])
@@ -12,6 +13,15 @@ def test_the_low_pass_is_that_of_scipy(ratio: float) -> None:
     taps, beta = kaiserord(60.0, 2.0 * (0.5 - 0.35) / ratio)
     expected = firwin(2 * (taps // 2) + 1, (0.35 + 0.5) / ratio, window=("kaiser", beta))
     assert low_pass_taps(ratio) == pytest.approx(expected, rel=0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("count", [64, 1001, 30000])
+def test_what_passes_is_what_scipy_passes(count: int) -> None:
+    values = 9000.0 + np.random.default_rng(2).standard_normal(count).cumsum()
+    taps = low_pass_taps(4.0)
+    padded = np.pad(values, len(taps) // 2, mode="reflect", reflect_type="odd")
+    expected = oaconvolve(padded, taps, mode="valid")
+    assert low_pass(values, 0.01, 0.04) == pytest.approx(expected, rel=0.0, abs=1e-10)
 
 
 def test_the_lag_is_that_of_scipy_and_stops_at_a_gap() -> None:

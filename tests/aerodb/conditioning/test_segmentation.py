@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
-from aerodb.conditioning.manoeuvres import inputs
+from aerodb.conditioning.manoeuvres import inputs, rank_correlation
 from aerodb.conditioning.segmentation import (
     Segment,
     configurations,
@@ -23,6 +24,14 @@ from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN
 
 DEGREE = np.pi / 180
 STEP = 0.04
+
+
+@pytest.mark.parametrize("kinds", [2, 5, 1000])
+def test_the_rank_correlation_is_that_of_scipy(kinds: int) -> None:
+    values = np.random.default_rng(kinds).integers(kinds, size=40).astype(float)
+    expected = spearmanr(np.arange(40), values).statistic
+    assert rank_correlation(values) == pytest.approx(expected, abs=1e-12)
+    assert rank_correlation(np.ones(5)) == 0.0
 
 
 def steps(*parts: tuple[float, float], rest: float = 6.0) -> np.ndarray:
