@@ -69,8 +69,8 @@ def rolling_range(values: Array, samples: int) -> Array:
 def rank_correlation(values: Array) -> float:
     """Return Spearman's rank correlation of values (n,) with their order; zero if all are equal.
 
-    Equal values have the mean of their ranks. `scipy.stats` has the same, and takes longer to import
-    than ten minutes of flight to segment.
+    Equal values have the mean of their ranks. `scipy.stats` has the same, and takes longer to
+    import than ten minutes of flight to segment.
 
     >>> rank_correlation(np.array([1.0, 2.0, 2.0, 9.0])).__round__(3)  # sqrt(0.9)
     0.949

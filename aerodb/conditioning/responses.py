@@ -288,11 +288,7 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
         part = phi[first : last + 1 : max(1, round(0.5 / step))]
         change = float(part[-1] - part[0])
         rate = abs(change) / ((last - first) * step)
-        if (
-            abs(change) > SPIRAL_BANK
-            and rate < SPIRAL_RATE
-            and abs(rank_correlation(part)) > 0.95
-        ):
+        if abs(change) > SPIRAL_BANK and rate < SPIRAL_RATE and abs(rank_correlation(part)) > 0.95:
             reason = (
                 f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces"
                 " left alone"
