@@ -12,6 +12,7 @@ from aerodb.errors import InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
+from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.stored_steps import StoredResult
@@ -70,6 +71,7 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
         return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
     with failing_alone("the calculation of coefficients", f"flight {row.id}"):
         coefficients = total_coefficients(flight, vehicle, angular_acceleration="chosen")
+    return_freed_memory()
     result.keep(run, lambda path: _write(path, coefficients, settings))
     coefficients = cached(file_key(result.path, consistent.key), lambda: coefficients)
     return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)

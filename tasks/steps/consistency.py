@@ -23,6 +23,7 @@ from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
+from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
@@ -90,6 +91,7 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
         return ConsistentFlight(restored, document, result.key)
     vehicle, _ = access.vehicle(row.vehicle)
     consistent = make_consistent(flight, vehicle, calibration)
+    return_freed_memory()
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
     table = _table(consistent)

@@ -33,6 +33,7 @@ from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers import parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
+from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.conditioning import (
     clocks_of,
@@ -106,9 +107,11 @@ def store_log(
             layout = chosen or choose_mapping(recording, builtin_mappings().values())
             with failing_alone("mapping", log):
                 flight = _mapped(access, recording, layout, vehicle, sha256)
+            return_freed_memory()
             parsed.keep(topics)  # two files with the same bytes may be ingested at once
         with failing_alone("conditioning", log):
             conditioning = examined(access, flight, layout)
+        return_freed_memory()
     except (StoreError, SettingsError):
         raise
     except OSError as error:
