@@ -7,11 +7,24 @@ from aerodb.tasks.steps import promote, roll_back
 
 
 def promote_flow(
-    steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    version: str,
+    name: str,
+    reason: str,
+    accept: list[str] | None = None,
 ) -> dict[str, Any]:
     """Point a name at a version (its id); see `aerodb.tasks.steps.release.promote`."""
     result: dict[str, Any] = steps(
-        promote, version, workspace=workspace, run=run, name=name, reason=reason
+        promote,
+        version,
+        workspace=workspace,
+        run=run,
+        name=name,
+        reason=reason,
+        accept=accept or [],
     )
     return result
 

@@ -254,10 +254,12 @@ class LoopSettings(Strict):
 
 class GateSettings(Strict):
     """Additional conditions of the gate: minimum number of flights that identified a version, and
-    of flights that validated it (`held_out`)."""
+    of flights that validated it (`held_out`); greatest relative change of a main derivative inside
+    the data that a person need not accept (`largest_change`)."""
 
     identified: int = Field(default=0, ge=0)
     held_out: int = Field(default=0, ge=0)
+    largest_change: float = Field(default=0.5, gt=0.0)
 
 
 class AccuracySettings(Strict):

@@ -13,9 +13,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 4,
     "compare": 1,
     "import": 2,
-    "update": 7,
+    "update": 8,
     "gram": 11,
-    "close_loop": 26,
+    "close_loop": 27,
 }
 
 #: Names of versions that the product itself moves.

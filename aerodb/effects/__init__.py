@@ -12,7 +12,7 @@ it. `aerodb.tracing` tests hypotheses; this package says which exist and compute
    `envelopes_of` finds.
 
 Modules: `template` (how an effect becomes hypotheses), `library` (all templates), `hypothesis`,
-`flight_view` and `sensitivity` (columns), `surfaces` (roles of control surfaces), `spline` (shape
+`flight_view` (columns), `surfaces` (roles of control surfaces), `spline` (shape
 refinement), `interpolation_terms` (tables as expressions), `user_effects`, `adding`. Packages:
 `aerodynamic` (terms that a database can lack), `measurement` (sensor and vehicle-data errors),
 `stall` (separated flow with hysteresis).

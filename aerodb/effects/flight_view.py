@@ -20,7 +20,6 @@ from aerodb.coefficients import (
     with_states,
 )
 from aerodb.conditioning import bridge
-from aerodb.effects.sensitivity import slopes_by, slopes_by_lift
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.support import Array
@@ -30,6 +29,8 @@ from aerodb.tables import (
     AeroDatabase,
     Reference,
     hat_rate,
+    slopes_by,
+    slopes_by_lift,
     transfer_moments,
 )
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels

@@ -12,10 +12,12 @@ The way through:
    axis before and after (`AxisValidation`); `worse_axes` names axes that became worse.
 6. `beyond_envelopes` gives both errors, held and extrapolated, of flights that leave the envelope
    of what predicts them (`Beyond`, `with_extrapolated_slopes`).
-7. `judge_release` decides whether a version may be released (`Verdict`).
+7. `derivative_changes` gives what the update changes of the derivatives inside the data
+   (`DerivativeChange`).
+8. `judge_release` and `judge_derivatives` decide whether a version may be released (`Verdict`).
 
 `model_file` holds the file format, `estimate` the regression, `validation` hold-out and errors,
-`beyond` flights outside the envelope,
+`beyond` flights outside the envelope, `derivatives` what changes inside it,
 `gate` the release checks.
 """
 

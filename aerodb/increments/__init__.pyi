@@ -1,4 +1,10 @@
 from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
+from .derivatives import (
+    DerivativeChange,
+    derivative_changes,
+    derivatives_document,
+    judge_derivatives,
+)
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
 from .gate import Check, Standing, Verdict, judge_release, sign_reasons
 from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
@@ -21,6 +27,7 @@ __all__ = [
     "Check",
     "ConsiderParameter",
     "DeclaredIncrement",
+    "DerivativeChange",
     "Excursion",
     "HoldOut",
     "ModelFile",
@@ -29,7 +36,10 @@ __all__ = [
     "Verdict",
     "beyond_envelopes",
     "choose_hold_out",
+    "derivative_changes",
+    "derivatives_document",
     "estimate_increments",
+    "judge_derivatives",
     "judge_release",
     "keep_slope_signs",
     "parse_model_file",

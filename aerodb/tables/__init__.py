@@ -9,14 +9,15 @@ The way through:
    standard errors and places (`Evaluation`, `Place`).
 3. `consolidate` folds increments into tables where that is exact; `plan_consolidation` tells
    where; `node_lineage` and `point_lineage` name the increments and flights behind a value.
-4. `diff` compares two databases (`DatabaseDiff`); `new_sign_changes` finds slopes whose sign
-   changes outside the data; `make_check_cases` and `failed_check_cases` guard stored versions.
+4. `diff` compares two databases (`DatabaseDiff`); `slopes_by` gives derivatives along a flight,
+   and `new_sign_changes` finds slopes whose sign changes outside the data; `make_check_cases` and
+   `failed_check_cases` guard stored versions.
 
 Modules, from the bottom up: `expression`, `functions`, `program` (compiled expressions); `table`,
 `scattered`, `kernel` (interpolation); `reference`, `state_model`, `uncertainty`, `increment`;
 `definitions` and `database`; `arguments`, `linear_terms`, `nodes`, `envelope` (where tables are
-called, and where flights have been); `consolidation`, `differences`, `evaluation`, `slopes`,
-`check_cases`.
+called, and where flights have been); `consolidation`, `differences`, `evaluation`, `sensitivity`,
+`slopes`, `check_cases`.
 """
 
 import lazy_loader as lazy

@@ -35,6 +35,7 @@ from .reference import (
     wind_to_body,
 )
 from .scattered import ScatteredTable
+from .sensitivity import slopes_by, slopes_by_lift
 from .slopes import QUANTITIES, new_increments, new_sign_changes
 from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate
 from .table import EXTRAPOLATIONS, Table
@@ -115,6 +116,8 @@ __all__ = [
     "plus",
     "point_lineage",
     "rebuilt",
+    "slopes_by",
+    "slopes_by_lift",
     "slow_rate",
     "table_calls",
     "table_grids",

@@ -7,7 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.updates import say_axes, say_flights
+from aerodb.flows.cli.updates import say_axes, say_derivatives, say_flights
 from aerodb.flows.cli.vehicles import read_text
 
 #: Largest number of hypotheses not found that is printed; `--json` lists them all.
@@ -133,6 +133,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         session.say(f"   {entry['because']}.")
     session.say()
     say_axes(session, document)
+    say_derivatives(session, document.get("derivatives", []))
     _say_not_found(session, document["not_found"])
     for sentence in document["next_flight"]:
         session.say(f"next flight: {sentence}")

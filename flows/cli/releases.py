@@ -7,6 +7,7 @@ import typer
 
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.flows.cli.updates import say_derivatives
 
 Reason = Annotated[str, typer.Option(help="Reason; it is stored with the move.")]
 Name = Annotated[
@@ -20,6 +21,13 @@ def promote(
     reason: Reason,
     name: Name = "released",
     vehicle: Vehicle = None,
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A changed derivative that the gate refuses, such as Cm_delta_elevator; say in"
+            " --reason why it is right. Repeat for several."
+        ),
+    ] = None,
 ) -> None:
     """Point a name at a version; `released` moves only through the gate.
 
@@ -31,11 +39,14 @@ def promote(
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
     document = session.run(
-        promote_flow, {"version": row.id, "name": name, "reason": reason}, direct=True
+        promote_flow,
+        {"version": row.id, "name": name, "reason": reason, "accept": accept or []},
+        direct=True,
     )
     if document["moved"]:
         for check in document["checks"]:
             session.say(f"passed: {check}")
+        say_derivatives(session, document["derivatives"])
         _say_move(session, document)
     else:
         session.say(f"{name} already points to {row.label}")

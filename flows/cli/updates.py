@@ -127,6 +127,7 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
         )
     session.say()
     say_axes(session, document)
+    say_derivatives(session, document.get("derivatives", []))
     for sentence in document["remarks"]:
         session.say(f"- {sentence}")
     session.say(f"report: {document['page']}")
@@ -173,6 +174,26 @@ def say_axes(session: Session, document: dict[str, Any]) -> None:
             for axis, v in document["axes"].items()
         ],
         numbers=tuple(range(1, 8)),
+    )
+
+
+#: Number of changed derivatives that are printed.
+_LARGEST = 5
+
+
+def say_derivatives(session: Session, derivatives: list[dict[str, Any]]) -> None:
+    """Print the changes of derivatives inside the data that change an axis most."""
+    if not derivatives:
+        return
+    session.say()
+    session.say("largest changes of derivatives inside the data (mean over the flights' samples):")
+    session.table(
+        ["derivative", "before", "after"],
+        [
+            [f"{d['axis']}_{d['variable']}", f"{d['before']:.4g}", f"{d['after']:.4g}"]
+            for d in derivatives[:_LARGEST]
+        ],
+        numbers=(1, 2),
     )
 
 

@@ -19,7 +19,14 @@ from aerodb.exchange import (
     read_native,
     to_document,
 )
-from aerodb.increments import AxisValidation, Beyond, Update, sign_reasons
+from aerodb.increments import (
+    AxisValidation,
+    Beyond,
+    Update,
+    derivative_changes,
+    derivatives_document,
+    sign_reasons,
+)
 from aerodb.loop import Accept, Library, LoopResult, StallWindow
 from aerodb.report import (
     beyond_remarks,
@@ -31,10 +38,12 @@ from aerodb.report import (
 )
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
+from aerodb.storage.workspace_settings import load_settings
 from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
+from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.inputs import flights_of, input_remarks, inputs_document
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
@@ -172,7 +181,9 @@ def publish_candidate(
         proof=proof,
         beyond=beyond,
     )
-    signs = sign_reasons(access.database(plan.baseline), update.candidate)
+    baseline = access.database(plan.baseline)
+    document["derivatives"], refused = _derivatives(access, plan, baseline, update.candidate, run)
+    signs = (*sign_reasons(baseline, update.candidate), *refused)
     document["remarks"] += [
         *beyond_remarks(beyond, access.catalogue.flight_labels(each.flight for each in beyond)),
         *_without_thrust(access, plan),
@@ -253,6 +264,9 @@ def publish_loop(
     )
     named = [*(entry.flight for entry in stalls), *(entry.flight for entry in beyond)]
     labels = access.catalogue.flight_labels(named)
+    document["derivatives"], refused = _derivatives(
+        access, plan, loop.baseline, loop.candidate, run
+    )
     document["remarks"] += [
         *stall_remarks(stalls, labels),
         *beyond_remarks(beyond, labels),
@@ -260,7 +274,7 @@ def publish_loop(
         *input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run),
         *(
             f"The gate will refuse this version: {reason}."
-            for reason in sign_reasons(loop.baseline, loop.candidate)
+            for reason in (*sign_reasons(loop.baseline, loop.candidate), *refused)
         ),
     ]
     label = None
@@ -286,6 +300,21 @@ def publish_loop(
         "label": label,
         "report": _keep_report(access, plan, document, settings, run),
     }
+
+
+def _derivatives(
+    access: WorkspaceAccess, plan: Plan, baseline: AeroDatabase, candidate: AeroDatabase, run: str
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """The largest changes of derivatives inside the data, as JSON, and which of them the gate will
+    refuse."""
+    if candidate == baseline:
+        return [], ()
+    largest = load_settings(access.workspace.root).of(plan.vehicle).gate.largest_change
+    rows = [access.catalogue.flight(flight) for flight in plan.hold_out.identified]
+    flights = [load_coefficients(access, row, run).flight for row in rows]
+    changes = derivative_changes(flights, baseline, candidate)
+    refused = tuple(reason for each in changes if (reason := each.refusal(largest)))
+    return derivatives_document(changes, largest), refused
 
 
 def _without_thrust(access: WorkspaceAccess, plan: Plan) -> list[str]:

@@ -1,24 +1,36 @@
 """Move names of versions: ``released`` through the gate, other names freely, each move logged."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
-from aerodb.increments import Check, Standing, Verdict, judge_release
+from aerodb.increments import Check, Standing, Verdict, judge_derivatives, judge_release
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
-from aerodb.storage.workspace_settings import load_settings
+from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
-def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
+def promote(
+    version: str,
+    *,
+    workspace: str,
+    run: str,
+    name: str,
+    reason: str,
+    accept: Sequence[str] = (),
+) -> dict[str, Any]:
     """Point `name` at a version (its id); ``released`` only through the gate.
 
-    Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal
+    accept : changes of derivatives (``Cm_delta_elevator``) that would be refused otherwise; they
+    are stored with the reason.
+
+    Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises GateRefusal
     with every reason, also if another run moved the name meanwhile; nothing is changed then.
     """
     access = access_workspace(workspace)
@@ -28,9 +40,11 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
         return _document(current, row, moved=False)
-    verdict = _gate(access, row, current) if name == RELEASED else Verdict(())
+    verdict = _gate(access, row, current, accept) if name == RELEASED else Verdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
+    if accept:
+        reason = f"{reason} (accepted: {', '.join(accept)})"
     with catalogue.transaction():
         # A flight may have been retracted while the gate was judging.
         if name == RELEASED and (stale := catalogue.stale(row.id)):
@@ -39,7 +53,12 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
         event = catalogue.move_name(
             row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
         )
-    return {**_document(event, row, moved=True), "checks": [check.name for check in verdict.checks]}
+    changed = catalogue.version_documents(row.id).report.get("derivatives", [])
+    return {
+        **_document(event, row, moved=True),
+        "checks": [check.name for check in verdict.checks],
+        "derivatives": changed,
+    }
 
 
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
@@ -78,7 +97,9 @@ def _check_words(name: str, reason: str) -> None:
         raise InputError("moving a name requires a reason", f"'{name}'", "add --reason TEXT")
 
 
-def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) -> Verdict:
+def _gate(
+    access: WorkspaceAccess, row: VersionRow, released: NameEvent | None, accept: Sequence[str]
+) -> Verdict:
     catalogue = access.catalogue
     if released is None:
         raise GateRefusal(
@@ -108,15 +129,26 @@ def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) 
         documents.report.get("axes", {}),
         within_flights=documents.report.get("validation", {}).get("within_flights", False),
     )
-    return Verdict((*verdict.checks, *_enough_flights(access, row)))
+    gate = load_settings(access.workspace.root).of(row.vehicle).gate
+    listed = documents.report.get("derivatives")
+    derivatives = judge_derivatives(listed, gate.largest_change, accept)
+    unknown = set(accept) - {f"{each['axis']}_{each['variable']}" for each in listed or ()}
+    if unknown:
+        raise InputError(
+            f"nothing to accept under {', '.join(sorted(unknown))}",
+            f"version {row.label}",
+            f"its changed derivatives: aerodb version show {row.label} --vehicle {row.vehicle}",
+        )
+    return Verdict((*verdict.checks, derivatives, *_enough_flights(row, access, gate)))
 
 
-def _enough_flights(access: WorkspaceAccess, row: VersionRow) -> tuple[Check, ...]:
+def _enough_flights(
+    row: VersionRow, access: WorkspaceAccess, gate: GateSettings
+) -> tuple[Check, ...]:
     """Return whether enough flights identified and validated a version for the vehicle's settings.
 
     None if the settings set no minimum.
     """
-    gate = load_settings(access.workspace.root).of(row.vehicle).gate
     if not (gate.identified or gate.held_out):
         return ()
     roles: list[str] = [use.role for use in access.catalogue.version_flights(row.id)]

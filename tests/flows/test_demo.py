@@ -212,3 +212,32 @@ def test_declared_corrections_have_the_direction_that_the_mission_reported(decla
         terms["CX", "q_hat"]["ci95"][1] < 0
     )  # drag due to pitch rate, which the preflight database lacks
     assert terms["CX", "delta_speed_brake"]["ci95"][0] > 0  # brakes slow less than predicted
+
+
+def test_a_reversed_elevator_is_not_released(phoenix, tmp_path):
+    """The vehicle file has the elevons the wrong way round: the fit is as good as a right one, and
+    only the signs of the wind tunnel tell."""
+    root, _ = phoenix
+    vehicle = read_example("vehicle.toml").replace('scale = "25 deg"', 'scale = "-25 deg"')
+    (tmp_path / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+    (tmp_path / "model.toml").write_text(read_example("model.toml"), encoding="utf-8")
+    logs = root / "demo-logs"
+
+    def aerodb(*words, ok=True):
+        command = [str(AERODB), "--workspace", str(tmp_path / "w"), *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert (done.returncode == 0) == ok, done.stderr
+        return done
+
+    aerodb("vehicle", "add", tmp_path / "vehicle.toml")
+    aerodb("database", "import", logs / "preflight.toml", "--vehicle", "phoenix")
+    first = sorted(logs.glob("*.ulg"))[:3]
+    aerodb("flight", "ingest", *first, "--vehicle", "phoenix", "--direct")
+    model = ("--model", tmp_path / "model.toml", "--direct")
+    updated = aerodb("update", "--vehicle", "phoenix", *model)
+    assert "The gate will refuse this version: Cm_delta_elevator" in updated.stdout
+    refused = aerodb("version", "promote", "candidate", "--reason", "fits", ok=False)
+    assert refused.returncode == 4
+    for name in ("Cm_delta_elevator_inboard", "Cm_delta_elevator_outboard"):
+        assert f"{name} goes from -0.1" in refused.stderr
+    assert "the control acts the other way round" in refused.stderr

@@ -33,9 +33,9 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "b24de0381366c36c", "9ddddc1b635ef5d7"),
     "compare": (1, "b1901e541e72832e", "75ab953bf9aaf46f"),
     "gram": (11, "88de72495efbf415", "d0b83ad7b0621ca0"),
-    "close_loop": (26, "d9dc1b7219e2756a", "d3af299eab4e5a54"),
+    "close_loop": (27, "f85235d7a601876b", "d3af299eab4e5a54"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "update": (7, "91284c0da63e8478", "6b1983884f9e9ae7"),
+    "update": (8, "4b1ff0688a44efbd", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.

@@ -51,7 +51,7 @@ def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
     done = asked(
         workspace, "version", "promote", "candidate", "--reason", "lift slope proved on two flights"
     )
-    assert (done["label"], done["moved"], len(done["checks"])) == ("v0002", True, 7)
+    assert (done["label"], done["moved"], len(done["checks"])) == ("v0002", True, 8)
     assert (
         asked(workspace, "version", "promote", "candidate", "--reason", "twice")["moved"] is False
     )
@@ -158,7 +158,13 @@ def workspace(tmp_path: Path) -> Workspace:
     return made
 
 
-def provable(catalogue: Catalogue, name: str, parent: str | None, value: float = -0.02) -> str:
+def provable(
+    catalogue: Catalogue,
+    name: str,
+    parent: str | None,
+    value: float = -0.02,
+    derivatives: Any = (),
+) -> str:
     """A version that passes the gate: the glider's handbook with an increment on CZ, and a report
     that proves it."""
     base = read_native(DATABASE)
@@ -181,6 +187,7 @@ def provable(catalogue: Catalogue, name: str, parent: str | None, value: float =
     report = {
         "axes": {"CZ": {**axis, "excess_before": 0.02, "excess_after": 0.01}},
         "check_cases": [asdict(case) for case in make_check_cases(database)],
+        "derivatives": derivatives,
     }
     return add_version(
         catalogue,
@@ -239,6 +246,31 @@ def test_a_version_whose_content_was_changed_by_hand_is_refused(workspace: Works
         promote(fourth, **place)
     with pytest.raises(GateRefusal, match="has changed since it was stored"):
         roll_back(V, **place)
+
+
+REVERSED = {"axis": "Cm", "variable": "delta_elevator", "before": -1.1, "after": 1.0, "share": 0.8}
+
+
+def test_a_reversed_control_is_refused_until_a_person_accepts_it_with_a_reason(
+    workspace: Workspace,
+) -> None:
+    place = {"workspace": str(workspace.root), "run": "", "name": "released"}
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        first = provable(catalogue, "first", None)
+        catalogue.move_name(V, "released", first, user="me", reason="import", expected=None)
+        second = provable(catalogue, "second", first, derivatives=[REVERSED])
+        old = provable(catalogue, "old", first, derivatives=None)
+        with pytest.raises(GateRefusal, match=r"Cm_delta_elevator goes from -1\.1 to 1 .*round"):
+            promote(second, **place, reason="r")
+        with pytest.raises(InputError, match="nothing to accept under Cm_delta_rudder"):
+            promote(second, **place, reason="r", accept=["Cm_delta_rudder"])
+        with pytest.raises(GateRefusal, match="does not list its derivatives: create"):
+            promote(old, **place, reason="r")
+        assert catalogue.named(V, "released").version == first
+        promote(second, **place, reason="the tunnel's sign was wrong", accept=["Cm_delta_elevator"])
+        assert catalogue.name_history(V)[-1].reason == (
+            "the tunnel's sign was wrong (accepted: Cm_delta_elevator)"
+        )
 
 
 # Races

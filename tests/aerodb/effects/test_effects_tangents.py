@@ -14,7 +14,6 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
-from aerodb.effects.sensitivity import slopes_by
 from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
@@ -23,6 +22,7 @@ from aerodb.support.arrays import Array
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
+from aerodb.tables.sensitivity import slopes_by
 from aerodb.vehicle import Vehicle, add_combinations
 from tests.support.effect_flights import database, flown, logged, vehicle
 

@@ -10,7 +10,6 @@ from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.library import hypotheses_for
-from aerodb.effects.sensitivity import slopes_by
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.jsbsim.export import export_jsbsim
 from aerodb.exchange.jsbsim.reader import import_jsbsim
@@ -24,6 +23,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment
 from aerodb.tables.reference import body_to_wind
+from aerodb.tables.sensitivity import slopes_by
 from tests.support.jsbsim_campaign import function_of, vehicle_of
 from tests.support.jsbsim_cases import B737
 from tests.support.jsbsim_flights import aircraft_file

@@ -12,7 +12,11 @@ from functools import lru_cache
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tables import HAT_RATES, LIFT_INCREMENTS, AeroDatabase, Expression, Increment, Number
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import LIFT_INCREMENTS
+from aerodb.tables.expression import Expression, Number
+from aerodb.tables.increment import Increment
+from aerodb.tables.reference import HAT_RATES
 
 #: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a
 #: degree per second, ...
