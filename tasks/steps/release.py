@@ -30,8 +30,8 @@ def promote(
     accept : changes of derivatives (``Cm_delta_elevator``) that would be refused otherwise; they
     are stored with the reason.
 
-    Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises GateRefusal
-    with every reason, also if another run moved the name meanwhile; nothing is changed then.
+    Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises
+    GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed then.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
