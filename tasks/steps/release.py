@@ -31,7 +31,8 @@ def promote(
     are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises
-    GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed then.
+    GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed
+    then.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
