@@ -52,7 +52,7 @@ from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
-from aerodb.support import Array
+from aerodb.support import Array, in_threads
 from aerodb.vehicle import Accuracy, Vehicle
 
 #: Sampling interval for the estimation of sensor errors, s: rigid-body motion is slower.
@@ -243,10 +243,8 @@ def reconstruct_flight(
     held = {name: value for name, value in held.items() if not is_early(name, value)}
     fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
-    parts = [
-        solve(list(group), plan, winds, fixed, own)
-        for _, group in groupby(records, key=lambda record: record.flight)
-    ]
+    groups = [list(group) for _, group in groupby(records, key=lambda record: record.flight)]
+    parts = in_threads(lambda group: solve(group, plan, winds, fixed, own), groups)
     return FlightReconstruction(_joined(own, parts, estimates, still.covariance), estimates, held)
 
 
