@@ -8,8 +8,8 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
-    "conditioning": 3,
-    "consistency": 14,
+    "conditioning": 4,
+    "consistency": 15,
     "coefficients": 4,
     "compare": 1,
     "import": 2,

@@ -1,5 +1,7 @@
 """Conditioning findings of a stored flight: likely faults, segments and delays."""
 
+from dataclasses import replace
+
 from aerodb.conditioning import (
     Conditioning,
     Suspicion,
@@ -8,6 +10,7 @@ from aerodb.conditioning import (
     from_document,
     to_document,
 )
+from aerodb.crosschecks import against_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, with_mapped_clock
@@ -39,8 +42,12 @@ def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Condi
     """Return the findings on a conditioned flight and on its recording, whose topics are stored."""
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
-    size = access.vehicle(flight.vehicle)[0].reference
-    return examine(flight, clocks_of(recording, mapping), size.span, size.chord)
+    vehicle, _ = access.vehicle(flight.vehicle)
+    size = vehicle.reference
+    found = examine(flight, clocks_of(recording, mapping), size.span, size.chord)
+    known = {suspicion.channel for suspicion in found.suspicions}
+    more = against_vehicle(flight, vehicle, known)
+    return replace(found, suspicions=(*found.suspicions, *more))
 
 
 def load_conditioning(

@@ -18,6 +18,7 @@ from aerodb.consistency import (
     state_noise_from,
     unreadable_document,
 )
+from aerodb.crosschecks import limits_flight
 from aerodb.errors import InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
@@ -25,6 +26,7 @@ from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
 from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
+from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -94,6 +96,9 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
     return_freed_memory()
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
+    found, _ = load_conditioning(access, row, flight, flight_key, run)
+    suspected = [each.sentence for each in found.suspicions if limits_flight(each)]
+    document = _limited(document, suspected)
     table = _table(consistent)
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]
     result.keep(
@@ -106,6 +111,14 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
         file_key(result.path, flight_key), lambda: _restored(flight, table, document)
     )
     return ConsistentFlight(restored, document, result.key)
+
+
+def _limited(document: dict[str, Any], suspected: list[str]) -> dict[str, Any]:
+    """Return the document with the suspicions that its reconstruction cannot judge as reasons."""
+    if not suspected:
+        return document
+    word = "limited" if document["verdict"] == "good" else document["verdict"]
+    return {**document, "verdict": word, "reasons": [*document["reasons"], *suspected]}
 
 
 def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:

@@ -1,9 +1,11 @@
 """Conditioning findings of a log that is only inspected: nothing is stored, no vehicle is
 needed."""
 
+from dataclasses import replace
 from typing import Any
 
 from aerodb.conditioning import examine, flag_unusable, suspicion_documents, to_document
+from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording
 from aerodb.recording import Recording
@@ -40,8 +42,11 @@ def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
             "notes": [],
             "refused": str(error),
         }
+    found = examine(flight, clocks_of(recording, mapping))
+    known = {suspicion.channel for suspicion in found.suspicions}
+    air = (each for each in air_suspicions(flight) if each.channel not in known)
     return {
-        **to_document(examine(flight, clocks_of(recording, mapping))),
+        **to_document(replace(found, suspicions=(*found.suspicions, *air))),
         "notes": list(flight.notes),
         "refused": "",
     }

@@ -1,0 +1,17 @@
+"""Checks of a flight against its vehicle by physics, before anything is estimated from it.
+
+1. `air`: density, pressure, temperature, altitude, airspeed, dynamic pressure, each against the
+   others.
+2. `masses`: mass, inertia, centre of gravity and reference lengths against each other.
+3. `lift`: the weight and the lift slope against what a wing of this size and shape can have.
+4. `controls`: each surface against the motion that it causes: size, sign, effect, delay
+   (`surfaces`, `equation_error`).
+
+`against_vehicle` runs all of them and returns suspicions (`aerodb.conditioning.Suspicion`), and
+`limits_flight` says which of these limit the verdict. The margins are those of aircraft of all
+sizes, and nothing is said where a flight cannot decide.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

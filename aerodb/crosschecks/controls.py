@@ -1,0 +1,238 @@
+"""Each control surface against the motion that it causes: size, sign, effect and delay.
+
+Angular accelerations, as moment coefficients without the gyroscopic part, are regressed on flow
+angle, rates and all deflections (equation error: Klein & Morelli, Aircraft System Identification,
+2006, chapter 5) in the band of manoeuvres, with standard errors for coloured residuals. A control
+loop moves surfaces with the motion, mostly as a damper does; its surface follows the motion, and
+opposes it, so that what it adds has the sign of a right surface. Claims need a fit that explains
+the motion, a surface that no other regressor imitates, and a margin of many standard errors.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from aerodb.conditioning import Suspicion
+from aerodb.crosschecks.equation_error import MOTION, EquationError, equation_errors
+from aerodb.crosschecks.lift import helmbold
+from aerodb.crosschecks.surfaces import Control, along, by_role, size_suspicions
+from aerodb.estimation import Regression, samples_per_independent
+from aerodb.flight import Flight
+from aerodb.vehicle import Vehicle
+
+#: Least standard errors, share of the motion explained by the fit, and share of the motion that the
+#: surface itself causes, for a claim; largest variance inflation.
+ERRORS, EXPLAINED, CAUSED, INFLATION = 6.0, 0.3, 0.4, 30.0
+#: Least and largest effect per rad of a whole control of this role: dCm/d delta of tailed aircraft
+#: is .5 to 3, dCl .03 to .4, dCn .03 to .3 (Roskam, Airplane Flight Dynamics, 1979, appendix C).
+EFFECT = {"pitch": (0.03, 12.0), "roll": (0.006, 1.6), "yaw": (0.006, 1.6)}
+#: Least motion [rad, rms in the band] of a surface for its effect to be called too small.
+MOVED = 0.01
+#: Roll damping over that of a wing of this aspect ratio, an eighth of its lift slope per p_hat
+#: of an elliptic load (strip theory), and what the fit must explain for it.
+DAMPING, DAMPED = (0.3, 2.5), 0.8
+#: Least rate [rad/s, rms in the band] about an axis, and largest share of its motion explained, for
+#: a surface that stands still to be missed.
+TURNING, UNEXPLAINED = 0.005, 0.75
+#: Largest delay searched for, least delay named [s], and least ratio of likelihoods (as a
+#: logarithm) with the samples that are independent in the residual.
+LARGEST, LATE, LIKELIER = 0.6, 0.15, 6.0
+_RATE = {"pitch": "q", "roll": "p", "yaw": "r"}
+_SAYS = {
+    "pitch": "trailing edge down must pitch the nose down",
+    "roll": "right trailing edge down must roll to the left",
+    "yaw": "trailing edge left must yaw the nose to the left",
+}
+
+
+def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
+    """Return surfaces whose size, sign, effect or delay contradicts the motion; one per surface.
+
+    Signs are those of the conventions (trailing edge down positive, rudder left), for surfaces that
+    the vehicle file declares so: elevators, ailerons and rudders by their names, and combinations.
+    """
+    listed = list(size_suspicions(flight, vehicle))
+    unusable = {suspicion.channel for suspicion in listed}
+    controls = by_role(flight, vehicle, unusable)
+    axes = equation_errors(flight, vehicle, controls)
+    fits = {role: fit for role, axis in axes.items() if (fit := axis.fit()) is not None}
+    exchanged = _exchanged(axes, fits, controls)
+    if exchanged is not None:
+        return (*listed, exchanged)
+    for role, fit in fits.items():
+        own = {name: control for name, control in controls.items() if control.role == role}
+        listed += _claims(axes[role], fit, own)
+        listed += _standing(flight, axes[role], fit, controls)
+    if not listed and "roll" in fits:
+        listed += _damping(fits["roll"], vehicle)
+    return tuple(listed)
+
+
+def _damping(fit: Regression, vehicle: Vehicle) -> list[Suspicion]:
+    """Return a damping in roll that no wing of this size has, with the inertia in it."""
+    if "p" not in fit.names or "beta" not in fit.names or fit.r_squared < DAMPED:
+        return []
+    k = fit.names.index("p")
+    damping, error = float(fit.estimates[k]), float(fit.standard_errors[k])
+    ratio = vehicle.reference.span**2 / vehicle.reference.area
+    expected = -helmbold(ratio) / 8.0
+    low, high = DAMPING[0] * expected + 3.0 * error, DAMPING[1] * expected - 3.0 * error
+    if fit.vif[k] > INFLATION or high <= damping <= low:
+        return []
+    words = (
+        f"the damping in roll is {damping:.3g} +- {error:.2g} per p b / 2V, and a wing of this"
+        f" aspect ratio ({ratio:.3g}) has about {expected:.2g}: Ixx, span, area or airspeed is"
+        " wrong, or the log is another aircraft's"
+    )
+    return [Suspicion("Ixx", "size", words, {"damping": damping, "expected": expected})]
+
+
+def _claims(axis: EquationError, fit: Regression, own: Mapping[str, Control]) -> list[Suspicion]:
+    """Return what is wrong with the surfaces of one role, by the fit about its axis."""
+    listed = []
+    least, largest = EFFECT[axis.role]
+    total = float(np.std(axis.moment[axis.where]))
+    for name, control in own.items():
+        if name not in fit.names or not total > 0.0:
+            continue
+        k = fit.names.index(name)
+        effect, error = float(fit.estimates[k]), float(fit.standard_errors[k])
+        moved = float(np.std(axis.controls[name][axis.where]))
+        evidence = {"effect": effect, "standard_error": error, "explained": fit.r_squared}
+        told = f"{name} gives {effect:.3g} +- {error:.2g} per rad"
+        if fit.vif[k] > INFLATION:
+            continue
+        caused = abs(effect) * moved / total
+        shift = _late(axis, fit, name, control)
+        if shift is not None:
+            listed.append(shift)
+        elif (
+            control.signed
+            and effect > max(ERRORS * error, least)
+            and fit.r_squared > EXPLAINED
+            and caused > CAUSED
+        ):
+            words = (
+                f"{told} about the {axis.role} axis, and {_SAYS[axis.role]}: its sign is flipped"
+            )
+            listed.append(Suspicion(name, "sign", words, evidence))
+        elif (
+            abs(effect) - ERRORS * error > largest and fit.r_squared > EXPLAINED and caused > CAUSED
+        ):
+            words = (
+                f"{told} about the {axis.role} axis, and no surface gives more than {largest:g}:"
+                " its unit (degrees, radians), an inertia or a length is another"
+            )
+            listed.append(Suspicion(name, "unit", words, evidence))
+        elif abs(effect) + ERRORS * error < least and moved > MOVED and control.alone:
+            words = (
+                f"{told} about the {axis.role} axis, and no surface gives less than {least:g}: its"
+                " unit is another, it is disconnected, or it is another surface's channel"
+            )
+            listed.append(Suspicion(name, "unit", words, evidence))
+    return listed
+
+
+def _standing(
+    flight: Flight, axis: EquationError, fit: Regression, controls: Mapping[str, Control]
+) -> list[Suspicion]:
+    """Return a surface whose channel never changes although the aircraft turns about its axis:
+    others are recorded, and what turns it is neither its motion nor any of them."""
+    where = axis.where
+    own = {name: control for name, control in controls.items() if control.role == axis.role}
+    still = [name for name, c in own.items() if float(np.ptp(along(flight, c)[where])) == 0.0]
+    recorded = any(float(np.ptp(along(flight, c)[where])) > 0.0 for c in controls.values())
+    rate = flight[_RATE[axis.role]][where]
+    if not still or len(still) < len(own) or not recorded:
+        return []
+    if float(np.std(rate)) < TURNING or fit.r_squared > UNEXPLAINED:
+        return []
+    words = (
+        f"{still[0]} never changes while other surfaces do, and only"
+        f" {100 * fit.r_squared:.0f} % of the motion about the {axis.role} axis is explained"
+        " without it: it was not recorded"
+    )
+    return [Suspicion(still[0], "stuck", words, {"explained": fit.r_squared})]
+
+
+def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> Suspicion | None:
+    """Return a delay between a surface and its motion that makes the fit much likelier."""
+    if not control.signed or not set(MOTION[axis.role]) <= axis.motion.keys():
+        return None
+    reach = int(LARGEST / axis.step)
+    every = max(1, round(0.02 / axis.step))
+    inner = axis.where.copy()
+    inner[:reach], inner[len(inner) - reach :] = False, False
+    if inner.sum() < 100:
+        return None
+    view = replace(axis, where=inner)
+    fits = {}
+    for lag in range(-(reach // every) * every, reach + 1, every):
+        moved = np.roll(axis.controls[name], lag)
+        if (found := view.fit({**axis.controls, name: moved})) is not None:
+            fits[lag] = found
+    if 0 not in fits:
+        return None
+    best = max(fits, key=lambda lag: fits[lag].r_squared)
+    chosen, zero = fits[best], fits[0]
+    k = chosen.names.index(name)
+    effect, error = float(chosen.estimates[k]), float(chosen.standard_errors[k])
+    independent = inner.sum() / max(1.0, samples_per_independent(chosen.residual))
+    unexplained = (1.0 - zero.r_squared) / max(1.0 - chosen.r_squared, 1e-12)
+    likelier = 0.5 * independent * float(np.log(max(unexplained, 1e-12)))
+    seconds = best * axis.step
+    if (
+        abs(seconds) < LATE
+        or abs(best) >= max(fits)
+        or chosen.r_squared < EXPLAINED
+        or likelier < LIKELIER
+        or not effect < -max(ERRORS * error, EFFECT[axis.role][0])
+        or chosen.vif[k] > INFLATION
+    ):
+        return None
+    how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
+    words = (
+        f"{name} is logged {abs(seconds):.2g} s too {how}, which no surface does:"
+        " its clock, or the lag of its servo, is another"
+    )
+    evidence = {"delay": -seconds, "likelier": likelier, "explained": chosen.r_squared}
+    return Suspicion(name, "delay", words, evidence)
+
+
+def _exchanged(
+    axes: Mapping[str, EquationError],
+    fits: Mapping[str, Regression],
+    controls: Mapping[str, Control],
+) -> Suspicion | None:
+    """Return two controls that act each about the other's axis."""
+    if not {"roll", "yaw"} <= fits.keys():
+        return None
+    for one in (n for n, c in controls.items() if c.role == "roll"):
+        for other in (n for n, c in controls.items() if c.role == "yaw"):
+            if any(n not in fits["roll"].names or n not in fits["yaw"].names for n in (one, other)):
+                continue
+            sizes = {
+                (name, role): _size(fits[role], name)
+                for name in (one, other)
+                for role in fits
+                if role != "pitch"
+            }
+            crossed = (sizes[other, "roll"], sizes[one, "yaw"])
+            if not all(clear for _, clear in crossed):
+                continue
+            if (
+                crossed[0][0] > 2.0 * sizes[one, "roll"][0]
+                and crossed[1][0] > 2.0 * sizes[other, "yaw"][0]
+            ):
+                words = (
+                    f"{one} yaws the aircraft and {other} rolls it: the two channels are swapped"
+                )
+                return Suspicion(one, "swapped", words, {"ratio": crossed[0][0]})
+    return None
+
+
+def _size(fit: Regression, name: str) -> tuple[float, bool]:
+    k = fit.names.index(name)
+    effect, error = abs(float(fit.estimates[k])), float(fit.standard_errors[k])
+    return effect, effect > ERRORS * error and fit.vif[k] < INFLATION

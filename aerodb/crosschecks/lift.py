@@ -1,0 +1,103 @@
+"""The weight and the slope of the lift against what a wing of this size and shape can have.
+
+Lift carries the weight: mass, reference area, density or airspeed that is wrong, or another
+aircraft's log, gives a lift coefficient or a slope that no wing has.
+"""
+
+import numpy as np
+
+from aerodb.conditioning import Suspicion, low_passed
+from aerodb.crosschecks.in_flight import flying, known_masses
+from aerodb.errors import InputError
+from aerodb.estimation import least_squares
+from aerodb.flight import Flight
+from aerodb.vehicle import Vehicle
+
+#: Lift coefficients, as a median over a flight: less is a zero-g arc, more is no wing.
+LEAST, MOST = 0.02, 3.0
+#: Measured slope over that of a wing of this aspect ratio A: sweep and poor sections take away;
+#: tail, body (`BODY` / A beyond) and compressibility add.
+SLOPES, BODY = (0.55, 1.6), 1.0
+#: Least standard deviation [rad] of the angle of attack, and least share of the normal force that
+#: it must explain, for the slope to be judged.
+SWING, EXPLAINED = 0.006, 0.8
+#: Angle of attack [rad] above which a wing may be stalled, Mach number above which a slope is not
+#: that of slow flow, band [Hz] of what is compared.
+STALL, FASTEST, BAND = 0.17, 0.7, 2.0
+
+
+def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
+    """Return a lift coefficient, or a lift slope, that no wing of this size has.
+
+    The slope is judged by Helmbold's equation, ``2 pi A / (2 + sqrt(A^2 + 4))``, for the aspect
+    ratio A = b^2 / S, with compressibility left to the margin.
+    """
+    names = [name for name in ("az", "az_imu") if name in flight][:1]
+    known = known_masses(flight, vehicle)
+    if not names or "qbar" not in flight or "mass" not in known:
+        return ()
+    needed = [*names, "qbar", *(["alpha"] if "alpha" in flight else [])]
+    where = flying(flight, needed) & np.isfinite(known["mass"]) & (flight["qbar"] > 0.0)
+    if int(where.sum()) < 100:
+        return ()
+    size = vehicle.reference
+    force = flight["qbar"][where] * size.area
+    normal = -known["mass"][where] * flight[names[0]][where] / force
+    level = float(np.median(normal))
+    if not LEAST <= abs(level) <= MOST:
+        words = (
+            f"mass {np.median(known['mass']):.4g} kg, area {size.area:.4g} m^2 and qbar"
+            f" {np.median(flight['qbar'][where]):.4g} Pa need a lift coefficient of {level:.3g},"
+            f" which should be {LEAST:g} to {MOST:g}: mass, area, density or airspeed is wrong, or"
+            " the log is another aircraft's"
+        )
+        return (Suspicion("mass", "size", words, {"lift_coefficient": level}),)
+    return _slope(flight, vehicle, names[0], known["mass"])
+
+
+def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tuple[Suspicion, ...]:
+    if "alpha" not in flight:
+        return ()
+    size = vehicle.reference
+    where = flying(flight, [name, "qbar", "alpha"]) & (flight["qbar"] > 0.0)
+    where &= np.isfinite(mass) & (np.abs(flight["alpha"]) < STALL)
+    if "mach" in flight:
+        where &= ~(flight["mach"] > FASTEST)
+    if int(where.sum()) < 100:
+        return ()
+    band = min(BAND, 0.4 / flight.step)
+    try:
+        alpha = low_passed(np.where(where, flight["alpha"], np.nan), flight.step, band)[where]
+        raw = -mass * flight[name] / (np.where(where, flight["qbar"], np.nan) * size.area)
+        normal = low_passed(np.where(where, raw, np.nan), flight.step, band)[where]
+        fit = least_squares(np.column_stack([alpha, np.ones_like(alpha)]), normal, ("alpha", "1"))
+    except (ValueError, InputError):
+        return ()
+    slope, error = float(fit.estimates[0]), float(fit.standard_errors[0])
+    if float(np.std(alpha)) < SWING or fit.r_squared < EXPLAINED:
+        return ()
+    ratio = size.span**2 / size.area
+    expected = helmbold(ratio)
+    low, high = (
+        SLOPES[0] * expected - 3.0 * error,
+        (SLOPES[1] + BODY / ratio) * expected + 3.0 * error,
+    )
+    if low <= slope <= high:
+        return ()
+    words = (
+        f"the normal force grows by {slope:.3g} +- {error:.2g} per rad of alpha, and a wing of this"
+        f" aspect ratio ({ratio:.3g}) has about {expected:.3g}: mass, area, density, airspeed or"
+        " the scale of alpha is wrong, or the log is another aircraft's"
+    )
+    return (Suspicion("mass", "size", words, {"slope": slope, "expected": expected}),)
+
+
+def helmbold(aspect_ratio: float) -> float:
+    """Return the lift slope [1/rad] of a straight wing by Helmbold's equation.
+
+    Between pi A / 2 of slender wings and 2 pi of a section:
+
+    >>> round(helmbold(0.01), 4), round(helmbold(1e6), 3)
+    (0.0157, 6.283)
+    """
+    return float(2.0 * np.pi * aspect_ratio / (2.0 + np.sqrt(aspect_ratio**2 + 4.0)))
