@@ -15,6 +15,8 @@ from aerodb.vehicle import Surface, Vehicle
 #: Deflection beyond the limits, as a share of the travel, that no rigging explains; largest
 #: deflection [rad] of a surface whose limits are not known.
 BEYOND, LARGEST = 0.5, 1.6
+#: Least share of a flight at the limits that no flight has: commands beyond them are clipped.
+CLIPPED = 0.4
 _ROLES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}
 #: Words of a name that is no elevator, aileron or rudder although it contains one, or no surface.
 _OTHERS = ("ruddervator", "elevon", "tab", "trim", "gear")
@@ -53,6 +55,7 @@ def size_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
         surface = vehicle.surfaces.get(name.removeprefix("delta_"))
         least, most = _bounds(surface)
         if low >= least and high <= most:
+            listed += _at_its_limits(name, flight[name][good], surface)
             continue
         size = max(abs(low), abs(high))
         unit = "in microseconds" if size > 400.0 else "in percent or degrees" if size > 3.0 else ""
@@ -63,6 +66,20 @@ def size_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
         )
         listed.append(Suspicion(name, "unit", words, {"low": low, "high": high}))
     return tuple(listed)
+
+
+def _at_its_limits(name: str, values: Array, surface: Surface | None) -> list[Suspicion]:
+    """Return a control that stands at its limits: its command is clipped there."""
+    if surface is None or not surface.limits[0] < 0.0 < surface.limits[1]:
+        return []
+    share = float(np.mean(np.any([np.isclose(values, limit) for limit in surface.limits], axis=0)))
+    if share < CLIPPED:
+        return []
+    words = (
+        f"{name} stands at its limits for {100 * share:.0f} % of the flight: the unit, scale or"
+        " offset of its command is another"
+    )
+    return [Suspicion(name, "unit", words, {"share": share})]
 
 
 def _bounds(surface: Surface | None) -> tuple[float, float]:

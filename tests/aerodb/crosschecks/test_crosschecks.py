@@ -112,7 +112,7 @@ def flown(noise: float = 1.0) -> Flight:
             "p": sensed(p, 1e-3),
             "q": sensed(q, 1e-3),
             "r": sensed(r, 1e-3),
-            "ax": np.zeros_like(time),
+            "ax": sensed(-0.5, 0.03),
             "ay": sensed(force * side * beta / MASS, 0.03),
             "az": sensed(-force * (level + slope * alpha) / MASS, 0.03),
             "delta_elevator": np.array([ELEVATOR(t) for t in time]),

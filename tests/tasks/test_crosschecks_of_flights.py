@@ -1,0 +1,71 @@
+"""A flight that contradicts its vehicle is said at ingest, and is not good."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
+from tests.support.command import asked
+from tests.support.small_glider import write_csv
+
+
+#: Where the command is that `scale` turns into a deflection.
+LOGGED = 'log = { topic = "table", field = "delta_elevator" }\n'
+
+
+def ingested(root: Path, vehicle: str, channels: dict[str, Any]) -> dict[str, Any]:
+    (root / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+    workspace = root / "w"
+    asked(workspace, "vehicle", "add", str(root / "vehicle.toml"))
+    log = write_csv(root / "flight.csv", channels)
+    (outcome,) = asked(workspace, "flight", "ingest", str(log), "--vehicle", "light", "--direct")
+    shown: dict[str, Any] = asked(workspace, "flight", "show", outcome["flight"])
+    return shown
+
+
+def columns() -> dict[str, Any]:
+    flight = flown()
+    return {"time": flight.time, **flight.channels}
+
+
+def test_a_right_flight_has_no_suspicion(tmp_path: Path) -> None:
+    shown = ingested(tmp_path, VEHICLE, columns())
+    assert shown["suspicions"] == []
+    assert not any("sign" in reason for reason in shown["reasons"])
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        (
+            "[surfaces.elevator]\n",
+            "[surfaces.elevator]\nscale = -1.0\n" + LOGGED,
+            "delta_elevator gives",
+        ),
+        (
+            "[surfaces.elevator]\n",
+            "[surfaces.elevator]\nscale = 100.0\n" + LOGGED,
+            "stands at its limits",
+        ),
+        ("mass = 600.0", "mass = 1322.8", "the normal force grows by"),
+        ("area = 12.0", "area = 129.2", "the reference area is"),
+        ("Ixx = 900.0", "Ixx = 9000.0", "Ixx is 9000 kg m^2, more than Iyy + Izz"),
+    ],
+)
+def test_a_wrong_vehicle_file_is_said_and_limits_the_flight(
+    tmp_path: Path, right: str, wrong: str, words: str
+) -> None:
+    assert right in VEHICLE
+    shown = ingested(tmp_path, VEHICLE.replace(right, wrong), columns())
+    assert any(words in each["sentence"] for each in shown["suspicions"])
+    assert shown["verdict"] != "good"
+    assert any(words in reason for reason in shown["reasons"])
+
+
+def test_log_inspect_says_what_needs_no_vehicle(tmp_path: Path) -> None:
+    channels = columns()
+    channels["rho"] = channels["rho"] / 515.379
+    log = write_csv(tmp_path / "flight.csv", channels)
+    looked = asked(tmp_path / "none", "log", "inspect", str(log))
+    assert any("slug/ft^3" in each["sentence"] for each in looked["suspicions"])
