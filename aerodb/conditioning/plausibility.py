@@ -53,7 +53,8 @@ _CG = ("cg_x", "cg_y", "cg_z")
 class Suspicion:
     """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
 
-    Kinds: ``no_overlap stuck sign degrees radians gravity swapped unit``.
+    Kinds: ``no_overlap stuck sign degrees radians gravity swapped unit``, and of `crosschecks` also
+    ``size delay``.
     """
 
     channel: str

@@ -9,7 +9,6 @@ from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
 from tests.support.command import asked
 from tests.support.small_glider import write_csv
 
-
 #: Where the command is that `scale` turns into a deflection.
 LOGGED = 'log = { topic = "table", field = "delta_elevator" }\n'
 
@@ -45,7 +44,7 @@ def test_a_right_flight_has_no_suspicion(tmp_path: Path) -> None:
         ),
         (
             "[surfaces.elevator]\n",
-            "[surfaces.elevator]\nscale = 100.0\n" + LOGGED,
+            "[surfaces.elevator]\noffset = 1500.0\n" + LOGGED,
             "stands at its limits",
         ),
         ("mass = 600.0", "mass = 1322.8", "the normal force grows by"),
