@@ -10,6 +10,8 @@ from aerodb.physics import density, speed_of_sound, standard_atmosphere
 #: Temperatures [K] of the air in which aircraft fly: the coldest tropopause and the hottest desert,
 #: with a margin.
 COLDEST, HOTTEST = 170.0, 335.0
+#: No quantity of the air in SI units is larger.
+HUGE = 1e9
 #: Largest share by which density may differ from that of dry air: moist air of 40 degC is 2.8 %
 #: lighter; sensors add the rest.
 GAS = 0.05
@@ -38,7 +40,11 @@ def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         good = where & flight.usable([name], despite=("implausible", "stuck"))
         if np.isfinite(value := middle(flight[name], good)):
             at[name] = value
-    listed = [_not_positive(name, at[name]) for name in at if _positive(name) and at[name] <= 0.0]
+    listed = [
+        _not_positive(name, at[name])
+        for name in at
+        if _positive(name) and not 0.0 < at[name] < HUGE
+    ]
     if listed:
         return tuple(listed)
     listed += _temperature(at)
@@ -50,7 +56,9 @@ def _positive(name: str) -> bool:
 
 
 def _not_positive(name: str, value: float) -> Suspicion:
-    words = f"the median of {name} in flight is {value:.4g}: it was not recorded"
+    words = (
+        f"the median of {name} in flight is {value:.4g} (SI): it was not recorded, or is no {name}"
+    )
     return Suspicion(name, "unit", words, {"median": value})
 
 
@@ -95,7 +103,7 @@ def _dynamic(at: dict[str, float]) -> list[Suspicion]:
 
 
 def _sound(at: dict[str, float]) -> list[Suspicion]:
-    if not {"V", "mach", "temperature"} <= at.keys() or not at["mach"] > 0.0:
+    if not {"V", "mach", "temperature"} <= at.keys() or not 0.0 < at["mach"] < HUGE:
         return []
     expected = at["mach"] * float(speed_of_sound(np.asarray(at["temperature"])))
     ratio = at["V"] / expected

@@ -141,9 +141,10 @@ def _standing(
     others are recorded, and what turns it is neither its motion nor any of them."""
     where = axis.where
     own = {name: control for name, control in controls.items() if control.role == axis.role}
-    still = [name for name, c in own.items() if float(np.ptp(along(flight, c)[where])) == 0.0]
-    recorded = any(float(np.ptp(along(flight, c)[where])) > 0.0 for c in controls.values())
-    rate = flight[_RATE[axis.role]][where]
+    travel = {n: float(np.ptp(along(flight, c)[:: axis.every][where])) for n, c in controls.items()}
+    still = [name for name in own if travel[name] == 0.0]
+    recorded = any(each > 0.0 for each in travel.values())
+    rate = flight[_RATE[axis.role]][:: axis.every][where]
     if not still or len(still) < len(own) or not recorded:
         return []
     if float(np.std(rate)) < TURNING or fit.r_squared > UNEXPLAINED:
@@ -167,15 +168,12 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
     if inner.sum() < 100:
         return None
     view = replace(axis, where=inner)
-    fits = {}
-    for lag in range(-(reach // every) * every, reach + 1, every):
-        moved = np.roll(axis.controls[name], lag)
-        if (found := view.fit({**axis.controls, name: moved})) is not None:
-            fits[lag] = found
-    if 0 not in fits:
+    lags = range(-(reach // every) * every, reach + 1, every)
+    best = view.likeliest_lag(name, lags)
+    chosen = view.fit({**axis.controls, name: np.roll(axis.controls[name], best)})
+    zero = view.fit()
+    if chosen is None or zero is None:
         return None
-    best = max(fits, key=lambda lag: fits[lag].r_squared)
-    chosen, zero = fits[best], fits[0]
     k = chosen.names.index(name)
     effect, error = float(chosen.estimates[k]), float(chosen.standard_errors[k])
     independent = inner.sum() / max(1.0, samples_per_independent(chosen.residual))
@@ -184,7 +182,7 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
     seconds = best * axis.step
     if (
         abs(seconds) < LATE
-        or abs(best) >= max(fits)
+        or abs(best) >= max(lags)
         or chosen.r_squared < EXPLAINED
         or likelier < LIKELIER
         or not effect < -max(ERRORS * error, EFFECT[axis.role][0])

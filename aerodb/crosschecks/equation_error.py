@@ -1,6 +1,6 @@
 """Angular accelerations as moment coefficients, and what they are regressed on (equation error)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,8 @@ from aerodb.vehicle import Vehicle
 
 #: Band of manoeuvres [Hz], where the vehicle file states no bandwidth; slower is trim.
 SLOWEST, FASTEST = 0.05, 3.0
+#: Samples kept per period of the fastest motion.
+SAMPLES = 8.0
 #: Least motion [rad, rms in the band] of any surface to be a regressor: less is noise; and of one
 #: without a role, which only matters where it moves much.
 LEAST, LEAST_OTHER = 1e-5, 3e-3
@@ -25,7 +27,8 @@ MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "
 
 @dataclass(frozen=True)
 class EquationError:
-    """What is regressed about one axis: the band-passed moment and its regressors."""
+    """What is regressed about one axis: the band-passed moment and its regressors, at every
+    `every`-th sample of the flight."""
 
     role: str
     moment: Array
@@ -33,6 +36,22 @@ class EquationError:
     controls: Mapping[str, Array]
     where: NDArray[np.bool_]
     step: float
+    every: int
+
+    def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
+        """Return the shift (samples) of a control with which the regression explains most."""
+        others = {**self.motion, **{n: v for n, v in self.controls.items() if n != name}}
+        basis = np.linalg.qr(np.column_stack([v[self.where] for v in others.values()]))[0]
+        moment = self.moment[self.where]
+        rest = moment - basis @ (basis.T @ moment)
+
+        def explained(lag: int) -> float:
+            moved = np.roll(self.controls[name], lag)[self.where]
+            own = moved - basis @ (basis.T @ moved)
+            size = float(own @ own)
+            return float(rest @ own) ** 2 / size if size > 0.0 else 0.0
+
+        return max(lags, key=explained)
 
     def fit(self, controls: Mapping[str, Array] | None = None) -> Regression | None:
         """Return the regression; None where it cannot be solved."""
@@ -88,16 +107,18 @@ def equation_errors(
         slow = low_passed(values, step, low)
         return low_passed(values, step, high) - slow
 
-    deflected = {
-        name: banded(np.where(where, along(flight, control), np.nan) * weight)
+    raw = {
+        name: np.where(where, along(flight, control), np.nan) * weight
         for name, control in controls.items()
     }
+    deflected = {name: banded(v) for name, v in raw.items() if np.isfinite(v[where]).all()}
     deflected = {
         name: values
         for name, values in deflected.items()
         if float(np.std(values[where])) > (LEAST if controls[name].role else LEAST_OTHER)
     }
     found = {}
+    every = max(1, int(1.0 / (SAMPLES * high * step)))
     for role, motion in MOTION.items():
         moves = {
             name: banded(states[name] * np.nan_to_num(weight, nan=1.0))
@@ -110,11 +131,21 @@ def equation_errors(
             for name, values in deflected.items()
             if controls[name].lateral is None or controls[name].lateral == lateral
         }
-        found[role] = EquationError(role, banded(moments[role]), moves, acting, where, step)
+        found[role] = EquationError(
+            role,
+            banded(moments[role])[::every],
+            {name: values[::every] for name, values in moves.items()},
+            {name: values[::every] for name, values in acting.items()},
+            where[::every],
+            step * every,
+            every,
+        )
     return found
 
 
 def _load(flight: Flight, where: NDArray[np.bool_]) -> Array | None:
     """Return the normal force over dynamic pressure, which stands for a missing alpha."""
     name = next((n for n in ("az", "az_imu") if n in flight), None)
-    return None if name is None else np.where(where, -flight[name] / flight["qbar"], np.nan)
+    if name is None or not np.isfinite(flight[name][where]).all():
+        return None
+    return np.where(where, -flight[name] / np.where(where, flight["qbar"], 1.0), np.nan)

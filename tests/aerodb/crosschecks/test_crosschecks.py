@@ -352,3 +352,18 @@ def test_records_that_cannot_tell_anything() -> None:
     assert lift_suspicions(Flight("g", "light", time, ground), vehicle()) == ()
     nothing = {"V": np.full(400, np.nan), "delta_elevator": np.full(400, np.nan)}
     assert against_vehicle(Flight("n", "light", time, nothing), vehicle()) == ()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0, 1e300, -1.0])
+def test_channels_full_of_rubbish_end_no_check(flight: Flight, value: float) -> None:
+    """Whatever a log holds, it is judged: an error here would refuse the log."""
+    for name in flight.channels:
+        for part in (slice(None), slice(100, 200)):
+            values = flight[name].copy()
+            values[part] = value
+            with np.errstate(all="ignore"):
+                found = against_vehicle(changed(flight, **{name: values}), vehicle())
+            assert all(s.sentence for s in found)
+    for name in ("mass", "Ixx", "Iyy", "Izz", "Ixz"):
+        with np.errstate(all="ignore"):
+            against_vehicle(changed(flight, **{name: np.full_like(flight.time, value)}), vehicle())
