@@ -3,15 +3,13 @@
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.in_flight import flying, middle
+from aerodb.crosschecks.in_flight import HUGE, flying, middle
 from aerodb.flight import Flight
 from aerodb.physics import density, speed_of_sound, standard_atmosphere
 
 #: Temperatures [K] of the air in which aircraft fly: the coldest tropopause and the hottest desert,
 #: with a margin.
 COLDEST, HOTTEST = 170.0, 335.0
-#: No quantity of the air in SI units is larger.
-HUGE = 1e9
 #: Largest share by which density may differ from that of dry air: moist air of 40 degC is 2.8 %
 #: lighter; sensors add the rest.
 GAS = 0.05

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import low_passed, smooth
-from aerodb.crosschecks.in_flight import flying, known_masses
+from aerodb.crosschecks.in_flight import HUGE, flying, known_masses
 from aerodb.crosschecks.surfaces import Control, along
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
@@ -49,7 +49,8 @@ class EquationError:
             moved = np.roll(self.controls[name], lag)[self.where]
             own = moved - basis @ (basis.T @ moved)
             size = float(own @ own)
-            return float(rest @ own) ** 2 / size if size > 0.0 else 0.0
+            common = float(rest @ own)
+            return common * common / size if size > 0.0 else 0.0
 
         return max(lags, key=explained)
 
@@ -111,7 +112,7 @@ def equation_errors(
         name: np.where(where, along(flight, control), np.nan) * weight
         for name, control in controls.items()
     }
-    deflected = {name: banded(v) for name, v in raw.items() if np.isfinite(v[where]).all()}
+    deflected = {name: banded(v) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
     deflected = {
         name: values
         for name, values in deflected.items()
@@ -146,6 +147,6 @@ def equation_errors(
 def _load(flight: Flight, where: NDArray[np.bool_]) -> Array | None:
     """Return the normal force over dynamic pressure, which stands for a missing alpha."""
     name = next((n for n in ("az", "az_imu") if n in flight), None)
-    if name is None or not np.isfinite(flight[name][where]).all():
+    if name is None or not np.all(np.abs(flight[name][where]) < HUGE):
         return None
     return np.where(where, -flight[name] / np.where(where, flight["qbar"], 1.0), np.nan)

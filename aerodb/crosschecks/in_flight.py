@@ -10,6 +10,8 @@ from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 
+#: No usable value in SI units is larger.
+HUGE = 1e9
 #: Fewest samples in flight from which anything is concluded.
 FEWEST = 50
 #: Least share of its largest airspeed or root of dynamic pressure at which an aircraft flies.
@@ -21,7 +23,10 @@ def flying(flight: Flight, names: Iterable[str]) -> NDArray[np.bool_]:
 
     Values flagged as implausible or stuck count: they are the evidence.
     """
-    good = flight.usable([n for n in names if n in flight], despite=("implausible", "stuck"))
+    there = [name for name in names if name in flight]
+    good = flight.usable(there, despite=("implausible", "stuck"))
+    for name in there:
+        good = good & (np.abs(flight[name]) < HUGE)
     if "V" in flight:
         speed: Array | None = flight["V"]
     elif "qbar" in flight:

@@ -99,7 +99,7 @@ def _inertia(at: Mapping[str, float]) -> list[Suspicion]:
         )
         return [Suspicion("Izz", "size", words, {"ratio": flat})]
     product = at.get("Ixz", 0.0)
-    if product**2 >= at["Ixx"] * at["Izz"]:
+    if product * product >= at["Ixx"] * at["Izz"]:
         words = f"Ixz is {product:.4g} kg m^2, and its square exceeds Ixx Izz, which no body has"
         return [Suspicion("Ixz", "size", words, {"Ixz": product})]
     return []
