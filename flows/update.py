@@ -7,11 +7,15 @@ from aerodb.flows.run import Steps
 from aerodb.tasks.steps import (
     compare_with_version,
     estimate,
+    find_sensor_rivals,
+    freeze_library,
     plan_update,
     publish_candidate,
+    trace_flight,
     validate,
     write_update_page,
 )
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def update_flow(
@@ -45,5 +49,14 @@ def update_flow(
     )
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)
-    document = steps(publish_candidate, plan, update, proof, beyond, **where)
+    library = steps(freeze_library, plan, **where)
+    steps.map(
+        trace_flight,
+        plan.hold_out.identified,
+        **where,
+        library=library,
+        database=access_workspace(workspace).database(baseline),
+    )
+    rivals = steps(find_sensor_rivals, plan, library, update, **where)
+    document = steps(publish_candidate, plan, update, proof, beyond, rivals, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -14,7 +14,8 @@ The way through:
    of what predicts them (`Beyond`, `with_extrapolated_slopes`).
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
-8. `judge_release` and `judge_derivatives` decide whether a version may be released (`Verdict`).
+8. `judge_release`, `judge_derivatives` and `judge_rivals` decide whether a version may be
+   released (`Verdict`).
 
 `model_file` holds the file format, `estimate` the regression, `validation` hold-out and errors,
 `beyond` flights outside the envelope, `derivatives` what changes inside it,

@@ -6,7 +6,7 @@ from .derivatives import (
     judge_derivatives,
 )
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
-from .gate import Check, Standing, Verdict, judge_release, sign_reasons
+from .gate import Check, Standing, Verdict, judge_release, judge_rivals, sign_reasons
 from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
 from .validation import (
     UNCHANGED,
@@ -41,6 +41,7 @@ __all__ = [
     "estimate_increments",
     "judge_derivatives",
     "judge_release",
+    "judge_rivals",
     "keep_slope_signs",
     "parse_model_file",
     "sign_reasons",

@@ -4,7 +4,7 @@ All checks are always made, so that a refusal lists everything that is wrong. Th
 what it is given: reading from stores and recording the verdict belong to its callers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -97,6 +97,23 @@ def judge_release(
             Check("no axis worse than its repeatability", _repeatability(axes)),
             Check("no new sign change outside the data", sign_reasons(baseline, candidate)),
         )
+    )
+
+
+def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str]) -> Check:
+    """Return the gate's check of the errors of sensors that explain what an update changes.
+
+    rivals : ``rivals`` of its report (docs/reference/contract.md). accepted : their ids that a
+    person accepts, with a reason.
+    """
+    return Check(
+        "no error of a sensor explains what changes",
+        tuple(
+            f"{rival['hypothesis']} explains {', '.join(rival['shares'])} better than declared"
+            f" increments do (if they are right: --accept {rival['hypothesis']}, and the --reason)"
+            for rival in rivals
+            if rival["hypothesis"] not in accepted
+        ),
     )
 
 

@@ -17,13 +17,14 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 5. `with_model_error(source, flights, loop, library)` gives the candidate with bands that contain
    what the shapes of the additions miss.
 6. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
-   open, for declared increments.
+   open, for declared increments; `sensor_rivals` the errors of sensors that the loop finds where
+   they are declared.
 
 Modules: `flights` (what a source of flights gives), `freezing` and `library`, `evidence` (of one
 flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall` and `stall_loop`,
 `refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`,
-`between_flights`, `shapes` and `model_error`, `consider`. The method: docs/method/tracing.md,
-sections 13 to 16, 25 and 26.
+`between_flights`, `shapes` and `model_error`, `consider`, `rivals`. The method:
+docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 
 import lazy_loader as lazy

@@ -5,6 +5,7 @@ from .flights import FlightSource, Reconstruction
 from .freezing import freeze_library
 from .library import Library
 from .model_error import with_model_error
+from .rivals import SensorRival, sensor_rivals
 from .rounds import Accept, LoopResult, run_loop
 from .stall_windows import StallWindow, stall_windows
 from .unexplained import unexplained_residuals
@@ -16,6 +17,7 @@ __all__ = [
     "Library",
     "LoopResult",
     "Reconstruction",
+    "SensorRival",
     "StallWindow",
     "beside_larger_unnamed",
     "consider_parameters",
@@ -24,6 +26,7 @@ __all__ = [
     "freeze_library",
     "noisier_flights",
     "run_loop",
+    "sensor_rivals",
     "stall_windows",
     "unexplained_residuals",
     "validate_loop",

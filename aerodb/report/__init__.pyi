@@ -6,7 +6,7 @@ from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update
 from .flight_page import FlightStory, flight_report
 from .headlines import error_rows, headline
 from .lineage_figure import Relative, lineage_graph
-from .loop_documents import loop_document, stall_remarks
+from .loop_documents import loop_document, rival_remarks, stall_remarks
 from .page import pdf, render
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, for_people, visible
 from .update_page import MEANS, UpdateStory, update_report
@@ -41,6 +41,7 @@ __all__ = [
     "page",
     "pdf",
     "render",
+    "rival_remarks",
     "stall_remarks",
     "update_document",
     "update_report",

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from aerodb.increments import AxisValidation, Beyond, HoldOut
-from aerodb.loop import StallWindow
+from aerodb.loop import SensorRival, StallWindow
 from aerodb.nomenclature import AXES
 from aerodb.report.document import axis_document, beyond_document, opening
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
@@ -104,6 +104,18 @@ def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> l
         )
         + "."
         for entry in stalls
+    ]
+
+
+def rival_remarks(rivals: Sequence[SensorRival]) -> list[str]:
+    """A remark on each error of a sensor that the loop finds where increments are declared."""
+    return [
+        f"The gate will refuse this version: {rival.hypothesis} is a rival of what was declared:"
+        f" {rival.because} Its effect is "
+        + ", ".join(f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items())
+        + ". Mend the sensor (correct it in the vehicle file, or recalibrate), or promote with"
+        f" --accept {rival.hypothesis}."
+        for rival in rivals
     ]
 
 

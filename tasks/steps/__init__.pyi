@@ -32,7 +32,7 @@ from .report import flight_page, update_page, version_page, write_update_page
 from .runs import mark_ended
 from .segments import segments_of
 from .store import trim_cache
-from .trace import freeze_library, trace_flight
+from .trace import find_sensor_rivals, freeze_library, trace_flight
 from .update import estimate, plan_update, validate
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
     "estimate",
     "export_version",
     "files_of_inbox",
+    "find_sensor_rivals",
     "flight_page",
     "freeze_library",
     "import_database",

@@ -27,12 +27,13 @@ from aerodb.increments import (
     derivatives_document,
     sign_reasons,
 )
-from aerodb.loop import Accept, Library, LoopResult, StallWindow
+from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow
 from aerodb.report import (
     beyond_remarks,
     hold_out_remarks,
     left_out_remarks,
     loop_document,
+    rival_remarks,
     stall_remarks,
     update_document,
 )
@@ -164,6 +165,7 @@ def publish_candidate(
     update: Update,
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
+    rivals: tuple[SensorRival, ...],
     *,
     workspace: str,
     run: str,
@@ -182,6 +184,7 @@ def publish_candidate(
         beyond=beyond,
     )
     baseline = access.database(plan.baseline)
+    document["rivals"] = [asdict(rival) for rival in rivals]
     document["derivatives"], refused = _derivatives(access, plan, baseline, update.candidate, run)
     signs = (*sign_reasons(baseline, update.candidate), *refused)
     document["remarks"] += [
@@ -189,6 +192,7 @@ def publish_candidate(
         *_without_thrust(access, plan),
         *input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run),
         *(f"The gate will refuse this version: {reason}." for reason in signs),
+        *rival_remarks(rivals),
     ]
     settings = {
         "model": plan.model,

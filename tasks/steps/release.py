@@ -6,7 +6,14 @@ from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
-from aerodb.increments import Check, Standing, Verdict, judge_derivatives, judge_release
+from aerodb.increments import (
+    Check,
+    Standing,
+    Verdict,
+    judge_derivatives,
+    judge_release,
+    judge_rivals,
+)
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import GateSettings, load_settings
@@ -27,8 +34,8 @@ def promote(
 ) -> dict[str, Any]:
     """Point `name` at a version (its id); ``released`` only through the gate.
 
-    accept : changes of derivatives (``Cm_delta_elevator``) that would be refused otherwise; they
-    are stored with the reason.
+    accept : changes of derivatives (``Cm_delta_elevator``) and errors of sensors
+    (``alpha_scale@all``) for which the gate would refuse; they are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises
     GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed
@@ -133,14 +140,23 @@ def _gate(
     gate = load_settings(access.workspace.root).of(row.vehicle).gate
     listed = documents.report.get("derivatives")
     derivatives = judge_derivatives(listed, gate.largest_change, accept)
-    unknown = set(accept) - {f"{each['axis']}_{each['variable']}" for each in listed or ()}
+    rivals = documents.report.get("rivals", [])
+    known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
+    unknown = set(accept) - known - {rival["hypothesis"] for rival in rivals}
     if unknown:
         raise InputError(
             f"nothing to accept under {', '.join(sorted(unknown))}",
             f"version {row.label}",
-            f"its changed derivatives: aerodb version show {row.label} --vehicle {row.vehicle}",
+            f"what can be accepted: aerodb version show {row.label} --vehicle {row.vehicle}",
         )
-    return Verdict((*verdict.checks, derivatives, *_enough_flights(row, access, gate)))
+    return Verdict(
+        (
+            *verdict.checks,
+            derivatives,
+            judge_rivals(rivals, accept),
+            *_enough_flights(row, access, gate),
+        )
+    )
 
 
 def _enough_flights(

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from aerodb.loop import Library
+from aerodb.increments import Update
+from aerodb.loop import Library, SensorRival, sensor_rivals
 from aerodb.loop import freeze_library as frozen_library
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import flights_of
@@ -31,6 +32,16 @@ def freeze_library(
         access_workspace(workspace).database(plan.baseline),
     )
     return frozen_library(source, plan.hold_out.identified, baseline, effects, expected, measured)
+
+
+def find_sensor_rivals(
+    plan: Plan, library: Library, update: Update, *, workspace: str, run: str
+) -> tuple[SensorRival, ...]:
+    """Return the errors of sensors that explain what a declared update changes
+    (`aerodb.loop.sensor_rivals`)."""
+    source = flights_of(workspace, plan.vehicle, run)
+    baseline = access_workspace(workspace).database(plan.baseline)
+    return sensor_rivals(source, plan.hold_out.identified, baseline, update.candidate, library)
 
 
 def trace_flight(

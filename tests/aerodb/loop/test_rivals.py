@@ -1,0 +1,82 @@
+"""The errors of sensors that a declared update would absorb are its rivals, and only they."""
+
+from dataclasses import asdict
+
+import pytest
+
+from aerodb.increments import (
+    ModelFile,
+    estimate_increments,
+    judge_derivatives,
+    judge_rivals,
+    parse_model_file,
+)
+from aerodb.loop import SensorRival, freeze_library, sensor_rivals
+from aerodb.tables.database import AeroDatabase
+from tests.aerodb.loop.test_axis_models import database, flights
+from tests.support.flights_in_memory import FlightsInMemory
+
+MODEL = """\
+[[increment]]
+axis = "CZ"
+terms = ["1", "alpha"]
+[[increment]]
+axis = "Cm"
+terms = ["1", "alpha", "q_hat", "delta_elevator"]
+"""
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    return flights(range(60, 66))
+
+
+def rivals(
+    source: FlightsInMemory, baseline: AeroDatabase, text: str = MODEL
+) -> tuple[SensorRival, ...]:
+    identified = tuple(source.flown)
+    model: ModelFile = parse_model_file(text, "model.toml")
+    compared = [source.comparison(id, baseline) for id in identified]
+    update = estimate_increments(
+        [f for f, _ in compared], [c for _, c in compared], model, baseline
+    )
+    library = freeze_library(source, identified, baseline)
+    return sensor_rivals(source, identified, baseline, update.candidate, library)
+
+
+def test_a_wrong_vane_is_the_rival_of_the_slopes_that_absorb_it(source: FlightsInMemory) -> None:
+    """alpha reads 12 % too high beside a complete database: the increments lower both slopes by 11
+    %, which the size of the change alone would let pass."""
+    wrong = {
+        id: (flight.with_channels({"alpha": 1.12 * flight["alpha"]}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    found = rivals(FlightsInMemory(source.vehicle, wrong), database(1.0))
+    assert [rival.hypothesis for rival in found] == ["alpha_scale@all"]
+    assert found[0].value == pytest.approx(0.12 / 1.12, rel=0.15)  # as a part of the reading
+    assert found[0].shares["CZ"] == pytest.approx(1.0, abs=0.3)
+    documents = [asdict(rival) for rival in found]
+    (reason,) = judge_rivals(documents, ()).reasons
+    assert "alpha_scale@all explains" in reason
+    assert judge_rivals(documents, {"alpha_scale@all"}).passed
+
+
+def test_what_the_aircraft_has_beyond_its_database_has_no_rival(source: FlightsInMemory) -> None:
+    assert rivals(source, database(0.0)) == ()
+
+
+def test_a_wrong_sensor_of_axes_that_do_not_change_is_no_rival(source: FlightsInMemory) -> None:
+    """beta reads 15 % too high: roll and yaw feel it, and the declared pitching moment does
+    not."""
+    wrong = {
+        id: (flight.with_channels({"beta": 1.15 * flight["beta"]}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    text = MODEL[MODEL.index('[[increment]]\naxis = "Cm"') :]
+    found = rivals(FlightsInMemory(source.vehicle, wrong), database(0.0), text)
+    assert "beta_scale@all" not in {rival.hypothesis for rival in found}
+
+
+def test_nothing_to_judge_passes() -> None:
+    assert judge_rivals((), ()).passed
+    assert judge_derivatives((), 0.5, ()).passed
