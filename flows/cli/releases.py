@@ -46,8 +46,8 @@ def promote(
     if document["moved"]:
         for check in document["checks"]:
             session.say(f"passed: {check}")
-        say_derivatives(session, document["derivatives"])
         _say_move(session, document)
+        say_derivatives(session, document["derivatives"])
     else:
         session.say(f"{name} already points to {row.label}")
     session.answer(document)
