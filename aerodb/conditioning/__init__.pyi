@@ -9,7 +9,7 @@ from .condition import (
     to_document,
 )
 from .delay import delay_between
-from .differentiation import FEWEST_SAMPLES, bridge, low_passed, smooth
+from .differentiation import FEWEST_SAMPLES, band_passed, bridge, low_passed, smooth
 from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
 from .local_gravity import local_gravity
 from .plausibility import Suspicion, clock_suspicions
@@ -37,6 +37,7 @@ __all__ = [
     "Shared",
     "Suspicion",
     "alpha_rate",
+    "band_passed",
     "beta_rate",
     "bridge",
     "clean_clock",

@@ -85,6 +85,14 @@ def low_passed(values: Array, step: float, bandwidth: float) -> Array:
     return line
 
 
+def band_passed(values: Array, step: float, low: float, high: float) -> Array:
+    """Return the part (n,) of a record between two bandwidths [Hz] of `smooth`; 0 < low < high."""
+    line, series, frequency, gain = _spectrum(values, step, high)
+    between = np.zeros(len(line))
+    between[1:-1] = 0.5 * dst((gain - _gain(frequency, low)) * series, type=1)
+    return between
+
+
 def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Array, Array, Array]:
     """Return the line (n,) through the end points and the sine series (n - 2,) of the remainder.
 
@@ -103,8 +111,12 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
     line = np.linspace(*_end_points(record, step, bandwidth), n)
     frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
     series = np.asarray(dst((record - line)[1:-1], type=1) / (n - 1), dtype=np.float64)
-    gain = np.clip(0.5 + (1 - frequency / bandwidth) / ROLL_OFF, 0.0, 1.0)
-    return line, series, frequency, np.asarray(0.5 * (1 - np.cos(np.pi * gain)))
+    return line, series, frequency, _gain(frequency, bandwidth)
+
+
+def _gain(frequency: Array, bandwidth: float) -> Array:
+    share = np.clip(0.5 + (1 - frequency / bandwidth) / ROLL_OFF, 0.0, 1.0)
+    return np.asarray(0.5 * (1 - np.cos(np.pi * share)))
 
 
 def bridge(values: Array) -> Array:

@@ -141,10 +141,10 @@ def _standing(
     others are recorded, and what turns it is neither its motion nor any of them."""
     where = axis.where
     own = {name: control for name, control in controls.items() if control.role == axis.role}
-    travel = {n: float(np.ptp(along(flight, c)[:: axis.every][where])) for n, c in controls.items()}
+    travel = {n: float(np.ptp(axis.thinned(along(flight, c))[where])) for n, c in controls.items()}
     still = [name for name in own if travel[name] == 0.0]
     recorded = any(each > 0.0 for each in travel.values())
-    rate = flight[_RATE[axis.role]][:: axis.every][where]
+    rate = axis.thinned(flight[_RATE[axis.role]])[where]
     if not still or len(still) < len(own) or not recorded:
         return []
     if float(np.std(rate)) < TURNING or fit.r_squared > UNEXPLAINED:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import prev_fast_len
 
-from aerodb.conditioning import low_passed, smooth
+from aerodb.conditioning import band_passed, smooth
 from aerodb.crosschecks.in_flight import HUGE, flying, known_masses
 from aerodb.crosschecks.surfaces import Control, along
 from aerodb.estimation import Regression, least_squares
@@ -27,8 +28,8 @@ MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "
 
 @dataclass(frozen=True)
 class EquationError:
-    """What is regressed about one axis: the band-passed moment and its regressors, at every
-    `every`-th sample of the flight."""
+    """What is regressed about one axis: the band-passed moment and its regressors, means of `every`
+    samples of the flight."""
 
     role: str
     moment: Array
@@ -37,6 +38,10 @@ class EquationError:
     where: NDArray[np.bool_]
     step: float
     every: int
+
+    def thinned(self, values: Array) -> Array:
+        """Return a channel of the flight at the samples of the regression."""
+        return values[:: self.every][: len(self.where)]
 
     def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
         """Return the shift (samples) of a control with which the regression explains most."""
@@ -78,16 +83,22 @@ def equation_errors(
     high = min(high, 0.4 / step)
     if where.sum() < 100 or where.sum() * step < 5.0 or high < 0.5:
         return {}
-    clean = {name: np.where(where, flight[name], np.nan) for name in needed}
+    every = max(1, int(1.0 / (SAMPLES * high * step)))
+    raw = {name: np.where(where, along(flight, each), np.nan) for name, each in controls.items()}
+    raw = {name: averaged(v, every) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
+    load = None if "alpha" in flight else _load(flight, where)
+    clean = {name: averaged(np.where(where, flight[name], np.nan), every) for name in needed}
+    known = {name: averaged(values, every) for name, values in known.items()}
+    step, where = step * every, np.isfinite(averaged(np.where(where, 0.0, np.nan), every))
     smoothed = {name: smooth(clean[name], step, high) for name in rates}
     p, q, r = (smoothed[name].value for name in "pqr")
     pdot, qdot, rdot = (smoothed[name].rate for name in "pqr")
     ixx, iyy, izz = (np.nan_to_num(known[n], posinf=0.0) for n in ("Ixx", "Iyy", "Izz"))
     ixz = known["Ixz"] if "Ixz" in known else np.zeros_like(ixx)
     size = vehicle.reference
-    force = float(np.median(flight["qbar"][where])) * size.area
-    speed = float(np.median(flight["V"][where]))
-    weight = np.where(where, flight["qbar"], np.nan) * size.area / force
+    force = float(np.median(clean["qbar"][where])) * size.area
+    speed = float(np.median(clean["V"][where]))
+    weight = clean["qbar"] * size.area / force
     moments = {
         "roll": (ixx * pdot - ixz * (rdot + p * q) + (izz - iyy) * q * r) / (force * size.span),
         "pitch": (iyy * qdot + (ixx - izz) * p * r + ixz * (p**2 - r**2)) / (force * size.chord),
@@ -100,26 +111,20 @@ def equation_errors(
     }
     states: dict[str, Array] = {**hats}
     states |= {name: clean[name] for name in ("alpha", "beta") if name in clean}
-    if "alpha" not in states and (load := _load(flight, where)) is not None:
-        states["alpha"] = load
+    if load is not None:
+        states["alpha"] = averaged(load, every)
     low = max(SLOWEST, 1.5 / (where.sum() * step))
 
     def banded(values: Array) -> Array:
-        slow = low_passed(values, step, low)
-        return low_passed(values, step, high) - slow
+        return band_passed(values, step, low, high)
 
-    raw = {
-        name: np.where(where, along(flight, control), np.nan) * weight
-        for name, control in controls.items()
-    }
-    deflected = {name: banded(v) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
+    deflected = {name: banded(values * weight) for name, values in raw.items()}
     deflected = {
         name: values
         for name, values in deflected.items()
         if float(np.std(values[where])) > (LEAST if controls[name].role else LEAST_OTHER)
     }
     found = {}
-    every = max(1, int(1.0 / (SAMPLES * high * step)))
     for role, motion in MOTION.items():
         moves = {
             name: banded(states[name] * np.nan_to_num(weight, nan=1.0))
@@ -134,14 +139,23 @@ def equation_errors(
         }
         found[role] = EquationError(
             role,
-            banded(moments[role])[::every],
-            {name: values[::every] for name, values in moves.items()},
-            {name: values[::every] for name, values in acting.items()},
-            where[::every],
-            step * every,
+            banded(moments[role]),
+            moves,
+            acting,
+            where,
+            step,
             every,
         )
     return found
+
+
+def averaged(values: Array, every: int) -> Array:
+    """Return the means of `every` samples each; nan where one of them is.
+
+    The last few (less than 1 %) are dropped, so that the number suits a fast Fourier transform.
+    """
+    count = int(prev_fast_len(len(values) // every - 1)) + 1
+    return values[: count * every].reshape(count, every).mean(axis=1)
 
 
 def _load(flight: Flight, where: NDArray[np.bool_]) -> Array | None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
-from aerodb.conditioning import first_order_lag, low_pass_taps
+from aerodb.conditioning import band_passed, first_order_lag, low_pass_taps, low_passed
 from aerodb.conditioning.resampling import low_pass
 
 
@@ -33,3 +33,16 @@ def test_the_lag_is_that_of_scipy_and_stops_at_a_gap() -> None:
     response = first_order_lag(command, 0.02, 0.3)
     assert np.isfinite(response[:101]).all()
     assert np.isnan(response[101:]).all()
+
+
+def test_the_band_keeps_what_lies_between_and_nothing_else() -> None:
+    """Sines at .02, 1 and 8 Hz on a slope; a band of .1 to 3 Hz keeps the second."""
+    step, n = 0.02, 10_000
+    time = step * np.arange(n)
+    kept = np.sin(2 * np.pi * 1.0 * time)
+    others = np.sin(2 * np.pi * 0.02 * time) + np.sin(2 * np.pi * 8.0 * time) + 0.3 * time
+    band = band_passed(kept + others, step, 0.1, 3.0)
+    inner = slice(n // 10, -n // 10)
+    assert np.abs(band - kept)[inner].max() < 0.02
+    both = low_passed(kept + others, step, 3.0) - low_passed(kept + others, step, 0.1)
+    assert np.abs(band - both)[inner].max() < 0.02
