@@ -11,9 +11,10 @@ The only layer that reads and writes files, SQL databases and object stores; the
 4. `readers.parsed_log` parses a log in another process, under limits, into a `Recording`;
    `mappings.load_mapping` says which field of the log is which channel.
 5. `files` stores flights, recordings, results and documents, in the folder or in an object store.
-6. `writers` writes ULog files and PROV-JSON, and loads exports in JSBSim.
+6. `writers` writes ULog files and PROV-JSON, and checks exports in JSBSim, in another process.
 7. `upkeep` verifies, backs up and restores a workspace.
 
 Shared by these: `encoding` (values as database columns), `locks` (file locks), `urls` (database
-addresses), `disk_errors` and `database_errors` (system errors as `StoreError` with a remedy).
+addresses), `confinement` (limits of processes that may fail), `disk_errors` and `database_errors`
+(system errors as `StoreError` with a remedy).
 """

@@ -1,6 +1,7 @@
 from .arrays import export_csv, export_mat, export_netcdf, import_csv, import_mat, import_netcdf
 from .daveml import export_daveml, import_daveml, is_daveml
 from .jsbsim import (
+    Agreement,
     check_in_jsbsim,
     export_jsbsim,
     import_jsbsim,
@@ -18,6 +19,7 @@ from .native import (
 from .state_terms import states_for_jsbsim, without_states
 
 __all__ = [
+    "Agreement",
     "check_in_jsbsim",
     "database_content_sha256",
     "database_document_sha256",

@@ -14,26 +14,13 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Recording
+from aerodb.storage.confinement import confined_environment
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.limits import Limits
-
-#: Environment variables passed to the reader; it does not get any others.
-_PASSED: Final = (
-    "PATH",
-    "HOME",
-    "LANG",
-    "LC_ALL",
-    "TMPDIR",
-    "TZ",
-    "NUMBA_CACHE_DIR",
-    "LD_LIBRARY_PATH",
-    "SYSTEMROOT",
-    "PYTHONPATH",
-)
 
 
 @dataclass(frozen=True)
@@ -77,8 +64,6 @@ class _Worker:
     """A worker process and the pipes to it."""
 
     def __init__(self, suffixes: Collection[str] = ()) -> None:
-        own = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
-        environment = {name: os.environ[name] for name in _PASSED if name in os.environ} | own
         command = [sys.executable, "-P", "-m", "aerodb.storage.readers.worker", *suffixes]
         # A session of its own: an interrupt at the terminal is this process' business, which then
         # ends the worker.
@@ -87,7 +72,7 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=environment,
+            env=confined_environment(),
             start_new_session=True,
         )
 

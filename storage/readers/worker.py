@@ -8,16 +8,13 @@ suffixes given as arguments, so a child costs only a fork. When the process that
 dies, the worker and the child die too.
 """
 
-import ctypes
 import json
 import os
-import resource
 import select
 import signal
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -27,13 +24,13 @@ import numpy as np
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Topic
+from aerodb.storage.confinement import confine, how_it_ended
 from aerodb.storage.disk_errors import remove, translated_disk_errors
 from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import ULOG_SUFFIXES, import_reader, read_log
 from aerodb.storage.writers import write_ulog
 
-_DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 _ANSWER_BYTES: Final = 1 << 20
 _LATER: Final = (
     "check the log at its source, or raise [limits] in the workspace settings and ingest it again"
@@ -89,7 +86,9 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
     if reply:
         document: dict[str, str] = json.loads(reply)
         return document
-    return _refusal(_end_of(status, end == "late", limits), job["log"], _LATER)
+    code = os.waitstatus_to_exitcode(status)
+    ended = how_it_ended(code, end == "late", limits, "its parsing", "the reader")
+    return _refusal(ended, job["log"], _LATER)
 
 
 def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "master"]]:
@@ -108,19 +107,6 @@ def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "m
             return received, ""
 
 
-def _end_of(status: int, late: bool, limits: Limits) -> str:
-    if late:
-        return f"its parsing was stopped after {limits.wall:g} s"
-    if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        if number == signal.SIGXCPU:
-            return f"its parsing was stopped after {limits.processor:g} s of processor time"
-        if number == signal.SIGKILL:
-            return "its parsing was killed by the system, most likely because memory ran out"
-        return f"its parsing crashed the reader ({signal.Signals(number).name})"
-    return f"its parsing ended the reader (exit code {os.WEXITSTATUS(status)})"
-
-
 def _refusal(what: str, where: str, remedy: str, kind: str = "refused") -> dict[str, str]:
     return {"ended": kind, "what": what, "where": where, "remedy": remedy}
 
@@ -129,7 +115,7 @@ def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
     """The child: read the log under its limits, write its topics, report the result, and exit
     without returning."""
     try:
-        _confine(limits)
+        confine(limits)
         reply = _read(log, folder, limits)
         os.write(writing, json.dumps(reply).encode("ascii"))
     finally:
@@ -161,32 +147,6 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
         what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
         return _refusal(what, str(log), "report it, with the log, as a bug of aerodb")
     return {"ended": "done"}
-
-
-def _confine(limits: Limits) -> None:
-    """Set the limits of this process; the memory limit is in addition to what code and libraries
-    already use."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
-        with suppress(OSError):  # where memory runs out all the same, this process goes first
-            Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
-    most = _address_space() + limits.memory
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    seconds = max(int(limits.processor), 1)
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _address_space() -> int:
-    """Address space already used by this process [bytes], if the system tells."""
-    try:
-        return (
-            int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-            * resource.getpagesize()
-        )
-    except OSError:
-        return 2_000_000_000  # what code and libraries take on Linux
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError, nearest
 from aerodb.exchange import (
-    check_in_jsbsim,
     export_csv,
     export_daveml,
     export_jsbsim,
@@ -20,14 +19,15 @@ from aerodb.exchange import (
     import_jsbsim,
     import_mat,
     import_netcdf,
-    input_properties,
     jsbsim_check_cases,
     states_for_jsbsim,
     without_states,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
+from aerodb.storage.limits import Limits
 from aerodb.storage.workspace import Workspace, write_for_user
-from aerodb.storage.writers import jsbsim_is_installed, loaded_in_jsbsim
+from aerodb.storage.workspace_settings import load_settings
+from aerodb.storage.writers import agreement_in_jsbsim, jsbsim_is_installed
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, make_check_cases
 
 
@@ -36,15 +36,15 @@ class Form:
     """An export format.
 
     cases : check cases to write with it. write : (database, name, cases) -> file. read : (file,
-    name) -> database. receive : runs the receiving program, where it is installed, and returns its
-    verdict in one sentence; InputError if it disagrees. carried : reduces the database to what the
-    format can carry (no states).
+    name) -> database. receive : runs the receiving program, where it is installed, under the
+    workspace's limits, and returns its verdict in one sentence; InputError if it disagrees.
+    carried : reduces the database to what the format can carry (no states).
     """
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
     write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
     read: Callable[[bytes, str], AeroDatabase]
-    receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase]], str] = lambda *_: ""
+    receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase], Limits], str] = lambda *_: ""
     carried: Callable[[AeroDatabase], AeroDatabase] = lambda database: database
 
 
@@ -57,10 +57,12 @@ def _daveml(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> by
     return export_daveml(database, check_cases=len(cases))
 
 
-def _in_jsbsim(database: AeroDatabase, data: bytes, cases: Sequence[CheckCase]) -> str:
+def _in_jsbsim(
+    database: AeroDatabase, data: bytes, cases: Sequence[CheckCase], limits: Limits
+) -> str:
     if not jsbsim_is_installed():
         return "not run in JSBSim, which is not installed here"
-    agreement = check_in_jsbsim(database, loaded_in_jsbsim(data), cases, input_properties(database))
+    agreement = agreement_in_jsbsim(database, data, cases, limits)
     if not agreement.passed:
         axis = max(agreement.errors, key=lambda name: agreement.errors[name])
         raise InputError(
@@ -118,7 +120,7 @@ def export_version(
     cases = form.cases(database)
     data = form.write(database, name, cases)
     _check(form, data, name, cases)
-    received = form.receive(database, data, cases)
+    received = form.receive(database, data, cases, load_settings(workspace.root).limits)
     written = write_for_user(workspace, output, data)
     return {
         "version": version.id,

@@ -1,4 +1,4 @@
-from .check_cases import check_in_jsbsim, jsbsim_check_cases
+from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases
 from .export import export_jsbsim, input_properties
 from .properties import (
     STALL_HYSTERESIS,
@@ -10,6 +10,7 @@ from .reader import import_jsbsim
 
 __all__ = [
     "STALL_HYSTERESIS",
+    "Agreement",
     "check_in_jsbsim",
     "export_jsbsim",
     "hysteresis_description",
