@@ -271,7 +271,9 @@ def test_a_manifest_with_any_bit_flipped_is_refused(workspace: Workspace, tmp_pa
 
 def _lack(workspace: Workspace) -> list[Path]:
     """Damage of each kind; returns where `verify` sees it."""
-    gone = next((workspace.root / "results").rglob("*.parquet"))
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        flight = catalogue.flights(NAME)[0].id
+        gone = workspace.resolve(catalogue.results_of(flight, "coefficients")[0].path)
     gone.unlink()
     topics = sorted((workspace.root / "flights").glob("*/*.topics"))
     (topics[0] / "0000.parquet").write_bytes(b"damaged")
