@@ -1,8 +1,9 @@
 """Flights of a workspace as a source for the closed loop; missing results are computed and
 stored."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
@@ -11,9 +12,11 @@ from aerodb.flight import Flight
 from aerodb.loop import Library, Reconstruction, evidence_beside
 from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
+from aerodb.tasks.memory_cache import cached
 from aerodb.tasks.steps import (
+    FlightCoefficients,
     applied_errors,
-    compare_with_database,
+    compare_loaded,
     load_coefficients,
     load_consistent,
     noise_of,
@@ -23,8 +26,10 @@ from aerodb.tasks.steps import (
 )
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import NormalEquations, normal_equations_of
+from aerodb.tracing import NormalEquations, normal_equations_of, thinned
 from aerodb.vehicle import Vehicle
+
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -32,24 +37,39 @@ class StoredFlights:
     """Flights of the vehicle `vehicle_name` in a workspace; new results are stored as made by
     `run`.
 
-    Implements `aerodb.loop.FlightSource`.
+    Implements `aerodb.loop.FlightSource`. What was read once is remembered (`memory_cache`): a
+    calculation sees its flights as they were when it first asked for them.
     """
 
     access: WorkspaceAccess
     vehicle_name: str
     run: str
+    _token: object = field(default_factory=object, init=False, repr=False, compare=False)
 
     @property
     def vehicle(self) -> Vehicle:
         """The vehicle, from its present file and settings."""
-        return self.access.vehicle(self.vehicle_name)[0]
+        return self._once(lambda: self.access.vehicle(self.vehicle_name)[0], "vehicle")
+
+    def _once(self, make: Callable[[], Value], *what: Hashable) -> Value:
+        return cached((self._token, *what), make)
+
+    def _loaded(self, flight: str) -> FlightCoefficients:
+        return self._once(
+            lambda: load_coefficients(self.access, self.access.catalogue.flight(flight), self.run),
+            "coefficients",
+            flight,
+        )
 
     def flight(self, flight: str) -> Flight:
         """Return the consistent flight from which the coefficients are computed."""
-        return load_coefficients(self.access, self.access.catalogue.flight(flight), self.run).flight
+        return self._loaded(flight).flight
 
     def reconstruction(self, flight: str) -> Reconstruction:
         """Return the reconstruction, from the stored document of the consistent flight."""
+        return self._once(lambda: self._reconstruction(flight), "reconstruction", flight)
+
+    def _reconstruction(self, flight: str) -> Reconstruction:
         row = self.access.catalogue.flight(flight)
         document = load_consistent(self.access, row, self.run).document
         errors = {
@@ -70,23 +90,36 @@ class StoredFlights:
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
         """Return a flight and its comparison with a database; cached in memory, not stored."""
-        compared = compare_with_database(self.access, flight, database, self.run)
-        return compared.flight, compared.comparison
+        loaded = self._loaded(flight)
+        return loaded.flight, compare_loaded(loaded, database, self.vehicle)
+
+    def thinned(
+        self, flight: str, database: AeroDatabase, bandwidth: float
+    ) -> tuple[Flight, Comparison]:
+        """Return both at the rate that tracing at `bandwidth` [Hz] needs."""
+        return self._once(
+            lambda: thinned(*self.comparison(flight, database), bandwidth),
+            "thinned",
+            flight,
+            database_document_sha256(database),
+            bandwidth,
+        )
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
         """Return the normal equations of a flight; read back if stored, else computed and
         stored."""
-        row = self.access.catalogue.flight(flight)
-        coefficients_key = load_coefficients(self.access, row, self.run).key
-        inputs = {"coefficients": coefficients_key, "database": database_document_sha256(database)}
+        inputs = {
+            "coefficients": self._loaded(flight).key,
+            "database": database_document_sha256(database),
+        }
         settings = {"library": library.sha256, "tracing": library.settings.sha256}
         if flight in library.stall:
             settings["stall"] = str(library.stall[flight])
         if flight in library.loops:
             settings["loop"] = str(library.loops[flight])
-        result = StoredResult(self.access, "gram", "gram", inputs, settings, flight=row.id)
+        result = StoredResult(self.access, "gram", "gram", inputs, settings, flight=flight)
         path = result.stored()
         if path is not None:
             return read_normal_equations(path)

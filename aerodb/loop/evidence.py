@@ -21,7 +21,6 @@ from aerodb.tracing import (
     bounded_noise,
     evidence_of,
     noisy_copies,
-    thinned,
     with_air_data_noise,
     with_commanded_rates,
     with_instruments,
@@ -83,8 +82,7 @@ def evidence_beside(
     The search does without both; findings of rates are tested once more with them.
     """
     vehicle = flights.vehicle
-    whole, beside_whole = flights.comparison(flight, database)
-    channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)
+    channels, comparison = flights.thinned(flight, database, library.settings.bandwidth)
     reconstruction = flights.reconstruction(flight)
     view = view_of(channels, comparison, database, vehicle)
     if "alpha" in reconstruction.angles:
@@ -93,7 +91,7 @@ def evidence_beside(
         )  # the angles are those at the CG, from the motion there
     noisy = copies_with_noise(
         channels,
-        whole.duration,
+        flights.flight(flight).duration,
         reconstruction,
         view,
         comparison,

@@ -10,7 +10,7 @@ from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import NormalEquations, thinned
+from aerodb.tracing import NormalEquations
 from aerodb.vehicle import Vehicle
 
 
@@ -65,6 +65,14 @@ class FlightSource(Protocol):
         """
         ...
 
+    def thinned(
+        self, flight: str, database: AeroDatabase, bandwidth: float
+    ) -> tuple[Flight, Comparison]:
+        """Return both at the rate that tracing at `bandwidth` [Hz] needs:
+        `aerodb.tracing.thinned`.
+        """
+        ...
+
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
@@ -82,12 +90,3 @@ class FlightSource(Protocol):
         None where none of them was traced before with another library.
         """
         ...
-
-
-def thinned_comparison(
-    flights: FlightSource, flight: str, database: AeroDatabase, bandwidth: float
-) -> tuple[Flight, Comparison]:
-    """Return a flight and its comparison with a database at the rate for tracing at `bandwidth`
-    [Hz].
-    """
-    return thinned(*flights.comparison(flight, database), bandwidth)

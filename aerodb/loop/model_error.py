@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import WIND_TO_BODY_AXES, view_of
-from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
@@ -45,7 +45,7 @@ def with_model_error(
     settings = library.settings
 
     def residual(flight: str) -> FlightResidual:
-        given = thinned_comparison(source, flight, loop.candidate, settings.bandwidth)
+        given = source.thinned(flight, loop.candidate, settings.bandwidth)
         view = view_of(*given, loop.candidate, source.vehicle)
         evidence = evidence_of(*given, loop.candidate, source.vehicle, [], view=view)
         return FlightResidual(evidence, shape_variables(view))

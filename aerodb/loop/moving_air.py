@@ -23,7 +23,6 @@ from aerodb.tracing import (
     normal_equations_of,
     only_suspected,
     roll_rates,
-    thinned,
     trace,
 )
 
@@ -45,9 +44,7 @@ def rolling_share(
         reconstruction = source.reconstruction(flight)
         if reconstruction.noise is None or "alpha" not in reconstruction.noise.unsteady:
             return 0.0, 0.0  # no vane that could have shown it
-        channels, comparison = thinned(
-            *source.comparison(flight, database), library.settings.bandwidth
-        )
+        channels, comparison = source.thinned(flight, database, library.settings.bandwidth)
         view = view_of(channels, comparison, database, source.vehicle)
         noise = noise_within_limits(reconstruction, view, comparison, library.settings)
         span, band = source.vehicle.reference.span, library.settings.bandwidth

@@ -5,7 +5,7 @@ the envelope.
 from collections.abc import Sequence
 
 from aerodb.effects import WIND_TO_BODY_AXES, Hypothesis
-from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, RefinedShape, Refit
@@ -25,7 +25,7 @@ def refit_terms(
     of all terms.
     """
     compared = in_threads(
-        lambda id: thinned_comparison(source, id, candidate, library.settings.bandwidth), flights
+        lambda id: source.thinned(id, candidate, library.settings.bandwidth), flights
     )
     if not compared:
         return None

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import Hypothesis, view_of
-from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import Accept, run_loop
 from aerodb.tables import AeroDatabase
@@ -77,8 +77,7 @@ def _shares(
     powers: dict[str, tuple[float, float]] = {}
     for id in flights:
         before, after = (
-            thinned_comparison(source, id, database, library.settings.bandwidth)
-            for database in databases
+            source.thinned(id, database, library.settings.bandwidth) for database in databases
         )
         view = view_of(*before, databases[0], source.vehicle)
         for axis, column in hypothesis.columns(view).items():

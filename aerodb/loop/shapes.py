@@ -6,7 +6,7 @@ docs/method/tracing.md, section 26.
 from collections.abc import Sequence
 
 from aerodb.effects import FlightView, surfaces_of, view_of
-from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.support import Array, in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
@@ -31,7 +31,7 @@ def checked_shapes(
     columns = [h for h in library.hypotheses if h.kind == "sensor" or h.id in found]
 
     def residual(id: str) -> FlightResidual:
-        flight, comparison = thinned_comparison(source, id, database, library.settings.bandwidth)
+        flight, comparison = source.thinned(id, database, library.settings.bandwidth)
         view = view_of(flight, comparison, database, source.vehicle)
         evidence = evidence_of(flight, comparison, database, source.vehicle, columns, view=view)
         return FlightResidual(evidence, shape_variables(view))

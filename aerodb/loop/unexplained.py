@@ -14,7 +14,7 @@ from aerodb.effects import view_of
 from aerodb.flight import Flight
 from aerodb.increments import UNCHANGED
 from aerodb.loop.evidence import copies_with_noise
-from aerodb.loop.flights import FlightSource, thinned_comparison
+from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads
@@ -55,10 +55,10 @@ def unexplained_residuals(
         )
 
     def left(id: str) -> FlightResidual:
-        return beside(*thinned_comparison(source, id, candidate, settings.bandwidth))
+        return beside(*source.thinned(id, candidate, settings.bandwidth))
 
     def noisier(id: str) -> list[FlightResidual]:
-        flight, comparison = thinned_comparison(source, id, candidate, settings.bandwidth)
+        flight, comparison = source.thinned(id, candidate, settings.bandwidth)
         view = view_of(flight, comparison, candidate, source.vehicle)
         copies = copies_with_noise(
             flight,

@@ -1,8 +1,8 @@
 from .advance import FLOWS, Due, due, parameters_of
 from .calibration import bind, calibrate
 from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
-from .coefficients import load_coefficients, reconstruct
-from .compare import compare_with_database, compare_with_version
+from .coefficients import FlightCoefficients, load_coefficients, reconstruct
+from .compare import compare_loaded, compare_with_database, compare_with_version
 from .consistency import (
     applied_errors,
     check_consistency,
@@ -39,10 +39,12 @@ __all__ = [
     "FLOWS",
     "FORMS",
     "Due",
+    "FlightCoefficients",
     "applied_errors",
     "bind",
     "calibrate",
     "check_consistency",
+    "compare_loaded",
     "compare_with_database",
     "compare_with_version",
     "deliver",

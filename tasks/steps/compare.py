@@ -14,9 +14,10 @@ from aerodb.nomenclature import AXES
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.memory_cache import cached
-from aerodb.tasks.steps.coefficients import load_coefficients
+from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -78,17 +79,21 @@ def compare_with_database(
     """
     row = access.catalogue.flight(flight)
     loaded = load_coefficients(access, row, run)
-    with failing_alone(f"the comparison with database {database.name}", f"flight {row.id}"):
-        comparison = cached(
-            ("comparison", loaded.key, database_document_sha256(database)),
-            lambda: compare(
-                loaded.flight,
-                loaded.coefficients,
-                database,
-                access.vehicle(row.vehicle)[0].reference,
-            ),
-        )
+    comparison = compare_loaded(loaded, database, access.vehicle(row.vehicle)[0])
     return FlightComparison(loaded.flight, comparison, loaded.key)
+
+
+def compare_loaded(
+    loaded: FlightCoefficients, database: AeroDatabase, vehicle: Vehicle
+) -> Comparison:
+    """Return the comparison of loaded coefficients with a database; cached in memory."""
+    with failing_alone(
+        f"the comparison with database {database.name}", f"flight {loaded.flight.id}"
+    ):
+        return cached(
+            ("comparison", loaded.key, database_document_sha256(database)),
+            lambda: compare(loaded.flight, loaded.coefficients, database, vehicle.reference),
+        )
 
 
 def _long(comparison: Comparison) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ from aerodb.conditioning.segmentation import Segment, segments
 from aerodb.flight import Flight
 from aerodb.loop import Library, Reconstruction, evidence_beside
 from aerodb.tables.database import AeroDatabase
+from aerodb.tracing import thinned
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 
@@ -34,6 +35,11 @@ class FlightsInMemory:
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
         channels, coefficients = self.flown[flight]
         return channels, compare(channels, coefficients, database, self.vehicle.reference)
+
+    def thinned(
+        self, flight: str, database: AeroDatabase, bandwidth: float
+    ) -> tuple[Flight, Comparison]:
+        return thinned(*self.comparison(flight, database), bandwidth)
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library

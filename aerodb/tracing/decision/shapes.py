@@ -94,6 +94,9 @@ class _Shapes:
     findings: Sequence[Finding]
     settings: TracingSettings
     cached: dict[str, FunctionProblem] = field(default_factory=dict, init=False, repr=False)
+    products: dict[tuple[str, bool], "Sequence[_Products]"] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def term(self, finding: Finding) -> Finding:
         """A confirmed term against the functions that could stand in its place on its axes."""
@@ -350,17 +353,10 @@ class _Shapes:
             for h in self.known.values()
             if h.kind == "sensor" and h.id != freed
         }
-        made = in_threads(
-            lambda each: _eliminated(
-                each[0].evidence,
-                axis,
-                named,
-                each[1] if with_functions else each[1][:, :0],
-                priors,
-                self.settings,
-            ),
-            list(zip(self.flights, self.functions.columns, strict=True)),
-        )
+        made = [
+            each.eliminated(named, priors, with_functions)
+            for each in self._products(axis, with_functions)
+        ]
         return FunctionProblem.of(
             np.stack([part for part, _ in made]),
             np.sum([alone for _, alone in made], axis=0),
@@ -369,6 +365,26 @@ class _Shapes:
             self.settings.inflation_limit,
             with_functions,
         )
+
+    def _products(self, axis: str, with_functions: bool) -> "Sequence[_Products]":
+        """Products of everything that acts on an axis, by flight: every problem of the axis is made
+        of them."""
+        for functions in (True, with_functions):
+            if (axis, functions) in self.products:
+                return self.products[axis, functions]
+        named = self._named(axis)
+        sensors = [h.id for h in self.known.values() if h.kind == "sensor"]
+        self.products[axis, with_functions] = in_threads(
+            lambda each: _Products.of(
+                each[0].evidence,
+                axis,
+                [*named, *sensors],
+                each[1] if with_functions else each[1][:, :0],
+                self.settings,
+            ),
+            list(zip(self.flights, self.functions.columns, strict=True)),
+        )
+        return self.products[axis, with_functions]
 
 
 def _shape(
@@ -395,46 +411,69 @@ def _channels(names: Iterable[str]) -> frozenset[str]:
     return frozenset(plain | ({"mach", "qbar", "V"} if "thrust" in plain else set()))
 
 
-def _eliminated(
-    evidence: Evidence,
-    axis: str,
-    named: Sequence[str],
-    functions: Array,
-    priors: Mapping[str, float],
-    settings: TracingSettings,
-) -> tuple[Array, Array]:
-    """Products (k + 1, k + 1) of named columns, functions (n, f) and residual of one axis without
-    the intercept and the sensors, which have these prior precisions; and those (k, k) with the
-    sensors."""
-    zero = np.zeros(evidence.samples)
-    sensors = [id for id in priors if axis in evidence.columns.get(id, {})]
-    flexible = [f"function {number}" for number in range(functions.shape[1])]
-    columns = {
-        **{name: {axis: evidence.columns[name].get(axis, zero)} for name in named},
-        **{name: {axis: values} for name, values in zip(flexible, functions.T, strict=True)},
-        **{id: {axis: evidence.columns[id][axis]} for id in sensors},
-    }
-    one = replace(
-        evidence,
-        residual={axis: evidence.residual[axis]},
-        usable={axis: evidence.usable[axis]},
-        columns=columns,
-        noisy=(),
-        instruments={},
-    )
-    made = normal_equations_of(one, settings)
-    place = {name: number for number, name in enumerate(made.hypotheses)}
-    order = [place[name] for name in (*named, *flexible, *sensors)]
-    index = 1 + np.array([*order, len(made.hypotheses)], dtype=np.intp)
-    full = made.matrix[np.ix_(index, index)]
-    level = made.matrix[0, index]
-    full = full - np.outer(level, level) / made.matrix[0, 0]
-    k, s = len(named) + len(flexible), len(sensors)
-    kept, out = [*range(k), k + s], list(range(k, k + s))
-    alone = full[:k, :k]
-    block = full[np.ix_(out, out)] + np.diag([priors[id] for id in sensors])
-    scale = np.sqrt(np.maximum(np.diagonal(block), TRACE))
-    across = full[np.ix_(out, kept)] / scale[:, None]
-    inner = block / np.outer(scale, scale) + TRACE * np.eye(s)
-    left = full[np.ix_(kept, kept)] - across.T @ np.linalg.solve(inner, across)
-    return left, alone
+@dataclass(frozen=True)
+class _Products:
+    """Whitened products of one flight on one axis, without the intercept.
+
+    matrix (k + 1, k + 1) : columns `names` and the residual, which is last; the functions are
+    columns ``function 0``, ``function 1``, ...
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+    functions: int
+
+    @classmethod
+    def of(
+        cls,
+        evidence: Evidence,
+        axis: str,
+        named: Sequence[str],
+        functions: Array,
+        settings: TracingSettings,
+    ) -> "_Products":
+        """Products of named columns (those that act on the axis), functions (n, f) and residual."""
+        flexible = {_function(number): {axis: each} for number, each in enumerate(functions.T)}
+        acting = {
+            name: {axis: evidence.columns[name][axis]}
+            for name in named
+            if axis in evidence.columns.get(name, {})
+        }
+        one = replace(
+            evidence,
+            residual={axis: evidence.residual[axis]},
+            usable={axis: evidence.usable[axis]},
+            columns=acting | flexible,
+            noisy=(),
+            instruments={},
+        )
+        made = normal_equations_of(one, settings)
+        level = made.matrix[0, 1:]
+        whole = made.matrix[1:, 1:] - np.outer(level, level) / made.matrix[0, 0]
+        return cls(made.hypotheses, whole, functions.shape[1])
+
+    def eliminated(
+        self, named: Sequence[str], priors: Mapping[str, float], with_functions: bool
+    ) -> tuple[Array, Array]:
+        """Products (k + 1, k + 1) of named columns (zero where absent), functions and residual
+        without the sensors, which have these prior precisions; and those (k, k) with the
+        sensors."""
+        place = {name: number for number, name in enumerate(self.names)}
+        sensors = [id for id in priors if id in place]
+        functions = [_function(number) for number in range(self.functions if with_functions else 0)]
+        wanted = [*named, *functions]
+        absent, last = len(self.matrix), len(self.matrix) - 1
+        index = [place.get(name, absent) for name in wanted]
+        padded = np.pad(self.matrix, (0, 1))
+        kept = np.array([*index, last], dtype=np.intp)
+        out = np.array([place[id] for id in sensors], dtype=np.intp)
+        block = padded[np.ix_(out, out)] + np.diag([priors[id] for id in sensors])
+        scale = np.sqrt(np.maximum(np.diagonal(block), TRACE))
+        across = padded[np.ix_(out, kept)] / scale[:, None]
+        inner = block / np.outer(scale, scale) + TRACE * np.eye(len(sensors))
+        left = padded[np.ix_(kept, kept)] - across.T @ np.linalg.solve(inner, across)
+        return left, padded[np.ix_(kept[:-1], kept[:-1])]
+
+
+def _function(number: int) -> str:
+    return f"function {number}"
