@@ -151,6 +151,11 @@ class Workspace:
         return self.root / "locks" / name
 
     @property
+    def access_log(self) -> Path:
+        """File of what was asked of the console; older lines are beside it."""
+        return self.root / "access.log"
+
+    @property
     def reports(self) -> Path:
         """Folder of reports."""
         return self.root / "reports"

@@ -39,6 +39,7 @@ from aerodb.flows.web import (
 from aerodb.flows.web import (
     work_pages as work,
 )
+from aerodb.flows.web.access_log import AccessLog
 from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.models import REFUSALS
 from aerodb.flows.web.security import ForbiddenError, Guard, Secured
@@ -70,7 +71,7 @@ _DESCRIPTION: Final = (
 
 def create_app(root: Path, guard: Guard) -> FastAPI:
     """Return the console of the workspace folder `root`; InputError if it is not a workspace."""
-    Workspace.open(root, create=False)
+    workspace = Workspace.open(root, create=False)
     app = FastAPI(
         title="aerodb",
         version="1",
@@ -89,7 +90,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
     app.add_exception_handler(AeroError, _refused)
     app.add_exception_handler(HTTPException, _not_there)
     app.add_exception_handler(RequestValidationError, _malformed)
-    app.add_middleware(Secured, guard=guard)
+    app.add_middleware(Secured, guard=guard, log=AccessLog(workspace.access_log))
     return app
 
 

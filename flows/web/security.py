@@ -13,6 +13,7 @@ import ipaddress
 import os
 import secrets
 import socket
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -24,12 +25,15 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from aerodb.errors import AeroError, InputError
+from aerodb.flows.web.access_log import AccessLog
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, ServeSettings, checked_token
 
 COOKIE: Final = "aerodb_session"
 HEADER: Final = "x-csrf-token"
 #: A change is a reason and a few names.
 LARGEST_BODY: Final = 64 << 10
+#: Requests that are answered at a time, waiting for a thread included.
+MOST_AT_WORK: Final = 128
 _POLICY: Final = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action"
     " 'self'; frame-ancestors 'none'"
@@ -132,11 +136,12 @@ def _name_of(host: str) -> str:
 
 
 class Secured:
-    """Middleware that passes admitted requests only, and adds the security headers to every
-    answer."""
+    """Middleware that passes admitted requests only, adds the security headers to every answer,
+    and writes the access log."""
 
-    def __init__(self, app: ASGIApp, guard: Guard) -> None:
-        self._app, self._guard = app, guard
+    def __init__(self, app: ASGIApp, guard: Guard, log: AccessLog) -> None:
+        self._app, self._guard, self._log = app, guard, log
+        self._at_work = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -144,9 +149,12 @@ class Secured:
             return
         if scope["type"] != "http":
             return
+        status, began = 0, time.monotonic()
 
         async def marked(message: Message) -> None:
+            nonlocal status
             if message["type"] == "http.response.start":
+                status = message["status"]
                 headers = MutableHeaders(scope=message)
                 for name, value in _ALWAYS.items():
                     headers[name] = value
@@ -155,10 +163,44 @@ class Secured:
             await send(message)
 
         refusal = self._refusal(scope)
-        if refusal is not None:
-            await refusal(scope, receive, marked)
-        else:
-            await self._app(scope, _bounded(receive), marked)
+        try:
+            if refusal is None:
+                refusal = await self._answered(scope, receive, marked)
+            if refusal is not None:
+                await refusal(scope, receive, marked)
+        finally:
+            self._log.write(
+                refusal is None,
+                address=(scope.get("client") or ("",))[0],
+                method=scope["method"],
+                path=scope["path"],
+                status=status,
+                seconds=round(time.monotonic() - began, 3),
+            )
+
+    async def _answered(self, scope: Scope, receive: Receive, send: Send) -> Response | None:
+        """Let the application answer; return the answer instead if the body is too large, or too
+        many requests are at work."""
+        try:
+            body = await _whole_body(receive)
+        except _DisconnectedError:
+            return None
+        if body is None:
+            return PlainTextResponse(
+                f"aerodb: the request is larger than {LARGEST_BODY} bytes\n", 413
+            )
+        if self._at_work >= MOST_AT_WORK:
+            return PlainTextResponse(
+                f"aerodb: {MOST_AT_WORK} requests are being answered; try again soon\n",
+                503,
+                {"retry-after": "1"},
+            )
+        self._at_work += 1
+        try:
+            await self._app(scope, _replayed(body, receive), send)
+        finally:
+            self._at_work -= 1
+        return None
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Return the answer to a request that is not admitted."""
@@ -202,17 +244,36 @@ def _same_origin(headers: Headers, host: str) -> bool:
         return False
 
 
-def _bounded(receive: Receive) -> Receive:
-    """Wrap `receive` so that a body that is too long ends as if the client had disconnected."""
-    received = 0
+class _DisconnectedError(Exception):
+    """The client went away before it had sent its request."""
 
-    async def bounded() -> Message:
-        nonlocal received
+
+async def _whole_body(receive: Receive) -> bytes | None:
+    """Return the body of a request, however it was sent; None if it is too large."""
+    body = b""
+    while True:
         message = await receive()
-        received += len(message.get("body", b""))
-        return message if received <= LARGEST_BODY else {"type": "http.disconnect"}
+        if message["type"] == "http.disconnect":
+            raise _DisconnectedError
+        body += message.get("body", b"")
+        if len(body) > LARGEST_BODY:
+            return None
+        if not message.get("more_body", False):
+            return body
 
-    return bounded
+
+def _replayed(body: bytes, receive: Receive) -> Receive:
+    """Return a `receive` that gives the body that was received, then what comes after it."""
+    given = False
+
+    async def replayed() -> Message:
+        nonlocal given
+        if given:
+            return await receive()
+        given = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return replayed
 
 
 def session_of(request: HTTPConnection) -> tuple[str, bool]:

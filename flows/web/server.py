@@ -1,5 +1,6 @@
 """The console's server: the listening socket, and the application until it is stopped."""
 
+import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +9,17 @@ from pathlib import Path
 import uvicorn
 
 from aerodb.flows.web.app import create_app
+from aerodb.flows.web.connections import (
+    connections,
+    most_connections,
+    raise_descriptor_limit,
+)
+from aerodb.flows.web.messages import Sparing
 from aerodb.flows.web.security import Guard
+
+#: Connections that the system holds until they are accepted. asyncio tries to accept as many at a
+#: time, and reports as many errors when no descriptor is left.
+_BACKLOG = 128
 
 
 @contextmanager
@@ -18,7 +29,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
     with socket.socket(family, kind, protocol) as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(place)
-        listener.listen(128)
+        listener.listen(_BACKLOG)
         yield listener
 
 
@@ -29,6 +40,9 @@ def server_of(root: Path, guard: Guard) -> uvicorn.Server:
     return uvicorn.Server(
         uvicorn.Config(
             create_app(root, guard),
+            http=connections(most_connections()),
+            backlog=_BACKLOG,
+            log_config=None,
             log_level="warning",
             access_log=False,
             server_header=False,
@@ -42,4 +56,6 @@ def server_of(root: Path, guard: Guard) -> uvicorn.Server:
 def serve_console(root: Path, guard: Guard, place: socket.socket) -> None:
     """Serve the console of the workspace folder `root` at a listening socket until SIGINT or
     SIGTERM."""
+    logging.basicConfig(level=logging.WARNING, handlers=[Sparing()])
+    raise_descriptor_limit()
     server_of(root, guard).run(sockets=[place])

@@ -12,6 +12,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -33,16 +34,28 @@ def workspace(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def running(workspace: Path, *options: str, token: str = "") -> Iterator[tuple[Forked, str]]:
-    """The command with a port of its own, and the address that it says."""
+def running(
+    workspace: Path,
+    *options: str,
+    token: str = "",
+    descriptors: int = 0,
+    errors: IO[bytes] | None = None,
+) -> Iterator[tuple[Forked, str]]:
+    """The command with a port of its own, and the address that it says.
+
+    descriptors : hard limit of open ones (0: as it is). errors : file for what it says on stderr.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     environment |= {"AERODB_TOKEN": token} if token else {}
     given = ["--workspace", str(workspace), "web", "--port", "0", *options]
+    limit = f"import resource as r; r.setrlimit(r.RLIMIT_NOFILE, ({descriptors}, {descriptors}))\n"
+    code = f"{limit if descriptors else ''}from aerodb.flows.cli import main; main()"
     reading, writing = os.pipe()
-    with open(reading) as output, tempfile.TemporaryFile() as errors:
+    with open(reading) as output, tempfile.TemporaryFile() as unnamed:
+        errors = errors or unnamed
         with open(writing, "wb") as written:
-            process = Forked(given, environment, written, errors)
+            process = Forked(given, environment, written, errors, code=code)
         with process:
             try:
                 said = output.readline()
