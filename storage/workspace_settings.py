@@ -8,7 +8,6 @@ belong in the file: write the name of an environment variable that holds the add
 
 import ipaddress
 import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
@@ -21,7 +20,7 @@ from aerodb.quantities import Metres, Number, Radians, Seconds, in_unit
 from aerodb.storage.encoding import VEHICLE_NAME
 from aerodb.storage.limits import Limits
 from aerodb.storage.urls import checked_url
-from aerodb.support import Strict, validated
+from aerodb.support import Strict, parsed_toml, validated
 
 FILE: Final = "settings.toml"
 #: Environment variable of the token; required when other machines can reach the server.
@@ -75,7 +74,11 @@ class SettingsError(InputError):
 def unreadable_settings(path: Path, error: Exception, remedy: str) -> SettingsError:
     """The error for the settings file at `path`, which reading or parsing refused with `error`:
     the same words whoever reads it first."""
-    why = str(error) if isinstance(error, OSError) else f"not valid TOML: {error}"
+    why = str(error)
+    if isinstance(error, InputError):
+        why = error.what
+    elif isinstance(error, UnicodeDecodeError):
+        why = f"not valid TOML: {error}"
     return SettingsError(f"the settings cannot be read: {why}", str(path), remedy)
 
 
@@ -342,10 +345,10 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
     """
     path = root / FILE
     try:
-        data: Any = tomllib.loads(path.read_text(encoding="utf-8"))
+        data: Any = parsed_toml(path.read_text(encoding="utf-8"), str(path))
     except FileNotFoundError:
         return Settings()
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, InputError) as error:
         raise unreadable_settings(
             path, error, "correct it, or move it away to use the defaults"
         ) from error

@@ -8,7 +8,6 @@ document is JSON-serialisable and exact: floats are unchanged, expressions are t
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields, replace
 from itertools import starmap
@@ -29,7 +28,7 @@ from aerodb.exchange.native_schema import (
     UncertaintyFile,
 )
 from aerodb.nomenclature import axis_description, channel
-from aerodb.support import content_sha256, validated
+from aerodb.support import content_sha256, validated, validated_toml
 from aerodb.tables import (
     LAWS,
     AeroDatabase,
@@ -54,7 +53,6 @@ from aerodb.tables import (
 from aerodb.units import conversion
 
 DOCUMENT_FORMAT: Final = 1
-MAX_TEXT: Final = 50_000_000
 
 
 def read_native(text: str, where: str = "database file") -> AeroDatabase:
@@ -63,13 +61,7 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
     Raises InputError that names the key and, for a mistyped name, the nearest valid one.
     Breakpoints that do not increase and shapes that do not match are refused.
     """
-    if len(text) > MAX_TEXT:
-        raise InputError(f"{len(text)} characters", where, f"at most {MAX_TEXT}")
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    file = validated(DatabaseFile, data, where)
+    file = validated_toml(DatabaseFile, text, where)
     if not file.terms and not file.derivatives:
         raise InputError(
             "neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]"

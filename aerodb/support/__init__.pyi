@@ -14,6 +14,7 @@ from .signals import (
     sine,
 )
 from .strict import Strict, validated, validated_toml
+from .toml import parsed_toml
 
 __all__ = [
     "Array",
@@ -33,6 +34,7 @@ __all__ = [
     "dot",
     "in_threads",
     "key_of",
+    "parsed_toml",
     "result_key",
     "root",
     "sine",

@@ -3,13 +3,13 @@
 The models that derive from `Strict` define the keys: vehicle, mapping, model and database file.
 """
 
-import tomllib
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from aerodb.errors import AeroError, InputError, nearest
+from aerodb.support.toml import parsed_toml
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -23,13 +23,9 @@ class Strict(BaseModel):
 def validated_toml(model: type[Model], text: str, where: str) -> Model:
     """Return a TOML text as a `model`.
 
-    Raises InputError for text that is not TOML, and as `validated` does.
+    Raises InputError as `parsed_toml` and `validated` do.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    return validated(model, data, where)
+    return validated(model, parsed_toml(text, where), where)
 
 
 def validated(model: type[Model], data: Any, where: str) -> Model:

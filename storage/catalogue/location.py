@@ -6,7 +6,6 @@ This is the only place that decides. Callers refer to the catalogue by the path 
 read, so errors in other sections do not block access to the catalogue.
 """
 
-import tomllib
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -51,9 +50,11 @@ def catalogue_location(path: Path) -> CatalogueLocation:
         return CatalogueLocation(path)
     except (OSError, UnicodeDecodeError) as error:
         return _file_or_nothing(path, settings, error)
+    from aerodb.support import parsed_toml  # as below
+
     try:
-        section = tomllib.loads(text).get("catalogue", {})
-    except tomllib.TOMLDecodeError as error:
+        section = parsed_toml(text, str(settings)).get("catalogue", {})
+    except InputError as error:
         return _file_or_nothing(path, settings, error)
     url = _url(section, settings) if section else ""
     if url and path.is_file():

@@ -9,7 +9,6 @@ Endpoint and credentials are read from the environment variables of AWS.
 import hashlib
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ from aerodb.storage.workspace_settings import (
     StoreSettings,
     unreadable_settings,
 )
-from aerodb.support import validated
+from aerodb.support import parsed_toml, validated
 
 _BLOCK: Final = 8 << 20
 #: Files up to this size are uploaded in one atomic request: less than the part size of the
@@ -289,13 +288,11 @@ def _store(root: Path, _written: int) -> StoreSettings:
     """The section ``[store]`` alone: errors in other sections do not block access to the store."""
     path = root / FILE
     try:
-        return validated(
-            StoreSettings,
-            tomllib.loads(path.read_text(encoding="utf-8")).get("store", {}),
-            f"{path}: store",
-        )
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        section = parsed_toml(path.read_text(encoding="utf-8"), str(path)).get("store", {})
+    except (OSError, UnicodeDecodeError, InputError) as error:
         raise _unreadable(path, error) from error
+    try:
+        return validated(StoreSettings, section, f"{path}: store")
     except InputError as error:
         raise SettingsError(error.what, error.where, error.remedy) from error
 

@@ -1,0 +1,47 @@
+"""TOML from people and from strangers: no text stops the program or takes its memory."""
+
+import re
+import tomllib
+from typing import Any, Final
+
+from aerodb.errors import InputError
+
+#: Characters of a text, parts of a dotted key, and arrays and tables inside each other: far more
+#: than any file of this program needs. tomllib takes memory with the square of a key's parts, and
+#: recurses into values.
+MOST_CHARACTERS: Final = 50_000_000
+MOST_PARTS, DEEPEST = 64, 64
+_PART: Final = r"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
+_LONG_KEY: Final = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS},}}+")
+
+
+def parsed_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the document of a TOML text.
+
+    Raises InputError for text that is not TOML, is too long, or nests too deeply.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise InputError(f"{len(text)} characters", where, f"at most {MOST_CHARACTERS}")
+    key = _LONG_KEY.search(text)
+    if key is not None:
+        line = text.count("\n", 0, key.start()) + 1
+        raise InputError(f"a key of more than {MOST_PARTS} parts in line {line}", where)
+    try:
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"values nest deeper than {DEEPEST} levels", where) from error
+    except ValueError as error:  # also a number of more digits than Python reads
+        raise InputError(f"not valid TOML: {error}", where) from error
+    layer: list[Any] = [document]
+    for _ in range(DEEPEST):
+        inside = [
+            item
+            for value in layer
+            if isinstance(value, (dict, list))
+            for item in (value.values() if isinstance(value, dict) else value)
+            if isinstance(item, (dict, list))
+        ]
+        if not inside:
+            return document
+        layer = inside
+    raise InputError(f"values nest deeper than {DEEPEST} levels", where)
