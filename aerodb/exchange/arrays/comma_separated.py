@@ -9,7 +9,8 @@ Other programs would not read one CSV file with several sections, so the archive
 - ``increments/<n>_<axis>.csv``: estimate and covariance per regressor, and ``..._envelope.csv``;
 - ``manifest.json``: everything else, with axes, signs, units and moment reference in words.
 
-Floats are written in their shortest form that reads back exactly.
+Floats are written in their shortest form that reads back exactly. A text that a spreadsheet would
+take for a formula is written after an apostrophe.
 """
 
 import csv
@@ -42,6 +43,8 @@ from aerodb.tables import AeroDatabase, CheckCase
 
 MAX_FILES: Final = 10_000
 _KIND: Final = "CSV"
+#: What begins a formula in a spreadsheet, and the apostrophe that marks a cell as text.
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "'")
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # equal databases give equal bytes
 
 
@@ -133,12 +136,22 @@ def _stem(k: int, contents: Contents) -> str:
 
 
 def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """CSV text; floats in their shortest form that reads back exactly."""
+    """CSV text; floats in their shortest form that reads back exactly; no text is a formula."""
     written = io.StringIO(newline="")
     writer = csv.writer(written, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
+    for row in (header, *rows):
+        writer.writerow([_as_text(cell) if isinstance(cell, str) else cell for cell in row])
     return written.getvalue()
+
+
+def _as_text(cell: str) -> str:
+    """A cell that spreadsheets show as text: a description may begin with ``=cmd|...``."""
+    return f"'{cell}" if cell.startswith(_FORMULA) else cell
+
+
+def _from_text(cell: str) -> str:
+    """Inverse of `_as_text`."""
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA) else cell
 
 
 def _unpacked(data: bytes, where: str) -> dict[str, str]:
@@ -189,7 +202,7 @@ def _rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
             where,
             "use commas",
         )
-    return rows[0], rows[1:]
+    return [_from_text(cell) for cell in rows[0]], rows[1:]
 
 
 def _numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
@@ -235,7 +248,7 @@ def _texts(
         raise InputError(
             f"columns {', '.join(header)}", f"{where}: {name}", f"they must be {', '.join(keys)}"
         )
-    return [dict(zip(keys, row, strict=True)) for row in rows]
+    return [dict(zip(keys, map(_from_text, row), strict=True)) for row in rows]
 
 
 def _increment(
@@ -243,7 +256,7 @@ def _increment(
 ) -> IncrementNumbers:
     place = f"{where}: {stem}.csv"
     header, rows = _rows(_file(files, f"{stem}.csv", where), place)
-    regressors = [row[0] for row in rows]
+    regressors = [_from_text(row[0]) for row in rows]
     if not isinstance(entry, dict) or entry.get("regressors") != regressors:
         raise InputError(
             "regressors differ from the manifest's",
@@ -253,7 +266,9 @@ def _increment(
     numbers = _numbers([row[1:] for row in rows], len(header) - 1, place)
     place = f"{where}: {stem}_envelope.csv"
     header, rows = _rows(_file(files, f"{stem}_envelope.csv", where), place)
-    if [row[0] for row in rows] != entry.get("envelope") or header[1:] != list(ENVELOPE):
+    if [_from_text(row[0]) for row in rows] != entry.get("envelope") or header[1:] != list(
+        ENVELOPE
+    ):
         raise InputError("variables differ from the manifest's", place, "export the database again")
     return IncrementNumbers(
         numbers[:, 0], numbers[:, 1:], _numbers([row[1:] for row in rows], 3, place)

@@ -1,5 +1,6 @@
 """CSV, MAT and NetCDF: exact round trips, readable by other programs, safe against damage."""
 
+import csv
 import io
 import json
 import zipfile
@@ -95,6 +96,24 @@ def test_csv_is_read_by_other_programs() -> None:
     assert equal(
         import_csv(changed_zip(export_csv(database), {"tables/T0.csv": shuffled})), database
     )
+
+
+@pytest.mark.parametrize(
+    "text", ["=cmd|'/C calc'!A1", "@SUM(A1)", "-1+2", "+1", "\t=1", "'=1", "''"]
+)
+def test_no_text_in_csv_is_a_formula(text: str) -> None:
+    """Spreadsheets run what begins with one of ``= + - @``, tab and carriage return."""
+    database = with_grid()
+    terms = [replace(term, description=text) for term in database.terms]
+    database = replace(database, terms=tuple(terms))
+    archive = zipfile.ZipFile(io.BytesIO(export_csv(database)))
+    for name in archive.namelist():
+        if name.endswith(".csv"):
+            for row in csv.reader(io.StringIO(archive.read(name).decode(), newline="")):
+                for cell in row:
+                    assert not cell.startswith(("=", "@", "\t", "\r"))
+                    assert not cell.startswith(("+", "-")) or float(cell)
+    assert equal(import_csv(export_csv(database)), database)
 
 
 def test_mat_is_a_plain_struct() -> None:
