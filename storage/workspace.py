@@ -9,10 +9,11 @@ import json
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 from aerodb.errors import InputError, StoreError
 from aerodb.storage.catalogue import catalogue_location
@@ -29,6 +30,9 @@ _FOLDERS = (
     "locks",
     "prefect",
 )
+#: Version of the layout of the workspace's files, which `_FORMAT_FILE` records.
+STORE_FORMAT: Final = 1
+_FORMAT_FILE: Final = "store_format"
 _HEX = re.compile(r"[0-9a-f]{64}")
 _SUFFIX = re.compile(r"\.[a-z0-9]{1,8}")
 _CHUNK = 1 << 20
@@ -128,7 +132,27 @@ class Workspace:
                 str(root),
                 "choose a folder that you can write to",
             ) from error
+        workspace._check_format()
         return workspace
+
+    def _check_format(self) -> None:
+        """Record the format of the store, or raise InputError where a newer version wrote it."""
+        path = self.root / _FORMAT_FILE
+        try:
+            written = path.read_text(encoding="ascii", errors="replace").strip()
+        except FileNotFoundError:
+            with suppress(OSError):  # a full or read-only disk can still be read
+                write_atomically(path, lambda new: new.write_text(f"{STORE_FORMAT}\n"))
+            return
+        except OSError:
+            return
+        if written != str(STORE_FORMAT):
+            raise InputError(
+                f"the store has format {written[:20]!r}, this version of aerodb reads"
+                f" {STORE_FORMAT}",
+                str(path),
+                "use the version of aerodb that wrote it, or restore this file from a backup",
+            )
 
     @property
     def catalogue(self) -> Path:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -21,6 +22,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from aerodb.errors import AeroError, InputError
 from aerodb.tasks.view import as_json
 
 # Help must not wait for the catalogue to import: what needs it is imported where it is used.
@@ -59,6 +61,7 @@ class Session:
         self.root = root
         self.as_json = as_json
         self.debug = debug
+        self._agreed = False
         self.people = Console(stderr=as_json, highlight=False, soft_wrap=True, emoji=False)
         if not self.people.is_terminal:
             self.people.width = (
@@ -69,7 +72,34 @@ class Session:
         """Return the workspace; InputError if there is none and `create` is false."""
         from aerodb.storage.workspace import Workspace
 
-        return Workspace.open(self.root, create)
+        workspace = Workspace.open(self.root, create)
+        self._agree_to_migration(workspace.catalogue)
+        return workspace
+
+    def _agree_to_migration(self, catalogue: Path) -> None:
+        """Ask before an earlier version's catalogue is changed; InputError if the answer is no.
+
+        Nobody is asked where nobody can answer: the migration keeps the former catalogue.
+        """
+        if self._agreed or self.as_json or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            return
+        from aerodb.storage.catalogue import Catalogue
+
+        try:
+            pending = Catalogue.pending_migration(catalogue)
+        except AeroError:
+            return  # the command itself says what is wrong
+        self._agreed = True
+        if pending is not None and not typer.confirm(
+            f"The catalogue was written by an earlier version of aerodb ({pending[0]}). This"
+            f" version changes it ({pending[1]}), and keeps the former one. Go on?",
+            err=True,
+        ):
+            raise InputError(
+                "the catalogue stays as it was",
+                str(catalogue),
+                "use the version of aerodb that wrote it, or answer yes",
+            )
 
     def catalogue(self, create: bool = False) -> "Catalogue":
         """Return the workspace's catalogue."""

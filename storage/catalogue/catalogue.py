@@ -23,7 +23,7 @@ from aerodb.storage.catalogue.calibrations import CalibrationLedger
 from aerodb.storage.catalogue.flight_rows import FlightLedger
 from aerodb.storage.catalogue.inbox_history import InboxHistory
 from aerodb.storage.catalogue.location import catalogue_location
-from aerodb.storage.catalogue.postgresql import open_postgresql
+from aerodb.storage.catalogue.postgresql import open_postgresql, postgresql_revision
 from aerodb.storage.catalogue.repeats import RepeatLedger
 from aerodb.storage.catalogue.rows import (
     How,
@@ -35,7 +35,8 @@ from aerodb.storage.catalogue.rows import (
     VehicleRow,
 )
 from aerodb.storage.catalogue.run_queries import RunQueries
-from aerodb.storage.catalogue.sqlite import open_sqlite
+from aerodb.storage.catalogue.schema import HEAD
+from aerodb.storage.catalogue.sqlite import open_sqlite, sqlite_revision
 from aerodb.storage.catalogue.stored_files import FileLedger
 from aerodb.storage.catalogue.versions import VersionLedger
 
@@ -58,6 +59,16 @@ class Catalogue(
         not exist, create it, or raise InputError without `create`."""
         place = catalogue_location(path)
         return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
+
+    @staticmethod
+    def pending_migration(path: Path) -> tuple[str, str] | None:
+        """The stored and the newest schema of the catalogue that `open` would migrate; None if it
+        is of the newest schema, or does not exist. Changes nothing."""
+        place = catalogue_location(path)
+        if not place.begun:
+            return None
+        stored = postgresql_revision(place.url) if place.url else sqlite_revision(path)
+        return None if stored in (None, HEAD) else (str(stored), HEAD)
 
     @classmethod
     def in_file(cls, path: Path) -> "Catalogue":

@@ -14,6 +14,11 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 from aerodb.errors import InputError, StoreBusyError
+from aerodb.storage.catalogue.former_catalogue import (
+    forget_former,
+    keep_former,
+    say_what_happened,
+)
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.database_errors import store_error_of, translated_database_errors
 
@@ -106,25 +111,40 @@ def stored_revision(database: Database) -> str | None:
 
 
 def migrate(database: Database) -> None:
-    """Migrate a database to the newest schema; InputError if its schema is newer than this
-    version."""
+    """Migrate a database to the newest schema, and keep the former one (`former_catalogue`);
+    InputError if its schema is newer than this version."""
     # Imported here: a query on an up-to-date catalogue does not pay for alembic.
     from alembic import command
     from alembic.config import Config
-    from alembic.util import CommandError
 
     config = Config()
     config.set_main_option("script_location", "aerodb.storage:migrations")
-    with database.writing() as connection:
-        if revision_of(connection) == HEAD:  # another process was faster
-            return
-        config.attributes["connection"] = connection
-        try:
+    before, kept = None, ""
+    try:
+        with database.writing() as connection:
+            before = revision_of(connection)
+            if before == HEAD:  # another process was faster
+                return
+            _require_known(before, config, database.where)
+            kept = keep_former(connection, before) if before is not None else ""
+            config.attributes["connection"] = connection
             command.upgrade(config, "head")
-        except CommandError as error:
-            remedy = "update aerodb, or restore a backup made by this version"
-            raise InputError(
-                f"the catalogue was written by a newer version of aerodb: {error}",
-                database.where,
-                remedy,
-            ) from error
+    except BaseException:
+        forget_former(kept)
+        raise
+    if before is not None:
+        say_what_happened(database.where, before, HEAD, kept)
+
+
+def _require_known(revision: str | None, config: Any, where: str) -> None:
+    """Raise InputError for a revision that this version does not have."""
+    from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
+
+    try:
+        ScriptDirectory.from_config(config).get_revision(revision)
+    except CommandError as error:
+        remedy = "update aerodb, or restore a backup made by this version"
+        raise InputError(
+            f"the catalogue was written by a newer version of aerodb: {error}", where, remedy
+        ) from error

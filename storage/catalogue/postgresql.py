@@ -75,6 +75,15 @@ def open_postgresql(url: str, create: bool = True) -> Database:
     return database
 
 
+def postgresql_revision(url: str) -> str | None:
+    """Schema revision of the database at `url`; None if it contains no catalogue."""
+    database = Database(_engine(url), shown(url), _READS, _WRITES)
+    try:
+        return stored_revision(database)
+    finally:
+        database.close()
+
+
 def _engine(url: str) -> sa.Engine:
     try:
         address = sa.make_url(url).set(drivername="postgresql+psycopg")

@@ -61,6 +61,15 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
     return database
 
 
+def sqlite_revision(path: Path) -> str | None:
+    """Schema revision of the database at `path`; None if it contains no catalogue."""
+    database = _database(sa.URL.create("sqlite", database=str(path)), path)
+    try:
+        return stored_revision(database)
+    finally:
+        database.close()
+
+
 def _database(url: sa.URL, path: Path) -> Database:
     # No limit: one connection per working thread, and the number of threads is limited elsewhere.
     engine = sa.create_engine(url, connect_args={"isolation_level": None}, pool_size=0)
