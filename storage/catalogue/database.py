@@ -125,8 +125,9 @@ def migrate(database: Database) -> None:
             before = revision_of(connection)
             if before == HEAD:  # another process was faster
                 return
-            _require_known(before, config, database.where)
-            kept = keep_former(connection, before) if before is not None else ""
+            if before is not None:
+                _require_known(before, config, database.where)
+                kept = keep_former(connection, before)
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
     except BaseException:
@@ -136,7 +137,7 @@ def migrate(database: Database) -> None:
         say_what_happened(database.where, before, HEAD, kept)
 
 
-def _require_known(revision: str | None, config: Any, where: str) -> None:
+def _require_known(revision: str, config: Any, where: str) -> None:
     """Raise InputError for a revision that this version does not have."""
     from alembic.script import ScriptDirectory
     from alembic.util import CommandError
