@@ -24,10 +24,11 @@ from threadpoolctl import threadpool_limits
 from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
-from aerodb.storage.catalogue import Catalogue, RunState
+from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding, note_of
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization, load_settings
+from aerodb.tasks.actors import require_role
 from aerodb.tasks.provenance import code_version
 
 How = Literal["auto", "direct"]
@@ -173,6 +174,7 @@ def run_flow(
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
     _check_text(parameters)
+    _require_role(body, workspace)
     _freeze_imports()
     orchestrated = "" if how == "direct" else _present_flow_run()
     way: Way = (
@@ -194,6 +196,22 @@ def run_flow(
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
     return _recorded(body, call, parameters, workspace, way, orchestrated)
+
+
+#: Roles that flows require, where it is not `ingest`.
+_ROLES: Final[dict[str, UserRole]] = {
+    "promote_flow": "release",
+    "roll_back_flow": "release",
+    "import_flow": "release",
+    "report_flow": "read",
+    "inputs_flow": "read",
+}
+
+
+def _require_role(body: Callable[..., Any], workspace: Workspace) -> None:
+    name = body.__name__
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        require_role(workspace, catalogue, _ROLES.get(name, "ingest"), name.replace("_", " "))
 
 
 @lru_cache(maxsize=1)

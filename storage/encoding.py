@@ -15,6 +15,7 @@ VEHICLE_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 FLIGHT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
 FLIGHT_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 VERSION_NAME: Final = re.compile(r"(?!v[0-9]+$)[a-z][a-z0-9_-]{0,62}")  # v0007 is a label
+USER_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.@-]{0,62}")
 WORD: Final = re.compile(r"[A-Za-z][A-Za-z0-9_.:-]{0,62}")
 KEY: Final = re.compile(r"[0-9a-f]{64}")
 RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]{0,63}")

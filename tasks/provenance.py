@@ -1,6 +1,5 @@
-"""Code version and user of a result: provenance, never part of a key."""
+"""Code version of a result: provenance, never part of a key."""
 
-import getpass
 import subprocess
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -26,11 +25,3 @@ def code_version() -> str:
     except (OSError, subprocess.SubprocessError):
         return number
     return f"{number}+{commit}"
-
-
-def user() -> str:
-    """Return the name of the user who runs this process; ``unknown`` if the system has none."""
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError):
-        return "unknown"

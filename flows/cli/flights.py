@@ -347,11 +347,13 @@ def retract(
 
     Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
     """
+    from aerodb.tasks.actors import require_role, user
     from aerodb.tasks.view import rebuilds
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    row = catalogue.retract_flight(catalogue.flight(flight, vehicle).id, reason)
+    require_role(session.workspace(), catalogue, "ingest", "retracting a flight")
+    row = catalogue.retract_flight(catalogue.flight(flight, vehicle).id, reason, user=user())
     stale = catalogue.impact(row.id)
     again = rebuilds(catalogue, stale)
     session.say(f"flight {row.label} retracted: {row.retract_reason}")
@@ -372,6 +374,7 @@ def retract(
         {
             "flight": row.id,
             "reason": row.retract_reason,
+            "user": row.retracted_by,
             "stale": stale_ids,
             "names": names,
             "rebuild": again,

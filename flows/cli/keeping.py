@@ -18,6 +18,9 @@ def verify(
             "--fetch", help="Also read every object of the object store; default: check sizes only."
         ),
     ] = False,
+    chain: Annotated[
+        str, typer.Option(help="Hash that an earlier verification gave as the end of the chain.")
+    ] = "",
 ) -> None:
     """Verify every file, reference and identity of the workspace; exits with 1 if there is a
     problem.
@@ -30,7 +33,7 @@ def verify(
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("verifying"), session.catalogue() as catalogue:
-        report = upkeep.verify(workspace, catalogue, fetch)
+        report = upkeep.verify(workspace, catalogue, fetch, chain)
     for line in upkeep.report_lines(report):
         session.say(line)
     session.say("no problems" if not report.problems else f"{len(report.problems)} problems")
@@ -40,6 +43,7 @@ def verify(
             "clean": not problems,
             "checked": report.checked,
             "pending": report.pending,
+            "chain": report.chain,
             "problems": problems,
         }
     )

@@ -21,6 +21,7 @@ from aerodb.flows.cli import (
     serving,
     store,
     updates,
+    users,
     vehicles,
     versions,
     web,
@@ -55,6 +56,7 @@ for group in (
     calibrations.app,
     reports.app,
     store.app,
+    users.app,
 ):
     app.add_typer(group)
 app.command("update")(updates.update)

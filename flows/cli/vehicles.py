@@ -42,12 +42,15 @@ def add(
 
     Example: aerodb vehicle add my-glider.toml
     """
+    from aerodb.tasks.actors import require_role
     from aerodb.vehicle import parse_vehicle
 
     session: Session = context.obj
     text = read_text(file)
     vehicle = parse_vehicle(text, file.name)
-    row = session.catalogue(create=True).add_vehicle(vehicle.name, text)
+    catalogue = session.catalogue(create=True)
+    require_role(session.workspace(), catalogue, "ingest", "adding a vehicle")
+    row = catalogue.add_vehicle(vehicle.name, text)
     session.say(f"vehicle {row.name} stored ({row.sha256[:12]})")
     session.answer({"vehicle": row.name, "sha256": row.sha256})
 

@@ -1,5 +1,6 @@
 from . import schema
 from .catalogue import Catalogue
+from .chain import broken_links, has_link, link_rows, newest_link
 from .copying import copy_catalogue
 from .file_identity import StoredFile, measured
 from .flight_pages import RETRACTED, FlightFilter
@@ -20,15 +21,18 @@ from .rows import (
     RunRow,
     RunState,
     Stretch,
+    UserRole,
+    UserRow,
     VersionDocuments,
     VersionRow,
 )
-from .schema import HEAD, POSTGRESQL_REFUSAL, VERDICTS, append_only_triggers
+from .schema import HEAD, POSTGRESQL_REFUSAL, USER_ROLES, VERDICTS, append_only_triggers
 
 __all__ = [
     "HEAD",
     "POSTGRESQL_REFUSAL",
     "RETRACTED",
+    "USER_ROLES",
     "VERDICTS",
     "CalibrationRow",
     "Catalogue",
@@ -48,12 +52,18 @@ __all__ = [
     "RunState",
     "StoredFile",
     "Stretch",
+    "UserRole",
+    "UserRow",
     "VersionDocuments",
     "VersionRow",
     "append_only_triggers",
+    "broken_links",
     "catalogue_location",
     "copy_catalogue",
+    "has_link",
+    "link_rows",
     "measured",
+    "newest_link",
     "schema",
     "standing_moves",
 ]

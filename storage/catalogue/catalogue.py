@@ -38,6 +38,7 @@ from aerodb.storage.catalogue.run_queries import RunQueries
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.catalogue.sqlite import open_sqlite, sqlite_revision
 from aerodb.storage.catalogue.stored_files import FileLedger
+from aerodb.storage.catalogue.users import UserLedger
 from aerodb.storage.catalogue.versions import VersionLedger
 
 
@@ -49,6 +50,7 @@ class Catalogue(
     FileLedger,
     InboxHistory,
     RunQueries,
+    UserLedger,
 ):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
 

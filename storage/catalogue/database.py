@@ -14,6 +14,7 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 from aerodb.errors import InputError, StoreBusyError
+from aerodb.storage.catalogue.chain import ends_of_tables, link
 from aerodb.storage.catalogue.former_catalogue import (
     forget_former,
     keep_former,
@@ -59,8 +60,11 @@ class Database:
             yield connection
 
     @contextmanager
-    def writing(self) -> Iterator[sa.Connection]:
-        """An exclusive, atomic write transaction; nested ones are savepoints of the outer one."""
+    def writing(self, linked: bool = True) -> Iterator[sa.Connection]:
+        """An exclusive, atomic write transaction; nested ones are savepoints of the outer one.
+
+        linked : whether new events become links of the chain (`aerodb.storage.catalogue.chain`).
+        """
         current = self._current.get()
         if current is not None:
             with current.begin_nested():
@@ -73,7 +77,10 @@ class Database:
         ):
             token = self._current.set(connection)
             try:
+                before = ends_of_tables(connection) if linked else {}
                 yield connection
+                if linked:
+                    link(connection, before)
             finally:
                 self._current.reset(token)
 
@@ -121,7 +128,7 @@ def migrate(database: Database) -> None:
     config.set_main_option("script_location", "aerodb.storage:migrations")
     before, kept = None, ""
     try:
-        with database.writing() as connection:
+        with database.writing(linked=False) as connection:
             before = revision_of(connection)
             if before == HEAD:  # another process was faster
                 return

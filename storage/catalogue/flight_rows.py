@@ -116,7 +116,7 @@ class FlightLedger(Ledger):
             if (row.verdict, enc.to_json(list(row.reasons))) != (verdict, text):
                 self._add_event(connection, id, kind="verdict", verdict=verdict, reasons=text)
 
-    def retract_flight(self, id: str, reason: str) -> FlightRow:
+    def retract_flight(self, id: str, reason: str, *, user: str = "") -> FlightRow:
         """Retract a flight (its id) for a reason: every version that depends on it becomes stale. A
         second retraction changes nothing."""
         if not reason.strip():
@@ -132,6 +132,7 @@ class FlightLedger(Ledger):
                     kind="retracted",
                     verdict=None,
                     reasons=enc.to_json([enc.plain_text(reason)]),
+                    user=enc.plain_text(user),
                 )
             return _rows(connection, s.flights.c.id == id)[0]
 
@@ -260,6 +261,7 @@ def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Flig
             verdicts.c.reasons,
             retractions.c.at_utc.label("retracted_utc"),
             retractions.c.reasons.label("retract_reasons"),
+            retractions.c.user.label("retracted_by"),
         )
         .join(record, record.c.flight == f.c.id)
         .join(r, r.c.sequence == record.c.sequence)
@@ -276,6 +278,7 @@ def _flight(values: dict[str, Any]) -> FlightRow:
     retracted = values.pop("retract_reasons")
     for name in ("start_utc", "added_utc", "retracted_utc"):
         values[name] = enc.time_of(values[name]) if values[name] else None
+    values["retracted_by"] = values["retracted_by"] or ""
     values["verdict"] = values["verdict"] or "unchecked"
     values["reasons"] = tuple(enc.from_json(values["reasons"] or "[]"))
     return FlightRow(**values, retract_reason=enc.from_json(retracted)[0] if retracted else "")

@@ -13,6 +13,7 @@ Verdict = Literal["good", "limited", "rejected", "unchecked"]
 Role = Literal["identified", "held_out", "excluded"]
 How = Literal["server", "ephemeral", "direct"]
 InboxKind = Literal["tried", "failed", "stored", "duplicate", "quarantined"]
+UserRole = Literal["read", "ingest", "release"]
 RunState = Literal["running", "completed", "failed", "crashed", "cancelled"]
 
 
@@ -58,12 +59,24 @@ class FlightRow:
     reasons: tuple[str, ...]
     retracted_utc: datetime | None
     retract_reason: str
+    retracted_by: str
     added_utc: datetime
 
     @property
     def label(self) -> str:
         """Name for messages: the flight's name, else the first 12 digits of its id."""
         return self.name or self.id[:12]
+
+
+@dataclass(frozen=True)
+class UserRow:
+    """A user, since when with this role and token, and who gave them."""
+
+    name: str
+    role: UserRole
+    token_sha256: str
+    since_utc: datetime
+    by: str
 
 
 @dataclass(frozen=True)

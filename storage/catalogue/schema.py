@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only
 #: where they differ.
-HEAD: Final = "r0007"
+HEAD: Final = "r0008"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -57,9 +57,11 @@ def _one_of(column: str, values: Iterable[str]) -> sa.CheckConstraint:
 
 LOG_STATUS: Final = ("stored", "damaged", "quarantined")
 VERDICTS: Final = ("good", "limited", "rejected", "unchecked")
+FLIGHT_EVENTS: Final = ("verdict", "retracted")
 ROLES: Final = ("identified", "held_out", "excluded")
 HOW: Final = ("server", "ephemeral", "direct")
 INBOX_KINDS: Final = ("tried", "failed", "stored", "duplicate", "quarantined")
+USER_ROLES: Final = ("read", "ingest", "release")
 RUN_STATES: Final = ("running", "completed", "failed", "crashed", "cancelled")
 
 vehicles = _table("vehicles", _text("name", primary_key=True), _text("added_utc"))
@@ -118,7 +120,8 @@ flight_events = _table(
     _text("verdict", nullable=True),
     _text("reasons"),
     _text("at_utc"),
-    _one_of("kind", ("verdict", "retracted")),
+    _text("user", nullable=True),  # who retracted; verdicts are the program's
+    _one_of("kind", FLIGHT_EVENTS),
     _one_of("verdict", VERDICTS),
 )
 
@@ -311,6 +314,32 @@ run_versions = _table(
     "run_versions",
     _text("run", sa.ForeignKey("runs.id"), primary_key=True),
     _text("version", sa.ForeignKey("versions.id"), primary_key=True, index=True),
+)
+
+
+# A user has the role and the token of the newest event; tokens are random, so a plain hash of them
+# cannot be guessed.
+user_events = _table(
+    "user_events",
+    _sequence(),
+    _text("name"),
+    _text("kind"),
+    _text("role", nullable=True),
+    _text("token_sha256", nullable=True),
+    _text("at_utc"),
+    _text("by"),
+    _one_of("kind", ("added", "removed")),
+    _one_of("role", USER_ROLES),
+)
+
+# A link for each row of the tables above that have a `sequence`; see `chain.py`.
+chain = _table(
+    "chain",
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    _text("of_table"),
+    sa.Column("of_sequence", sa.Integer, nullable=False),
+    _text("sha256"),
+    sa.UniqueConstraint("of_table", "of_sequence"),
 )
 
 

@@ -15,9 +15,9 @@ from aerodb.consistency import calibration
 from aerodb.errors import AeroError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.storage import encoding as enc
-from aerodb.storage.catalogue import Ledger
+from aerodb.storage.catalogue import Ledger, broken_links, has_link, newest_link
 from aerodb.storage.catalogue import schema as s
-from aerodb.storage.upkeep.problems import Problem
+from aerodb.storage.upkeep.problems import CHAIN, Problem
 from aerodb.support import version_id
 from aerodb.tables import CheckCase, failed_check_cases
 
@@ -52,7 +52,18 @@ class Audit(Ledger):
             yield from _versions(stream, count)
             yield from _edges(stream, count)
             yield from _names(stream, count)
+            yield from _chain(stream, count)
             yield from _incomplete(stream, count)
+
+    def newest_link(self) -> str:
+        """Hash of the newest link of the chain; empty without one."""
+        with self._database.reading() as connection:
+            return newest_link(connection)[1]
+
+    def has_link(self, sha256: str) -> bool:
+        """Whether a hash that was noted is still in the chain."""
+        with self._database.reading() as connection:
+            return has_link(connection, sha256)
 
     def results_without_file(self) -> tuple[str, ...]:
         """Paths of results whose file has no recorded hash."""
@@ -232,6 +243,13 @@ def _names(connection: sa.Connection, count: Count) -> Iterator[Problem]:
                 f"'{row.name}' of {row.vehicle}",
             )
         last = {(row.vehicle, row.name): (row.step, row.version)}
+
+
+def _chain(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Every event has the content that it had when it was linked, and none is missing or added."""
+    count("linked events", newest_link(connection)[0])
+    for what, where in broken_links(connection):
+        yield Problem(CHAIN, what, where, _RESTORE)
 
 
 def _incomplete(connection: sa.Connection, count: Count) -> Iterator[Problem]:

@@ -43,7 +43,7 @@ from aerodb.storage.files import (
 )
 from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
-from aerodb.storage.upkeep.problems import ORPHAN_OBJECT, Problem, require_clean
+from aerodb.storage.upkeep.problems import CHAIN, ORPHAN_OBJECT, Problem, require_clean
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
 from aerodb.storage.workspace_settings import FILE as SETTINGS
@@ -156,7 +156,8 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
                 left.extend(
                     problem
                     for problem in problems
-                    if _is_known(problem, workspace, manifest["problems"])
+                    # A history that was rewritten before the backup is told, and kept.
+                    if problem.kind == CHAIN or _is_known(problem, workspace, manifest["problems"])
                 )
                 require_clean([problem for problem in problems if problem not in left], str(source))
         if place.url:

@@ -8,6 +8,8 @@ from aerodb.errors import InputError
 
 #: Kind of problem: an object of the object store that no row of the catalogue names.
 ORPHAN_OBJECT: Final = "orphan object"
+#: Kind of problem: the chain of events is broken.
+CHAIN: Final = "chain"
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,13 @@ class Problem:
 @dataclass
 class VerificationReport:
     """Problems found; number of files, bytes, edges, versions, ... checked, by name; and number of
-    files that another process is writing now (`pending`)."""
+    files that another process is writing now (`pending`). chain : hash of the newest event's link
+    in the chain of events; empty without one."""
 
     problems: list[Problem] = field(default_factory=list)
     checked: dict[str, int] = field(default_factory=dict)
     pending: int = 0
+    chain: str = ""
 
     def count(self, name: str, number: int = 1) -> None:
         """Add `number` to the count of checked items called `name`."""
@@ -47,6 +51,8 @@ def report_lines(report: VerificationReport) -> Iterator[str]:
     yield f"checked {sums}" + (
         f"; {report.pending} files are being written" if report.pending else ""
     )
+    if report.chain:
+        yield f"the chain of events ends with {report.chain}"
 
 
 def require_clean(problems: Sequence[Problem], where: str) -> None:

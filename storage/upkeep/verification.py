@@ -16,7 +16,7 @@ from aerodb.storage.disk_errors import is_abandoned, is_temporary
 from aerodb.storage.files import INDEX, STORE, files_of, objects_of
 from aerodb.storage.upkeep.audit import Audit
 from aerodb.storage.upkeep.object_verification import check_objects
-from aerodb.storage.upkeep.problems import VerificationReport
+from aerodb.storage.upkeep.problems import CHAIN, VerificationReport
 from aerodb.storage.workspace import Workspace
 
 #: A file younger than this [s] may still get its row.
@@ -28,15 +28,22 @@ _PUT_BACK: Final = (
 _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
 
 
-def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> VerificationReport:
+def verify(
+    workspace: Workspace, catalogue: Catalogue, fetch: bool = False, chain: str = ""
+) -> VerificationReport:
     """Verify a workspace. Raises InputError when the catalogue cannot be opened.
 
     fetch : also read every object of the object store; otherwise only existence and size of the
-    objects are checked.
+    objects are checked. chain : hash with which the chain of events ended earlier; it must still
+    be in it.
     """
     report, objects = VerificationReport(), objects_of(workspace.root)
     audit = Audit.of(catalogue)
     report.problems.extend(audit.problems(report.count))
+    report.chain = audit.newest_link()
+    if chain and not audit.has_link(chain):
+        what = f"the chain of events does not contain {chain[:80]}: events were removed or replaced"
+        report.add(CHAIN, what, "table chain", "restore the workspace from a backup")
     for folder in STORE:
         for place in sorted((workspace.root / folder).iterdir()):
             _check_folder(workspace, catalogue, place, report, is_cache=objects is not None)

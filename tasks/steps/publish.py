@@ -42,7 +42,7 @@ from aerodb.storage.files import files_beside, write_document
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
-from aerodb.tasks.provenance import user
+from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.inputs import flights_of, input_remarks, inputs_document

@@ -18,7 +18,7 @@ from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, st
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.tables import AeroDatabase, CheckCase
-from aerodb.tasks.provenance import user
+from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 

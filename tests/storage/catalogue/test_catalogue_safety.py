@@ -102,6 +102,7 @@ def filled(family: Catalogue) -> None:
     family.add_marks(h("f1"), [1, 2**63 - 1])
     family.add_file("results/r.parquet", h("bytes"), 10)
     family.add_inbox_events([InboxEvent("glider/a.ulg", V, 10, 5, "stored", h("a"))])
+    family.add_user("anna", "release", h("token"), by="me")
     family.add_repeat(RepeatRow(h("f2"), h("f1"), 0.5, (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)))
 
 
@@ -127,7 +128,9 @@ def test_nothing_is_changed_or_deleted_even_by_hand(
         assert rows, name
         keys = ", ".join(f'"{column.name}"' for column in table.primary_key.columns)
         for attack in ATTACKS[kept_in]:
-            refused(attack.format(table=name, column=list(table.columns)[-1].name, keys=keys))
+            refused(
+                attack.format(table=name, column=f'"{list(table.columns)[-1].name}"', keys=keys)
+            )
         assert raw.execute(f"SELECT * FROM {name} ORDER BY 1, 2").fetchall() == rows
     if kept_in == "sqlite":  # A new id on a label that is taken would delete the old version.
         refused(
