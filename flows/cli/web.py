@@ -13,7 +13,8 @@ def web(
     host: Annotated[
         str,
         typer.Option(
-            help="Address to listen on; $AERODB_TOKEN is required if others can reach it."
+            help="Address to listen on; if others can reach it, $AERODB_TOKEN or a user is required"
+            " (aerodb user add)."
         ),
     ] = "127.0.0.1",
     port: Annotated[
@@ -33,8 +34,9 @@ def web(
     from aerodb.flows.web.server import listening, serve_console
 
     session: Session = context.obj
-    guard = guard_of(host, port, known_as or ())
     root = session.workspace().root
+    has_users = bool(session.catalogue().users())
+    guard = guard_of(host, port, known_as or (), has_users=has_users)
     try:
         with listening(host, port) as socket:
             shown = f"[{host}]" if ":" in host else host
@@ -42,6 +44,12 @@ def web(
                 f"the console of {root} is at http://{shown}:{socket.getsockname()[1]}/; stop it"
                 " with Ctrl-C"
             )
+            if guard.is_made:
+                session.say(
+                    "enter any user name and, as password, this token; it ends with the console:"
+                )
+                session.say(guard.token)
+                session.say("for tokens that last: aerodb user add NAME --role release")
             serve_console(root, guard, socket)
     except OSError as error:
         if isinstance(error, StoreError):

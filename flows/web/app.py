@@ -42,9 +42,11 @@ from aerodb.flows.web import (
 from aerodb.flows.web.access_log import AccessLog
 from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.models import REFUSALS
-from aerodb.flows.web.security import ForbiddenError, Guard, Secured
+from aerodb.flows.web.security import ForbiddenError, Guard, Secured, UserOf
 from aerodb.report import FLAGGED, FLIGHT, MEASURED, UPDATED, render
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.actors import Actor, NotAllowedError
+from aerodb.tasks.workspace_access import access_workspace
 
 _STATIC: Final = Path(__file__).parent / "static"
 #: Files that the plotting library brings.
@@ -52,6 +54,7 @@ _PLOTTING: Final = ("uPlot.iife.js", "uPlot.min.css")
 _CACHED: Final = {"cache-control": "max-age=3600"}
 _STATUS: Final[tuple[tuple[type[AeroError], int], ...]] = (
     (ForbiddenError, 403),
+    (NotAllowedError, 403),
     (UnknownNameError, 404),
     (GateRefusal, 409),
     (InputError, 422),
@@ -90,8 +93,20 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
     app.add_exception_handler(AeroError, _refused)
     app.add_exception_handler(HTTPException, _not_there)
     app.add_exception_handler(RequestValidationError, _malformed)
-    app.add_middleware(Secured, guard=guard, log=AccessLog(workspace.access_log))
+    app.add_middleware(
+        Secured, guard=guard, log=AccessLog(workspace.access_log), user_of=_users_of(workspace)
+    )
     return app
+
+
+def _users_of(workspace: Workspace) -> UserOf:
+    def user_of(hashed: str) -> Actor | None:
+        users = access_workspace(str(workspace.root)).catalogue.users()
+        return next(
+            (Actor(row.name, row.role) for row in users if row.token_sha256 == hashed), None
+        )
+
+    return user_of
 
 
 def _report_style() -> Response:

@@ -1,4 +1,8 @@
-"""Access control of the console: host name, token, origin of changes, and browser policies.
+"""Access control of the console: host name, tokens and roles, origin of changes, and browser
+policies.
+
+Every request carries a token: the console's own, or that of a user of the workspace. Wrong ones are
+counted for each address, and no longer checked after a few in a minute.
 
 A page of another site can make a browser send requests to the console. It cannot read the answers
 (no CORS), use a name of its own (the Host header must be the console's, against DNS rebinding), or
@@ -10,15 +14,18 @@ import binascii
 import hashlib
 import hmac
 import ipaddress
+import logging
 import os
 import secrets
 import socket
 import time
-from collections.abc import Iterable, Mapping
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 from urllib.parse import urlsplit
 
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, Response
@@ -27,11 +34,18 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from aerodb.errors import AeroError, InputError
 from aerodb.flows.web.access_log import AccessLog
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, ServeSettings, checked_token
+from aerodb.tasks.actors import Actor, acting_as, hash_of_token, new_token, user
 
 COOKIE: Final = "aerodb_session"
 HEADER: Final = "x-csrf-token"
 #: A change is a reason and a few names.
 LARGEST_BODY: Final = 64 << 10
+#: Wrong tokens of an address in a minute; further ones are not checked.
+MOST_WRONG: Final = 10
+_REMEMBERED: Final = 10_000
+_logger: Final = logging.getLogger(__name__)
+#: Returns the user whose token has a hash, or None.
+UserOf = Callable[[str], Actor | None]
 #: Requests that are answered at a time, waiting for a thread included.
 MOST_AT_WORK: Final = 128
 _POLICY: Final = (
@@ -61,13 +75,15 @@ class Guard:
     """Rules for access.
 
     names : host names of the console. any_address : whether any IP address of the machine is
-    accepted as well. token : that requests must carry (empty: none). key : signs the tokens of
-    changes.
+    accepted as well. token : that admits to everything (empty: only tokens of users count).
+    is_made : whether it was made for this console, and nobody knows it yet. key : signs the tokens
+    of changes.
     """
 
     names: frozenset[str]
     any_address: bool
     token: str
+    is_made: bool
     key: bytes
 
     def knows(self, host: str) -> bool:
@@ -81,19 +97,9 @@ class Guard:
             return False
 
     def admits(self, presented: str) -> bool:
-        """Return whether an Authorization header holds the token: as bearer, or as anyone's
-        password."""
-        if not self.token:
-            return True
-        scheme, _, rest = presented.partition(" ")
-        given = rest.strip()
-        if scheme.lower() == "basic":
-            try:
-                given = base64.b64decode(given, validate=True).decode("utf-8").partition(":")[2]
-            except (binascii.Error, UnicodeDecodeError):
-                return False
-        return scheme.lower() in ("basic", "bearer") and hmac.compare_digest(
-            given.encode(), self.token.encode()
+        """Return whether a presented token is that of this console."""
+        return bool(self.token) and hmac.compare_digest(
+            presented.encode("utf-8", "replace"), self.token.encode()
         )
 
     def csrf_token(self, session: str) -> str:
@@ -102,12 +108,19 @@ class Guard:
 
 
 def guard_of(
-    host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None
+    host: str,
+    port: int,
+    known_as: Iterable[str] = (),
+    environment: Mapping[str, str] | None = None,
+    has_users: bool = False,
 ) -> Guard:
-    """Return the guard for `host`; InputError if others can reach it and no token is set."""
+    """Return the guard for `host`, with a token of its own if there are neither one of the
+    environment nor users; InputError if others can reach it then."""
     serve = ServeSettings(host=host, port=port)
+    variables = dict(os.environ if environment is None else environment)
     try:
-        token = checked_token(serve, dict(os.environ if environment is None else environment))
+        has_token = bool(variables.get(TOKEN_VARIABLE)) or not has_users
+        token = checked_token(serve, variables) if has_token else ""
     except InputError as error:
         raise InputError(
             error.what, "aerodb web --host", error.remedy.replace("serve.host", "--host")
@@ -121,7 +134,77 @@ def guard_of(
     }
     if not serve.loopback:
         names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
-    return Guard(frozenset(names - {""}), host in ("0.0.0.0", "::"), token, secrets.token_bytes(32))
+    is_made = not (token or has_users)
+    token = new_token() if is_made else token
+    any_address, key = host in ("0.0.0.0", "::"), secrets.token_bytes(32)
+    return Guard(frozenset(names - {""}), any_address, token, is_made, key)
+
+
+def presented_token(header: str) -> str | None:
+    """Return the token in an Authorization header: as bearer, or as anyone's password; None if
+    there is none."""
+    scheme, _, rest = header.partition(" ")
+    given = rest.strip()
+    if scheme.lower() == "bearer":
+        return given or None
+    if scheme.lower() != "basic":
+        return None
+    try:
+        return base64.b64decode(given, validate=True).decode("utf-8").partition(":")[2] or None
+    except (binascii.Error, UnicodeDecodeError):
+        return None
+
+
+class Attempts:
+    """Wrong tokens of each address. Whoever has presented `MOST_WRONG` of them in a minute waits
+    for its end before a further one is checked; tokens that were right before are not held up."""
+
+    def __init__(self) -> None:
+        self._wrong: OrderedDict[str, tuple[int, int]] = OrderedDict()
+        self._right: OrderedDict[str, None] = OrderedDict()
+
+    def may_try(self, address: str, hashed: str) -> bool:
+        """Return whether a token is to be checked."""
+        minute, wrong = self._wrong.get(_network(address), (0, 0))
+        return hashed in self._right or minute != _minute() or wrong < MOST_WRONG
+
+    def note(self, address: str, hashed: str, is_right: bool) -> None:
+        """Note how a check ended."""
+        if is_right:
+            _remember(self._right, hashed, None)
+            return
+        self._right.pop(hashed, None)
+        network = _network(address)
+        minute, wrong = self._wrong.get(network, (0, 0))
+        wrong = 1 if minute != _minute() else wrong + 1
+        _remember(self._wrong, network, (_minute(), wrong))
+        if wrong == MOST_WRONG:
+            _logger.warning(
+                "%d wrong tokens from %s within a minute: further ones wait", wrong, network
+            )
+
+
+_Value = TypeVar("_Value")
+
+
+def _remember(where: OrderedDict[str, _Value], name: str, value: _Value) -> None:
+    where[name] = value
+    where.move_to_end(name)
+    if len(where) > _REMEMBERED:
+        where.popitem(last=False)
+
+
+def _minute() -> int:
+    return int(time.monotonic() // 60)
+
+
+def _network(address: str) -> str:
+    """Return an address; of IPv6 its network, within which one client has any number of them."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    return str(parsed) if parsed.version == 4 else str(ipaddress.ip_network((parsed, 64), False))
 
 
 def _name_of(host: str) -> str:
@@ -139,8 +222,9 @@ class Secured:
     """Middleware that passes admitted requests only, adds the security headers to every answer,
     and writes the access log."""
 
-    def __init__(self, app: ASGIApp, guard: Guard, log: AccessLog) -> None:
-        self._app, self._guard, self._log = app, guard, log
+    def __init__(self, app: ASGIApp, guard: Guard, log: AccessLog, user_of: UserOf) -> None:
+        self._app, self._guard, self._log, self._user_of = app, guard, log, user_of
+        self._attempts = Attempts()
         self._at_work = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -162,16 +246,25 @@ class Secured:
                 headers.setdefault("cache-control", "no-store")
             await send(message)
 
-        refusal = self._refusal(scope)
+        address = (scope.get("client") or ("",))[0]
+        visitor: Actor | None = None
+        refusal: Response | None = None
         try:
-            if refusal is None:
-                refusal = await self._answered(scope, receive, marked)
+            found = await self._admitted(scope, address)
+            if isinstance(found, Actor):
+                visitor = found
+                with acting_as(visitor):
+                    refusal = await self._answered(scope, receive, marked)
+            else:
+                refusal = found
             if refusal is not None:
                 await refusal(scope, receive, marked)
         finally:
             self._log.write(
-                refusal is None,
-                address=(scope.get("client") or ("",))[0],
+                visitor is not None,
+                address=address,
+                user=visitor.name if visitor else "",
+                role=visitor.role if visitor else "",
                 method=scope["method"],
                 path=scope["path"],
                 status=status,
@@ -202,21 +295,17 @@ class Secured:
             self._at_work -= 1
         return None
 
-    def _refusal(self, scope: Scope) -> Response | None:
-        """Return the answer to a request that is not admitted."""
+    async def _admitted(self, scope: Scope, address: str) -> Actor | Response:
+        """Return who sent a request, or the answer to one that is not admitted."""
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._guard.knows(hosts[0]):
             return PlainTextResponse(
                 "aerodb: unknown host name for this console; see aerodb web --known-as\n", 421
             )
-        if not self._guard.admits(headers.get("authorization", "")):
-            ask = {"www-authenticate": 'Basic realm="aerodb", charset="UTF-8"'}
-            return PlainTextResponse(
-                f"aerodb: enter any user name; the password is the token, ${TOKEN_VARIABLE}\n",
-                401,
-                ask,
-            )
+        visitor = await self._visitor(headers.get("authorization", ""), address)
+        if not isinstance(visitor, Actor):
+            return visitor
         if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(
             headers, hosts[0]
         ):
@@ -230,7 +319,32 @@ class Secured:
             return PlainTextResponse(
                 f"aerodb: the request is larger than {LARGEST_BODY} bytes\n", 413
             )
-        return None
+        return visitor
+
+    async def _visitor(self, authorization: str, address: str) -> Actor | Response:
+        """Return whose token a request carries, or the answer to one without a right one."""
+        ask = {"www-authenticate": 'Basic realm="aerodb", charset="UTF-8"'}
+        refusal = PlainTextResponse(
+            "aerodb: enter any user name; the password is your token: of aerodb user, of"
+            f" ${TOKEN_VARIABLE}, or as aerodb web said when it started\n",
+            401,
+            ask,
+        )
+        presented = presented_token(authorization)
+        if presented is None:
+            return refusal
+        hashed = hash_of_token(presented)
+        if not self._attempts.may_try(address, hashed):
+            return PlainTextResponse(
+                "aerodb: too many wrong tokens; try again in a minute\n", 429, {"retry-after": "60"}
+            )
+        visitor = (
+            Actor(f"{user()} (token of the console)", "release")
+            if self._guard.admits(presented)
+            else await run_in_threadpool(self._user_of, hashed)
+        )
+        self._attempts.note(address, hashed, visitor is not None)
+        return visitor or refusal
 
 
 def _same_origin(headers: Headers, host: str) -> bool:

@@ -21,7 +21,7 @@ CHAINED: Final = tuple(
 _AT_ONCE: Final = 1000
 
 
-def link_of(before: str, table: str, row: Mapping[str, Any]) -> str:
+def link_of(before: str, table: str, row: sa.RowMapping) -> str:
     """Return the hash (sha256) of a row behind the hash `before`.
 
     Columns without a value are left out: a column that a later schema adds changes no hash.
@@ -129,11 +129,11 @@ def broken_links(connection: sa.Connection) -> Iterator[tuple[str, str]]:
             yield "the row was added by other means than aerodb", f"table {name}, row {sequence}"
 
 
-def _rows_of(connection: sa.Connection, links: Any) -> dict[tuple[str, int], Mapping[str, Any]]:
+def _rows_of(connection: sa.Connection, links: Any) -> dict[tuple[str, int], sa.RowMapping]:
     sequences: dict[str, list[int]] = {}
     for each in links:
         sequences.setdefault(each.of_table, []).append(each.of_sequence)
-    rows: dict[tuple[str, int], Mapping[str, Any]] = {}
+    rows: dict[tuple[str, int], sa.RowMapping] = {}
     for name in sequences.keys() & set(CHAINED):
         table = s.metadata.tables[name]
         query = sa.select(table).where(table.c.sequence.in_(sequences[name]))

@@ -19,8 +19,9 @@ import pytest
 from aerodb.flows.web.access_log import REFUSED
 from aerodb.flows.web.connections import HEAD_SECONDS
 from aerodb.flows.web.security import LARGEST_BODY
-from tests.flows.web.test_console_command import running
+from tests.flows.web.test_console_command import running, signed_in
 from tests.support.command import aerodb
+from tests.support.console_workspace import TOKEN
 from tests.support.small_glider import NAME, write_files
 
 CAMPAIGN = pytest.mark.campaign
@@ -47,7 +48,7 @@ def test_parallel_exports_to_jsbsim_end_nobody(workspace: Path) -> None:
 
     def export(_: int) -> str:
         path = f"{address}/api/versions/v0001/export?format=jsbsim"
-        with urllib.request.urlopen(path, timeout=300) as answer:
+        with urllib.request.urlopen(signed_in(path), timeout=300) as answer:
             assert b"<fdm_config" in answer.read()
             return str(answer.headers["x-checked"])
 
@@ -81,7 +82,7 @@ def place_of(address: str) -> tuple[str, int]:
 def seconds_of(address: str, path: str = "/api/vehicles") -> float:
     """The time [s] of one answer to somebody else."""
     began = time.monotonic()
-    with urllib.request.urlopen(f"{address}{path}", timeout=300) as answer:
+    with urllib.request.urlopen(signed_in(f"{address}{path}"), timeout=300) as answer:
         assert answer.status == 200
         answer.read()
     return time.monotonic() - began
@@ -100,8 +101,8 @@ HALF = {
     "nothing": b"",
     "head": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
     "body": (
-        b"POST /rollback HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type:"
-        b" application/x-www-form-urlencoded\r\nContent-Length: 1000\r\n\r\nreason="
+        f"POST /rollback HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {TOKEN}\r\n".encode()
+        + b"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: 1000\r\n\r\nreason="
     ),
 }
 
@@ -198,14 +199,15 @@ def test_bad_requests_are_said_in_a_few_lines(workspace: Path, tmp_path: Path) -
 def test_a_body_that_is_too_large_is_refused_as_such(workspace: Path, sending: str) -> None:
     with running(workspace) as (_, address):
         connection = http.client.HTTPConnection(*place_of(address), timeout=60)
-        content = {"Content-Type": "application/json"}
+        content = {"Content-Type": "application/json", "Authorization": f"Bearer {TOKEN}"}
         path = "/api/rollback"
         if sending == "length":
             connection.request("POST", path, b"x" * (LARGEST_BODY + 1), content)
         else:
             parts = [b"x" * 10_000] * 10
             connection.putrequest("POST", path)
-            connection.putheader("Content-Type", "application/json")
+            for name, value in content.items():
+                connection.putheader(name, value)
             connection.putheader("Transfer-Encoding", "chunked")
             connection.endheaders()
             for part in parts:
@@ -229,6 +231,7 @@ def test_many_clients_beside_slow_ones(
     longest: list[float] = []
     wrong: list[object] = []
     over = threading.Event()
+    carried = {"Authorization": f"Bearer {TOKEN}"}
 
     def ask(number: int) -> None:
         connection, turn = http.client.HTTPConnection(*place_of(address), timeout=60), number
@@ -237,7 +240,7 @@ def test_many_clients_beside_slow_ones(
             path = paths[turn % len(paths)]
             began = time.monotonic()
             try:
-                connection.request("GET", path)
+                connection.request("GET", path, headers=carried)
                 answer = connection.getresponse()
                 answer.read()
             except (OSError, http.client.HTTPException) as error:

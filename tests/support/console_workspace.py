@@ -85,19 +85,24 @@ def add_named(workspace: Workspace, id: str, log_name: str) -> None:
         catalogue.retract_flight(id, log_name)
 
 
+TOKEN = "a token of some length"
+
+
 def client_of(
-    workspace: Workspace, host: str = "127.0.0.1", environment: dict[str, str] | None = None
+    workspace: Workspace, host: str = "127.0.0.1", token: str | None = TOKEN
 ) -> TestClient:
-    """The console in this process; an error that nobody turned into an answer is raised."""
-    app = create_app(workspace.root, guard_of(host, 8050, (), environment or {}))
-    return TestClient(app, base_url="http://127.0.0.1:8050")
+    """The console in this process, with requests that carry `token` (None: none); an error that
+    nobody turned into an answer is raised."""
+    app = create_app(workspace.root, guard_of(host, 8050, (), {"AERODB_TOKEN": TOKEN}))
+    headers = {"authorization": f"Bearer {token}"} if token else {}
+    return TestClient(app, base_url="http://127.0.0.1:8050", headers=headers)
 
 
 @contextmanager
 def served(workspace: Workspace) -> Iterator[str]:
     """The console as a real server on a free port of this machine; its address."""
     with listening("127.0.0.1", 0) as place:
-        server = server_of(workspace.root, guard_of("127.0.0.1", 0, (), {}))
+        server = server_of(workspace.root, guard_of("127.0.0.1", 0, (), {"AERODB_TOKEN": TOKEN}))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [place]})
         thread.start()
         try:

@@ -8,13 +8,15 @@ from typing import Any
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, Phase, given, seed, settings
+from starlette.datastructures import Headers
 from starlette.testclient import TestClient
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from aerodb.flows.web.app import create_app
 from aerodb.flows.web.console import part
 from aerodb.flows.web.security import guard_of
 from tests.support.catalogue_samples import h
-from tests.support.console_workspace import HOSTILE, Made, made_workspace
+from tests.support.console_workspace import HOSTILE, TOKEN, Made, made_workspace
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
 
@@ -54,7 +56,22 @@ def made(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> 
 
 @pytest.fixture(scope="module")
 def app(made: Made) -> Any:
-    return create_app(made.workspace.root, guard_of("127.0.0.1", 0, ("testserver",), {}))
+    guard = guard_of("127.0.0.1", 0, ("testserver",), {"AERODB_TOKEN": TOKEN})
+    created = create_app(made.workspace.root, guard)
+    created.add_middleware(SignedIn)
+    return created
+
+
+class SignedIn:
+    """Middleware that gives every request the token, if it has none."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and "authorization" not in Headers(scope=scope):
+            scope["headers"].append((b"authorization", f"Bearer {TOKEN}".encode()))
+        await self._app(scope, receive, send)
 
 
 def _operations(app: Any) -> list[Any]:

@@ -20,7 +20,7 @@ from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.flows.web.test_console import pages
 from tests.support.catalogue_samples import h
 from tests.support.command import asked
-from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
+from tests.support.console_workspace import TOKEN, Made, add_long_flight, made_workspace, served
 from tests.support.paths import VEHICLES
 from tests.support.shared_workspace import SharedWorkspaces
 
@@ -101,7 +101,10 @@ def watched(browser: Any, address: str, width: int = 1280) -> Iterator[Any]:
     another host."""
     complaints: list[str] = []
     elsewhere: list[str] = []
-    with browser.new_context(viewport={"width": width, "height": 900}) as context:
+    with browser.new_context(
+        viewport={"width": width, "height": 900},
+        http_credentials={"username": "anyone", "password": TOKEN},
+    ) as context:
         context.set_default_timeout(_PATIENCE)
         page = context.new_page()
         page.on(

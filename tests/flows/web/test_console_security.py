@@ -2,8 +2,9 @@
 says is shown."""
 
 import base64
+import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from starlette.testclient import TestClient
@@ -11,14 +12,21 @@ from typer.testing import CliRunner
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.main import app
-from aerodb.flows.web.security import COOKIE, LARGEST_BODY, Guard, guard_of
+from aerodb.flows.web.access_log import REFUSED
+from aerodb.flows.web.security import (
+    COOKIE,
+    LARGEST_BODY,
+    MOST_WRONG,
+    Attempts,
+    Guard,
+    guard_of,
+)
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import NameEvent
-from tests.support.console_workspace import Made, add_child, client_of, made_workspace
+from aerodb.storage.catalogue.rows import NameEvent, UserRole
+from aerodb.tasks.actors import hash_of_token, new_token
+from tests.support.console_workspace import TOKEN, Made, add_child, client_of, made_workspace
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
-
-TOKEN = "a token of some length"
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +89,7 @@ def test_a_token_is_asked_for_everywhere(prepared: Made) -> None:
     def basic(word: str) -> str:
         return "Basic " + base64.b64encode(f"anyone:{word}".encode()).decode()
 
-    with client_of(prepared.workspace, "0.0.0.0", {"AERODB_TOKEN": TOKEN}) as client:
+    with client_of(prepared.workspace, "0.0.0.0", None) as client:
         for path in ("/", "/api/flights", "/static/console.css", "/openapi.json", "/nothing"):
             answer = client.get(path)
             assert answer.status_code == 401
@@ -252,6 +260,84 @@ def test_the_gate_refuses_with_its_reasons(prepared: Made) -> None:
         assert named.json()["moved"]
         assert client.post(path, json={"reason": 3}, headers=headers).status_code == 422
     assert moves(prepared)[:-1] == before
+
+
+def users(made: Made) -> dict[str, str]:
+    """A user of each role, and the token."""
+    tokens = {role: new_token() for role in get_args(UserRole)}
+    with Catalogue.open(made.workspace.catalogue) as catalogue:
+        for role in get_args(UserRole):
+            catalogue.add_user(f"{role}er", role, hash_of_token(tokens[role]), by="test")
+    return tokens
+
+
+def test_only_the_role_release_moves_a_name(shared: SharedWorkspaces, tmp_path: Path) -> None:
+    made = made_workspace(shared, tmp_path / "workspace")
+    before = moves(made)
+    for role, token in users(made).items():
+        with client_of(made.workspace, token=token) as client:
+            for path in ("/", "/api/flights", f"/versions/{made.candidate}"):
+                assert client.get(path).status_code == 200
+            path = f"/api/versions/{made.candidate}/promote"
+            headers = {"x-csrf-token": csrf_of(client)}
+            answer = client.post(path, json={"reason": "r", "name": "mine"}, headers=headers)
+            assert answer.status_code == (200 if role == "release" else 403), answer.text
+            if role != "release":
+                assert f"{role}er has the role {role}" in answer.json()["error"]["what"]
+                assert moves(made) == before
+    assert [(event.name, event.user) for event in moves(made)[len(before) :]] == [
+        ("mine", "releaseer")
+    ]
+    log = [json.loads(line) for line in made.workspace.access_log.read_text().splitlines()]
+    posts = [
+        (line["user"], line["role"], line["status"]) for line in log if line["method"] == "POST"
+    ]
+    assert posts == [
+        ("reader", "read", 403),
+        ("ingester", "ingest", 403),
+        ("releaseer", "release", 200),
+    ]
+
+
+def test_guesses_are_counted_held_up_and_written_down(
+    shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    made = made_workspace(shared, tmp_path / "workspace")
+    with client_of(made.workspace) as client:
+        assert client.get("/").status_code == 200
+        answers = [
+            client.get("/", headers={"authorization": f"Bearer guess {k}"}).status_code
+            for k in range(1000)
+        ]
+        # Not all in one minute, perhaps.
+        assert MOST_WRONG <= answers.count(401) <= 5 * MOST_WRONG
+        assert answers.count(401) + answers.count(429) == 1000
+        assert client.get("/").status_code == 200  # a token that was right before
+        later = client.get("/", headers={"authorization": "Bearer guess 1000"})
+        assert later.headers["retry-after"] == "60"
+        elsewhere = TestClient(client.app, "http://127.0.0.1:8050", client=("192.0.2.7", 1))
+        wrong = elsewhere.get("/", headers={"authorization": "Bearer guess 1001"})
+        assert wrong.status_code == 401
+    log = [json.loads(line) for line in made.workspace.access_log.read_text().splitlines()]
+    refused = [line for line in log if line["status"] in (401, 429)]
+    assert len(refused) + sum(line.get("left_out_before", 0) for line in log) >= 900
+    assert len(refused) <= 5 * REFUSED
+    assert {line["user"] for line in refused} == {""}
+    assert "guess" not in made.workspace.access_log.read_text()
+
+
+def test_attempts_are_forgotten_in_the_order_of_their_age() -> None:
+    attempts = Attempts()
+    for address in ("192.0.2.1", "2001:db8::1"):
+        for k in range(MOST_WRONG):
+            assert attempts.may_try(address, f"{k}")
+            attempts.note(address, f"{k}", is_right=False)
+    for address in ("192.0.2.1", "2001:db8::2"):  # IPv6: the network
+        assert not attempts.may_try(address, "further")
+    assert attempts.may_try("192.0.2.2", "further")
+    for k in range(20_000):
+        attempts.note(f"10.0.{k // 256}.{k % 256}", "wrong", is_right=False)
+    assert attempts.may_try("192.0.2.1", "further")
 
 
 def test_tokens_of_two_processes_differ() -> None:
