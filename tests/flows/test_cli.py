@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 from aerodb.flows.cli.main import app
 from aerodb.recording import Topic
 from aerodb.storage.writers.ulog import write_ulog
+from aerodb.tasks.actors import user
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked, document
 from tests.support.paths import ROOT
@@ -68,6 +69,10 @@ COMMANDS = [
     ["store", "push"],
     ["store", "pull"],
     ["store", "trim"],
+    ["user", "add"],
+    ["user", "token"],
+    ["user", "list"],
+    ["user", "remove"],
 ]
 
 
@@ -275,6 +280,7 @@ def test_retracting_a_flight_makes_versions_stale(tmp_path: Path, shared: Shared
     assert retracted == {
         "flight": flight,
         "reason": "pitot cover left on",
+        "user": user(),
         "stale": [first["candidate"]],
         "names": {"candidate": first["candidate"]},
         "rebuild": [{"version": first["candidate"], "label": "v0002", "command": command}],

@@ -268,9 +268,12 @@ def test_a_catalogue_of_the_first_kind_is_brought_up_and_keeps_every_row(tmp_pat
         "calibrations",
         "flight_calibrations",
         "stored_files",
+        "inbox_events",
+        "user_events",
+        "chain",
     ):
         raw.execute(f"DROP TABLE {table}")
-    raw.execute("DROP TABLE inbox_events")
+    raw.execute('ALTER TABLE flight_events DROP COLUMN "user"')
     raw.execute("DROP INDEX ix_flights_newest")
     raw.execute("DROP INDEX ix_runs_flow")
     raw.execute("DROP INDEX ix_runs_started_utc")
