@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -15,6 +16,7 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from aerodb.errors import InputError
 from aerodb.storage.catalogue import catalogue_location
+from aerodb.storage.locks import Lock, take
 from aerodb.storage.urls import resolved, shown
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import (
@@ -108,6 +110,21 @@ def free_port(serve: ServeSettings) -> int:
                 what, f"{FILE}: serve", "set another port, or 0 for any free one"
             ) from error
         return int(probe.getsockname()[1])
+
+
+def port_lock(host: str, port: int) -> Lock:
+    """Return the lock of an address for this user: of two services that start together and both
+    find the port free, one gets it. Raises InputError for the other."""
+    folder = Path(tempfile.gettempdir()) / f"aerodb-{getattr(os, 'getuid', int)()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    lock = take(folder / f"{host.replace(':', '_')}-{port}.lock")
+    if lock is None:
+        raise InputError(
+            f"cannot listen on {host}, port {port}: another aerodb serve starts or runs there",
+            f"{FILE}: serve",
+            "set another port, or 0 for any free one",
+        )
+    return lock
 
 
 class Child:

@@ -13,7 +13,7 @@ from aerodb.flows.recalibrate import recalibrate_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue import RunRow
 from aerodb.storage.inbox import Quarantined, return_to_inbox
-from aerodb.tasks.steps import in_quarantine
+from aerodb.tasks.steps import in_quarantine, mark_ended
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: Runs a flow with its parameters, as the command line or a test does.
@@ -45,6 +45,7 @@ def retry(
     vehicle : of a log whose vehicle is unknown. Returns what was done: ``what``, ``kind``,
     ``outcome``, ``reason``. Raises UnknownNameError for an unknown reference.
     """
+    mark_ended(access)  # a run whose process is gone has failed, as `aerodb status` says
     entries = in_quarantine(access)
     failed = access.catalogue.unresolved_runs()
     if reference == "all":

@@ -6,6 +6,7 @@ process, which is restarted.
 
 import os
 import secrets
+import shutil
 import signal
 import sys
 import threading
@@ -13,11 +14,13 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
+from http import HTTPStatus
 from typing import Any, Final
+from urllib.error import HTTPError
 
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
-from aerodb.flows.processes import Child, environment_of, free_port
+from aerodb.flows.processes import Child, environment_of, free_port, port_lock
 from aerodb.storage.inbox import InboxFile, rescan_inbox
 from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
@@ -74,6 +77,8 @@ class Server:
         self._written = self._settings_written()
         self._clock = _clock()
         self._since: dict[Any, float] = {}
+        self._port = port_lock(host, port)
+        self._has_room = True
 
     def _vehicles(self) -> tuple[str, ...]:
         return tuple(row.name for row in self._access.catalogue.vehicles())
@@ -106,7 +111,16 @@ class Server:
                 raise StoreError(
                     "the Prefect server did not start", where, "its last lines say why"
                 )
-        clear_up(self.client, self._workspace, at_start=True)
+        try:
+            clear_up(self.client, self._workspace, at_start=True)
+        except HTTPError as error:
+            if error.code != HTTPStatus.UNAUTHORIZED:
+                raise
+            raise StoreError(
+                f"another program's server answers at {self.client.url}",
+                f"{FILE}: serve",
+                "set another port, or 0 for any free one",
+            ) from error
         self._runner.start()
         note = {
             "pid": os.getpid(),
@@ -124,10 +138,12 @@ class Server:
         crashes."""
         try:
             self._follow_clock(stopping)
+            self._watch_disk()
             for child in (self._server, self._runner):
                 child.keep_going(self._say)
             self._read_settings()
-            self._watch()
+            if self._has_room:
+                self._watch()
             if time.monotonic() - self._cleared > _CLEAR_UP_EVERY:
                 self._cleared = time.monotonic()
                 mark_ended(self._access)
@@ -156,6 +172,20 @@ class Server:
         self._runner.stop(4.0)
         self._server.stop(4.0)
         self._start(stopping)
+
+    def _watch_disk(self) -> None:
+        """Say once that the disk is full, and once that it is not: meanwhile no log is announced,
+        because its run would only fail."""
+        free, reserve = shutil.disk_usage(self._workspace.root).free, self._settings.limits.reserve
+        if (free >= reserve) == self._has_room:
+            return
+        self._has_room = free >= reserve
+        self._say(
+            f"{free / 1e6:.0f} MB are free on the disk: logs are ingested again"
+            if self._has_room
+            else f"{free / 1e6:.0f} MB are free on the disk, less than [limits] reserve"
+            f" ({reserve / 1e6:.0f} MB): logs wait until there is room"
+        )
 
     def _deliver(self) -> None:
         """Deliver queued notifications in a thread: a receiver may take its time to answer."""
@@ -233,6 +263,7 @@ class Server:
             except OSError as error:
                 self._say(f"left for the next start: {error}")
         self._server.stop(4.0)
+        self._port.release(remove=True)
 
 
 def _clock() -> float:

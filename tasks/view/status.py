@@ -66,7 +66,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
         ][:_LISTED],
         "free_bytes": shutil.disk_usage(access.workspace.root).free,
     }
-    return {**document, "todo": _todo(document)}
+    return {**document, "todo": _todo(document, settings.limits.reserve)}
 
 
 def _settings(access: WorkspaceAccess) -> tuple[Settings, str]:
@@ -151,8 +151,13 @@ def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, sta
     return "" if state.baseline else "no database is released: aerodb database import FILE"
 
 
-def _todo(document: dict[str, Any]) -> list[str]:
+def _todo(document: dict[str, Any], reserve: int) -> list[str]:
     items = []
+    if document["free_bytes"] < reserve:
+        items.append(
+            f"free disk space: {document['free_bytes'] / 1e6:.0f} MB are left, and no log is"
+            f" ingested below {reserve / 1e6:.0f} MB ([limits] reserve)"
+        )
     if document["settings"] != "valid":
         items.append(f"fix the settings: {document['settings'].splitlines()[0]}")
     for entry in document["waiting"]:

@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import stat
 import subprocess
 import sys
@@ -26,11 +27,15 @@ import pytest
 
 from aerodb.flows.orchestrator import Client, clear_up
 from aerodb.flows.run import configure_prefect
+from aerodb.flows.serve import Server
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import RunRow
-from aerodb.storage.locks import holding, is_held, note_of
+from aerodb.storage.limits import Limits
+from aerodb.storage.locks import holding, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import load_settings
 from tests.support.command import aerodb
+from tests.support.end_to_end import environment
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv
@@ -445,8 +450,6 @@ def test_what_others_could_reach_is_refused_without_a_token(tmp_path: Path) -> N
 
 
 def test_a_port_that_is_taken_is_said(tmp_path: Path) -> None:
-    import socket
-
     workspace = Workspace.open(tmp_path / "w")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -456,3 +459,53 @@ def test_a_port_that_is_taken_is_said(tmp_path: Path) -> None:
         done = aerodb(workspace.root, "serve")
     assert done.returncode == 3
     assert f"cannot listen on 127.0.0.1, port {port}" in done.stderr
+
+
+def test_of_two_that_start_together_on_one_port_one_serves(tmp_path: Path) -> None:
+    """Both found the port free; the later one once took the other's server for its own."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    started = []
+    for name in ("one", "other"):
+        root = Workspace.open(tmp_path / name).root
+        (root / "settings.toml").write_text(f"[serve]\nport = {port}\n", encoding="utf-8")
+        code = "from aerodb.flows.cli import main; main()"
+        command = [sys.executable, "-c", code, "--workspace", str(root), "serve"]
+        started.append(
+            subprocess.Popen(command, cwd=ROOT, text=True, stdout=-1, stderr=-1, env=environment())
+        )
+    until = time.monotonic() + 120
+    while all(each.poll() is None for each in started) and time.monotonic() < until:
+        time.sleep(0.1)
+    (ended,) = [each for each in started if each.poll() is not None]
+    assert ended.returncode == 3
+    assert f"port {port}" in ended.communicate()[1]
+    (serving,) = [each for each in started if each is not ended]
+    try:
+        assert serving.stdout is not None
+        assert f"127.0.0.1:{port}" in serving.stdout.readline()
+    finally:
+        serving.send_signal(signal.SIGTERM)
+        assert serving.wait(60) == 0
+
+
+def test_a_full_disk_is_said_once_and_logs_wait(tmp_path: Path) -> None:
+    workspace, said = Workspace.open(tmp_path / "w"), list[str]()
+    settings = workspace.root / "settings.toml"
+    settings.write_text(f"[serve]\nport = 0\n[limits]\nreserve = {10**15}\n", encoding="utf-8")
+    lock = take(workspace.lock("serve"))
+    assert lock is not None
+    server = Server(workspace, lock, said.append)
+    server._watch_disk()
+    server._watch_disk()
+    (once,) = said
+    assert once.endswith("(1000000000 MB): logs wait until there is room")
+    assert not server._has_room
+    server._settings = load_settings(workspace.root).model_copy(
+        update={"limits": Limits(reserve=0)}
+    )
+    server._watch_disk()
+    assert said[1].endswith("logs are ingested again")
+    server._port.release(remove=True)
+    lock.release()

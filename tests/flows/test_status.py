@@ -203,6 +203,20 @@ def test_a_run_that_lost_its_process_counts_as_failed(workspace: Workspace) -> N
     night = asked(workspace.root, "nightly", "--direct")
     assert [entry["run"] for entry in night["crashed"]] == [run]
     assert asked(workspace.root, "status")["failed"] == [], "the night has made it good"
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        run = catalogue.start_run("nightly_flow", how="server", parameters={}).id
+    assert [entry["run"] for entry in asked(workspace.root, "status")["failed"]] == [run]
+    code, done = _called(workspace, "retry", run[:12], "--direct")
+    assert (code, [(entry["what"], entry["kind"]) for entry in done]) == (0, [(run, "run")])
+    assert asked(workspace.root, "status")["failed"] == []
+
+
+def test_a_disk_without_room_is_something_to_do(workspace: Workspace) -> None:
+    settings = workspace.root / "settings.toml"
+    written = settings.read_text(encoding="utf-8") if settings.exists() else ""
+    settings.write_text(f"{written}[limits]\nreserve = {10**15}\n", encoding="utf-8")
+    (said,) = [item for item in asked(workspace.root, "status")["todo"] if "disk" in item]
+    assert "MB are left, and no log is ingested below 1000000000 MB" in said
 
 
 def test_what_a_flight_lacks_is_made_again(workspace: Workspace, logs: list[Path]) -> None:
