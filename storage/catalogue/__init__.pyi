@@ -7,6 +7,7 @@ from .flight_pages import RETRACTED, FlightFilter
 from .ledger import Ledger
 from .location import CatalogueLocation, catalogue_location
 from .names import standing_moves
+from .row_links import broken_rows, link_stored_rows
 from .rows import (
     CalibrationRow,
     FlightRole,
@@ -58,10 +59,12 @@ __all__ = [
     "VersionRow",
     "append_only_triggers",
     "broken_links",
+    "broken_rows",
     "catalogue_location",
     "copy_catalogue",
     "has_link",
     "link_rows",
+    "link_stored_rows",
     "measured",
     "newest_link",
     "schema",

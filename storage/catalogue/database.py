@@ -20,6 +20,7 @@ from aerodb.storage.catalogue.former_catalogue import (
     keep_former,
     say_what_happened,
 )
+from aerodb.storage.catalogue.row_links import Touched
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.database_errors import store_error_of, translated_database_errors
 
@@ -63,7 +64,8 @@ class Database:
     def writing(self, linked: bool = True) -> Iterator[sa.Connection]:
         """An exclusive, atomic write transaction; nested ones are savepoints of the outer one.
 
-        linked : whether new events become links of the chain (`aerodb.storage.catalogue.chain`).
+        linked : whether new events and rows are linked (`aerodb.storage.catalogue.chain`,
+        `row_links`).
         """
         current = self._current.get()
         if current is not None:
@@ -77,10 +79,17 @@ class Database:
         ):
             token = self._current.set(connection)
             try:
-                before = ends_of_tables(connection) if linked else {}
-                yield connection
-                if linked:
-                    link(connection, before)
+                if not linked:
+                    yield connection
+                    return
+                before, touched = ends_of_tables(connection), Touched()
+                touched.listen(connection)
+                try:
+                    yield connection
+                finally:
+                    touched.forget(connection)
+                touched.link(connection)
+                link(connection, before)
             finally:
                 self._current.reset(token)
 

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only
 #: where they differ.
-HEAD: Final = "r0008"
+HEAD: Final = "r0009"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -340,6 +340,16 @@ chain = _table(
     sa.Column("of_sequence", sa.Integer, nullable=False),
     _text("sha256"),
     sa.UniqueConstraint("of_table", "of_sequence"),
+)
+
+# Links of all other rows; see `row_links.py`.
+row_links = _table(
+    "row_links",
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    _text("of_table"),
+    _text("of_group"),
+    _text("content_sha256"),
+    _text("sha256"),
 )
 
 

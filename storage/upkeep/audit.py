@@ -15,7 +15,7 @@ from aerodb.consistency import calibration
 from aerodb.errors import AeroError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.storage import encoding as enc
-from aerodb.storage.catalogue import Ledger, broken_links, has_link, newest_link
+from aerodb.storage.catalogue import Ledger, broken_links, broken_rows, has_link, newest_link
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.upkeep.problems import CHAIN, Problem
 from aerodb.support import version_id
@@ -248,7 +248,7 @@ def _names(connection: sa.Connection, count: Count) -> Iterator[Problem]:
 def _chain(connection: sa.Connection, count: Count) -> Iterator[Problem]:
     """Every event has the content that it had when it was linked, and none is missing or added."""
     count("linked events", newest_link(connection)[0])
-    for what, where in broken_links(connection):
+    for what, where in (*broken_links(connection), *broken_rows(connection)):
         yield Problem(CHAIN, what, where, _RESTORE)
 
 

@@ -247,6 +247,7 @@ def test_concurrent_writers_make_one_chain(path: Path, kept_in: str) -> None:
 def test_events_of_an_older_catalogue_are_linked(path: Path, kept_in: str, tmp_path: Path) -> None:
     with tampering(path, kept_in) as connection:
         connection.exec_driver_sql("DROP TABLE chain")
+        connection.exec_driver_sql("DROP TABLE row_links")
         connection.exec_driver_sql("DROP TABLE user_events")
         connection.exec_driver_sql('ALTER TABLE flight_events DROP COLUMN "user"')
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = 'r0007'")
