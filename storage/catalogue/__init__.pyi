@@ -28,6 +28,7 @@ from .rows import (
     VersionRow,
 )
 from .schema import HEAD, POSTGRESQL_REFUSAL, USER_ROLES, VERDICTS, append_only_triggers
+from .seal import is_intact, seal
 
 __all__ = [
     "HEAD",
@@ -63,10 +64,12 @@ __all__ = [
     "catalogue_location",
     "copy_catalogue",
     "has_link",
+    "is_intact",
     "link_rows",
     "link_stored_rows",
     "measured",
     "newest_link",
     "schema",
+    "seal",
     "standing_moves",
 ]

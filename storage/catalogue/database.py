@@ -5,10 +5,13 @@ advisory lock), so a transaction that reads and then writes never fails because 
 Readers see one consistent state and never wait.
 """
 
+import atexit
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
@@ -22,6 +25,7 @@ from aerodb.storage.catalogue.former_catalogue import (
 )
 from aerodb.storage.catalogue.row_links import Touched
 from aerodb.storage.catalogue.schema import HEAD
+from aerodb.storage.catalogue.seal import break_seal, seal
 from aerodb.storage.database_errors import store_error_of, translated_database_errors
 
 #: Maximum waiting time [s] of writers for the lock, and of all for a server that was up before.
@@ -33,16 +37,23 @@ class Database:
     """An engine with two kinds of transaction: `reading` and `writing`.
 
     where : address for messages, without secrets. reads, writes : execution options of the two
-    kinds. `patience` : time [s] for which a new connection is retried while the server is down.
+    kinds. file : of SQLite, which has a seal (`aerodb.storage.catalogue.seal`). `patience` : time
+    [s] for which a new connection is retried while the server is down.
     """
 
     def __init__(
-        self, engine: sa.Engine, where: str, reads: dict[str, Any], writes: dict[str, Any]
+        self,
+        engine: sa.Engine,
+        where: str,
+        reads: dict[str, Any],
+        writes: dict[str, Any],
+        file: Path | None = None,
     ) -> None:
         self.where = where
         self._readers = engine.execution_options(**reads) if reads else engine
         self._writers = engine.execution_options(**writes)
         self.patience = 0.0
+        self.file, self._wrote_in = file, 0
         self._current: ContextVar[sa.Connection | None] = ContextVar("connection", default=None)
 
     @contextmanager
@@ -79,6 +90,7 @@ class Database:
         ):
             token = self._current.set(connection)
             try:
+                self._break_seal()
                 if not linked:
                     yield connection
                     return
@@ -92,6 +104,19 @@ class Database:
                 link(connection, before)
             finally:
                 self._current.reset(token)
+
+    def _break_seal(self) -> None:
+        if self.file is None:
+            return
+        break_seal(self.file)
+        if self._wrote_in != os.getpid():
+            self._wrote_in = os.getpid()
+            atexit.register(self._at_exit)
+
+    def _at_exit(self) -> None:
+        """Close what this process wrote; a forked process inherits this call, but no connection."""
+        if self._wrote_in == os.getpid():
+            self.close()
 
     def _connected(self, engine: sa.Engine) -> sa.Connection:
         """A new connection; retries while the server restarts, which is safe before the
@@ -109,8 +134,12 @@ class Database:
             pause = min(2 * pause, _LONGEST_PAUSE)
 
     def close(self) -> None:
-        """Close all connections; the last close checkpoints SQLite's write-ahead log."""
+        """Close all connections, and seal SQLite's file if this process wrote to it."""
         self._readers.dispose()
+        if self.file is not None and self._wrote_in == os.getpid():
+            self._wrote_in = 0
+            atexit.unregister(self._at_exit)
+            seal(self.file)
 
 
 def revision_of(connection: sa.Connection) -> str | None:

@@ -50,10 +50,11 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
             stored = stored_revision(database)
         if stored != HEAD:
             migrate(database)
-    except DatabaseError as error:
+    except (DatabaseError, UnicodeDecodeError) as error:  # the latter: a damaged error message
         database.close()
+        what = getattr(error, "orig", error)
         raise InputError(
-            f"the catalogue cannot be used: {error.orig}", str(path), "restore it from a backup"
+            f"the catalogue cannot be used: {what}", str(path), "restore it from a backup"
         ) from error
     except BaseException:
         database.close()
@@ -75,7 +76,7 @@ def _database(url: sa.URL, path: Path) -> Database:
     engine = sa.create_engine(url, connect_args={"isolation_level": None}, pool_size=0)
     sa.event.listen(engine, "connect", _prepare)
     sa.event.listen(engine, "begin", _begin)
-    return Database(engine, str(path), {}, _WRITES)
+    return Database(engine, str(path), {}, _WRITES, path)
 
 
 def _is_settled(path: Path) -> bool:

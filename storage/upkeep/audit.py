@@ -7,6 +7,7 @@ Rows are streamed, so memory use does not grow with the catalogue.
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
@@ -15,7 +16,15 @@ from aerodb.consistency import calibration
 from aerodb.errors import AeroError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.storage import encoding as enc
-from aerodb.storage.catalogue import Ledger, broken_links, broken_rows, has_link, newest_link
+from aerodb.storage.catalogue import (
+    Ledger,
+    broken_links,
+    broken_rows,
+    has_link,
+    is_intact,
+    newest_link,
+    seal,
+)
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.upkeep.problems import CHAIN, Problem
 from aerodb.support import version_id
@@ -44,16 +53,32 @@ class Audit(Ledger):
     def problems(self, count: Count) -> Iterator[Problem]:
         """Yield every problem of the catalogue; call `count` with the name and number of the items
         checked."""
-        with self._database.reading() as connection:
-            stream = connection.execution_options(yield_per=200)
-            yield from _database(stream, count)
-            yield from _texts(stream, count)
-            yield from _calibrations(stream, count)
-            yield from _versions(stream, count)
-            yield from _edges(stream, count)
-            yield from _names(stream, count)
-            yield from _chain(stream, count)
-            yield from _incomplete(stream, count)
+        sound = True
+        for check in (
+            _database,
+            _texts,
+            _calibrations,
+            _versions,
+            _edges,
+            _names,
+            _chain,
+            _incomplete,
+        ):
+            try:
+                with self._database.reading() as connection:
+                    for problem in check(connection.execution_options(yield_per=200), count):
+                        sound = False
+                        yield problem
+            except (sa.exc.DBAPIError, UnicodeDecodeError) as error:
+                text, sound = str(getattr(error, "orig", error)).splitlines()[0], False
+                yield _catalogue_problem(f"it cannot be read: {text[:200]}", "catalogue")
+        if sound:  # where it is damaged is known otherwise
+            yield from _sealed(self._database.file, count)
+
+    def seal(self) -> None:
+        """Seal SQLite's file, in which no problem was found."""
+        if self._database.file is not None:
+            seal(self._database.file)
 
     def newest_link(self) -> str:
         """Hash of the newest link of the chain; empty without one."""
@@ -74,6 +99,19 @@ class Audit(Ledger):
                     sa.select(s.results.c.path).where(s.results.c.path.not_in(known))
                 )
             )
+
+
+def _sealed(file: Path | None, count: Count) -> Iterator[Problem]:
+    """The bytes of SQLite's file, where it was sealed."""
+    intact = None if file is None else is_intact(file)
+    if intact is not None:
+        count("sealed catalogues", 1)
+    if intact is False:
+        yield _catalogue_problem(
+            "its bytes changed after aerodb had closed it: they are damaged, or another program"
+            " wrote to it",
+            "catalogue.sqlite",
+        )
 
 
 def _database(connection: sa.Connection, count: Count) -> Iterator[Problem]:

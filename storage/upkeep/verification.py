@@ -40,6 +40,8 @@ def verify(
     report, objects = VerificationReport(), objects_of(workspace.root)
     audit = Audit.of(catalogue)
     report.problems.extend(audit.problems(report.count))
+    if not report.problems:
+        audit.seal()
     report.chain = audit.newest_link()
     if chain and not audit.has_link(chain):
         what = f"the chain of events does not contain {chain[:80]}: events were removed or replaced"

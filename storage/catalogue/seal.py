@@ -1,0 +1,78 @@
+"""Seal of the catalogue's SQLite file: the hash of all its bytes while nobody writes.
+
+A bit that flips where no row is (in free space, or in an index that is not read) changes nothing
+that a query shows; only the hash tells. Every writing transaction removes the seal before it
+commits, and a process that wrote seals the file again when it closes it: so a file with a seal is
+as that process left it, or damaged.
+"""
+
+import hashlib
+import sqlite3
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Final
+
+from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
+
+#: Time [s] to wait for other writers: who writes later seals.
+_PATIENCE: Final = 1.0
+#: A larger file [bytes] gets no seal: its pages are in memory at once while they are hashed.
+_LARGEST: Final = 1 << 29
+
+
+def seal_of(path: Path) -> Path:
+    """Return the path of the seal of the SQLite file at `path`."""
+    return path.with_name(f"{path.name}.sha256")
+
+
+def break_seal(path: Path) -> None:
+    """Remove the seal; called in every writing transaction, which has the lock."""
+    with translated_disk_errors(path):
+        seal_of(path).unlink(missing_ok=True)
+
+
+def seal(path: Path) -> bool:
+    """Seal the file, and return whether it was possible: not while others write, not of a very
+    large file, nor on a full or read-only disk."""
+    with suppress(sqlite3.Error, OSError), closing(_connected(path)) as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            if path.stat().st_size > _LARGEST:
+                return False
+            temporary = temporary_beside(seal_of(path))
+            try:
+                temporary.write_text(f"{_hash(connection)}\n", encoding="ascii")
+                temporary.replace(seal_of(path))
+            finally:
+                remove(temporary)
+        finally:
+            connection.execute("ROLLBACK")
+        return True
+    return False
+
+
+def is_intact(path: Path) -> bool | None:
+    """Return whether the bytes of the file are those that were sealed; None without a seal."""
+    with closing(_connected(path)) as connection:
+        try:
+            connection.execute("BEGIN IMMEDIATE")  # a writer breaks the seal after that
+            sealed = seal_of(path).read_text(encoding="ascii", errors="replace")
+            return sealed.strip() == _hash(connection)
+        except FileNotFoundError:
+            return None
+        except sqlite3.OperationalError:  # locked for long, or on a read-only disk
+            return None
+        except sqlite3.DatabaseError:
+            return False
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)
+
+
+def _hash(connection: sqlite3.Connection) -> str:
+    """Hash of all pages, those of the write-ahead log included.
+
+    SQLite reads them: closing a file that this process opened would release SQLite's locks on it.
+    """
+    return hashlib.sha256(connection.serialize()).hexdigest()
