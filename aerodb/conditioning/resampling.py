@@ -23,6 +23,27 @@ GAP_INTERVALS = 3.0
 #: Grid and source stamps closer than this part of a step are the same instant: the value is
 #: unchanged.
 SAME_INSTANT = 1e-3
+#: Samples of an even time base per sample of the source or of the grid above which the source's
+#: median interval does not describe it: its clock jumps, or its stamps come in bursts.
+MOST_FILL = 20
+
+
+def is_out_of_proportion(span: float, step: float, samples: int) -> bool:
+    """Return whether an even time base of `span` at `step` (one unit) has more than 20 samples for
+    each of `samples`, and more than 1000: a clock that jumps asks for any amount of memory."""
+    return span > (MOST_FILL * samples + 1000) * step
+
+
+def even_step(time: Array, samples: int) -> float:
+    """Return the interval [s] of an even time base for stamps `time` (n >= 2,): the median step.
+
+    The mean step where the median is out of proportion to n and `samples`, the length of the grid:
+    the stamps come in bursts.
+    """
+    step, span = interval(time), float(time[-1] - time[0])
+    if is_out_of_proportion(span, step, max(len(time), samples)):
+        return span / (len(time) - 1)
+    return step
 
 
 def uniform_grid(start: float, end: float, step: float) -> Array:
@@ -108,7 +129,8 @@ class Resampler:
             self.sample_times, self.time
         ):
             return values
-        if self.step >= 0.9 * self.grid_step or len(self.time) < 3:
+        span = float(self.time[-1] - self.time[0])
+        if self.step >= 0.9 * self.grid_step or len(self.time) < 3 or span < self.grid_step:
             return np.interp(self.sample_times, self.time, values)
         even = uniform_grid(float(self.time[0]), float(self.time[-1]), self.step)
         if is_uniform(self.time):
@@ -125,8 +147,9 @@ def resampler(time: Array, grid: Array) -> Resampler:
 
     A grid sample is in a gap when its two neighbours in `time` are more than three source intervals
     apart (and it coincides with neither), or when it lies more than one source interval outside.
+    The source interval is that of `even_step`; who calls leaves out stamps far from the grid.
     """
-    step = interval(time) if len(time) > 1 else 0.0
+    step = even_step(time, len(grid)) if len(time) > 1 else 0.0
     grid_step = interval(grid) if len(grid) > 1 else step
     limit = SAME_INSTANT * (min(step, grid_step) or 1.0)
     right = np.clip(np.searchsorted(time, grid), 1, max(len(time) - 1, 1))

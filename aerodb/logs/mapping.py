@@ -12,6 +12,7 @@ from aerodb.conditioning import (
     first_order_lag,
     hold,
     interval,
+    is_out_of_proportion,
     is_uniform,
     resampler,
     uniform_grid,
@@ -60,8 +61,11 @@ _EXPECTED = (
 _WRAPPING = ("phi", "psi", "longitude")
 #: Time constants after which less than 1 % of a first-order lag's initial error remains.
 SETTLED = 5.0
-#: Grid samples per logged sample above which the time base must be wrong.
-_MOST_FILL = 20
+#: Largest number of grid samples per logged sample of the reference topic.
+_MOST_OVERSAMPLING = 100
+#: Grid steps before and after the grid within which samples still count: the anti-aliasing filter
+#: reaches 12.
+_REACH = 100
 
 
 def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping:
@@ -472,14 +476,17 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
             where,
             "check the clocks of these topics",
         )
-    if (end - start) / step > _MOST_FILL * len(inside) * max(1.0, interval(time) / step) + 1000:
-        at = int(np.argmax(np.diff(time)))
-        what = f"the clock jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
-        raise InputError(
-            what,
-            f"{log.recording.source}, topic {reference}",
-            "split the log there, or repair its time base",
+    where = f"{log.recording.source}, topic {reference}"
+    if is_out_of_proportion(end - start, max(step, interval(time)), len(inside)):
+        what = f"{_jump(time)}: a flight of {end - start:.6g} s has only {len(inside)} samples"
+        raise InputError(what, where, "split the log there, or repair its time base")
+    if (end - start) / step > _MOST_OVERSAMPLING * len(inside) + 1000:
+        what = (
+            f"its samples are {(end - start) / len(inside):.6g} s apart, more than"
+            f" {_MOST_OVERSAMPLING} steps of the grid of {1.0 / step:g} Hz"
         )
+        remedy = "check the unit of its time, or lower [processing] rate in the vehicle file"
+        raise InputError(what, where, remedy)
     note = (
         f"grid of {1.0 / step:.6g} Hz,"
         f" {'set by the vehicle file' if vehicle.processing.rate else f'that of topic {reference}'}"
@@ -487,6 +494,34 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
     if vehicle.processing.rate is None and is_uniform(inside):
         return inside, note
     return uniform_grid(float(inside[0]), end, step), note
+
+
+def _jump(time: Array) -> str:
+    """Return the largest step of a clock as text."""
+    at = int(np.argmax(np.diff(time)))
+    size = time[at + 1] - time[at]
+    return f"the clock jumps by {size:.6g} s, from {time[at]:.6g} to {time[at + 1]:.6g} s"
+
+
+def _beside_grid(log: _Log, topic: str, time: Array, grid: Array) -> slice:
+    """Return the samples of a topic to use on the grid: all, unless its clock jumps.
+
+    `time` is out of proportion to its samples and to the grid then, and what is far from the grid
+    is left out and reported.
+    """
+    span = float(time[-1] - time[0])
+    if not is_out_of_proportion(span, interval(time), max(len(time), len(grid))):
+        return slice(0, len(time))
+    reach = _REACH * interval(grid)
+    first, last = np.searchsorted(time, [grid[0] - reach, grid[-1] + reach])
+    lost = len(time) - int(last - first)
+    if lost and not any(entry.topic == topic and _AWAY in entry.what for entry in log.damage):
+        what = f"{_jump(time)}: {lost} of {len(time)} samples {_AWAY}"
+        log.damage.append(Damage("time", what, topic, float(time[0]), float(time[-1])))
+    return slice(int(first), int(last))
+
+
+_AWAY = "are far from the flight and not used"
 
 
 def _on_grid(
@@ -498,7 +533,11 @@ def _on_grid(
     flags: dict[str, NDArray[np.uint8]] = {}
     for signal in signals:
         time, values = _times(log, signal.topic), signal.values
+        near = _beside_grid(log, signal.topic, time, grid)
+        time, values = time[near], values[near]
         good = np.isfinite(values)
+        if not good.any():
+            continue
         if good.all():
             if signal.topic not in shared:
                 shared[signal.topic] = resampler(time, grid)
@@ -525,8 +564,8 @@ def _deflection(to_grid: Resampler, command: Array, surface: Surface) -> Array:
     ``offset + scale * command`` within the surface's limits, then the lag.
     """
     time, grid = to_grid.time, to_grid.grid
-    if len(time) > 2 and interval(time) < 0.9 * interval(grid):
-        base = uniform_grid(float(time[0]), float(time[-1]), interval(time))
+    if len(time) > 2 and to_grid.step < 0.9 * to_grid.grid_step:
+        base = uniform_grid(float(time[0]), float(time[-1]), to_grid.step)
     else:
         base = grid
     calibrated = np.clip(
