@@ -5,17 +5,19 @@ BIN := $(VENV)/bin
 # Test processes: one more than cores, as some tests wait for servers and disks.
 JOBS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 READY := $(VENV)/.ready
+# Tools that only a release needs.
+RELEASE := .venv-release
 # aerodb with flows, tasks and storage in it, as it is installed: what mypy and lint-imports read.
 WHOLE := $(VENV)/whole
 
-.PHONY: install demo pictures test lint bench campaign clean
+.PHONY: install demo pictures test lint bench campaign pins release clean
 
 install: $(READY)
 
-$(READY): requirements.txt pyproject.toml
+$(READY): requirements-hashed.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "aerodb needs python3 >= 3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-hashed.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	$(BIN)/python -m aerodb.flows.compile_kernels
 	@touch $(READY)
@@ -44,5 +46,28 @@ bench: install
 campaign: install
 	$(BIN)/python -m pytest -n $(JOBS) -m "heavy or campaign" --full-campaign
 
+# The hashes of all pins: of everything, and of what production needs (the tools of the tests stay out).
+PINS := $(RELEASE)/bin/uv pip compile --quiet --generate-hashes --python-version 3.11 --no-annotate --no-header
+pins: $(RELEASE)/.ready
+	$(PINS) --universal --no-deps requirements.txt -o requirements-hashed.txt
+	$(PINS) --python-platform linux --extra jsbsim --constraint requirements.txt pyproject.toml flows/deploy/build.in -o flows/deploy/runtime.txt
+	$(PINS) flows/deploy/release-tools.in -o flows/deploy/release-tools.txt
+
+# What a release consists of: the wheel, its bill of materials (CycloneDX) and the licences of all that it needs.
+release: install $(RELEASE)/.ready
+	rm -rf dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation -w dist .
+	$(PYTHON) -m venv dist/runtime
+	dist/runtime/bin/python -m pip install --quiet --no-deps --require-hashes -r flows/deploy/runtime.txt
+	dist/runtime/bin/python -m pip install --quiet --no-deps dist/aerodb-*.whl
+	$(RELEASE)/bin/cyclonedx-py environment dist/runtime/bin/python --output-reproducible --output-format JSON -o dist/sbom.cdx.json
+	$(RELEASE)/bin/pip-licenses --python=dist/runtime/bin/python --format=markdown --with-urls --output-file=dist/licences.md
+	rm -rf dist/runtime
+
+$(RELEASE)/.ready: flows/deploy/release-tools.txt
+	$(PYTHON) -m venv $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r $<
+	@touch $@
+
 clean:
-	rm -rf $(VENV) demo-workspace
+	rm -rf $(VENV) $(RELEASE) demo-workspace dist
