@@ -33,6 +33,11 @@ class InputError(AeroError, ValueError):
     """Unusable log, vehicle, database or model file; nothing else has been changed."""
 
 
+class CalculationError(InputError):
+    """A calculation failed on one input, in a way that it does not foresee; no other input is
+    concerned."""
+
+
 class UnknownNameError(AeroError, LookupError):
     """Unknown name of a vehicle, flight, version or channel."""
 
@@ -50,22 +55,37 @@ class GateRefusal(AeroError, RuntimeError):
 
 
 @contextmanager
-def failing_alone(what: str, where: str) -> Iterator[None]:
-    """Turn a calculation that fails on one input into an InputError, so that no other input is lost
-    with it.
+def failing_alone(what: str, where: str, *, memory: bool = False) -> Iterator[None]:
+    """Turn a calculation that fails on one input into a CalculationError, so that no other input is
+    lost with it.
 
-    what : the calculation. where : the input. Errors of the disk, of memory and those that already
-    say what to do pass unchanged.
+    what : the calculation. where : the input. memory : also where it gets no memory; only at the
+    outermost level of a step, where nothing is stored, because there may be memory the next time.
+    Errors of the disk, of threads and those that already say what to do pass unchanged.
     """
+    remedy = "report it with this log, as a fault of aerodb"
+    cause: Exception
     try:
         yield
     except AeroError:
         raise
+    except MemoryError as error:
+        if not memory:
+            raise
+        cause, failed = error, "gets no memory"
+        remedy = "free memory on this machine, then run it again"
     except _OF_CALCULATION as error:
-        cause = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        raise InputError(
-            f"{what} failed ({cause})", where, "report it with this log; the flight stays stored"
-        ) from error
+        if str(error).startswith(_OF_THREADS):
+            raise
+        cause, failed = error, "failed"
+    else:
+        return
+    name = type(cause).__name__
+    raise CalculationError(
+        f"{what} {failed} ({name}: {cause})" if str(cause) else f"{what} {failed} ({name})",
+        where,
+        remedy,
+    ) from cause
 
 
 #: What a calculation raises that meets values it was not made for.
@@ -73,10 +93,14 @@ _OF_CALCULATION = (
     ArithmeticError,
     AssertionError,
     AttributeError,
+    BufferError,
     LookupError,
+    RuntimeError,
     TypeError,
     ValueError,
 )
+#: Starts of the RuntimeErrors of a machine or a pool that has no thread to give.
+_OF_THREADS = ("can't start new thread", "cannot schedule new futures")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
     "conditioning": 4,
-    "consistency": 15,
+    "consistency": 16,
     "coefficients": 4,
     "compare": 1,
     "import": 2,

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerodb.storage.catalogue import Catalogue, StoredFile, catalogue_location, measured
+from aerodb.storage.catalogue import Catalogue, FlightRow, StoredFile, catalogue_location, measured
 from aerodb.storage.files import is_available, local, local_recording, put
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
@@ -43,6 +43,11 @@ class WorkspaceAccess:
         They are part of the key of every result that depends on them.
         """
         return load_settings(self.workspace.root).of(name).accuracy.given
+
+    def name_of(self, row: FlightRow) -> str:
+        """Name a flight and the file that it came from."""
+        log = self.catalogue.log(row.log_sha256)
+        return f"flight {row.label}" if log is None else f"flight {row.label} ({log.name})"
 
     def database(self, version: str) -> "AeroDatabase":
         """Return the database of a version (its full id)."""

@@ -36,7 +36,7 @@ from aerodb.consistency.sensors import (
     position_against_velocity,
 )
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
-from aerodb.errors import InputError, failing_alone
+from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
@@ -68,7 +68,8 @@ def make_consistent(
     """Check and correct one mapped flight, with V, alpha and beta at the CG.
 
     A flight that lacks the necessary channels, or that the reconstruction cannot bear (such as one
-    that pitches through the vertical), gives the verdict "limited" with the reason; it raises no
+    that pitches through the vertical), gives the verdict "limited" with the reason; one on which
+    the reconstruction fails in an unforeseen way is rejected with the reason. Neither raises an
     error.
 
     Parameters
@@ -78,8 +79,11 @@ def make_consistent(
     calibration : prior of the sensor parameters; None: the priors of the vehicle file.
     """
     try:
-        with failing_alone("the reconstruction", f"flight {flight.id}"):
+        with failing_alone("the reconstruction", f"flight {flight.id[:12]}"):
             return _checked(flight, vehicle, calibration)
+    except CalculationError as error:
+        document = unreadable_document(str(error))
+        return Consistent(flight, {}, (), document, Verdict("rejected", (str(error),), ()))
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
 

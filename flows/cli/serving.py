@@ -154,6 +154,12 @@ def status(context: typer.Context) -> None:
             f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate"
             f" {entry['candidate'] or '-'}; {loops}"
         )
+        if entry["rejected"]:
+            session.say(f"rejected of the newest flights of {entry['vehicle']}:")
+            cells = [
+                [e["flight"][:12], e["log"], _first_line(e["reason"])] for e in entry["rejected"]
+            ]
+            session.table(["flight", "log", "why"], cells)
     session.say("to do: nothing" if not document["todo"] else "to do:")
     for sentence in document["todo"]:
         session.say(f"- {sentence}")

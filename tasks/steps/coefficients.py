@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.coefficients import Coefficients, bandwidth_of, thrust_share, total_coefficients
-from aerodb.errors import InputError, failing_alone
+from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
@@ -33,12 +33,17 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     """Compute and store the total coefficients of a flight (its id).
 
     Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason
-    if there are none.
+    if there are none. A flight whose coefficients fail in an unforeseen way is rejected with the
+    reason: it stops no other flight, and what has no coefficients does not count as good.
     """
     access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
     try:
-        loaded = load_coefficients(access, access.catalogue.flight(flight), run)
+        with failing_alone("the coefficient step", access.name_of(row), memory=True):
+            loaded = load_coefficients(access, row, run)
     except InputError as error:
+        if isinstance(error, CalculationError) and str(error) not in row.reasons:
+            access.catalogue.judge_flight(row.id, "rejected", [*row.reasons, str(error)])
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
     coefficients = loaded.coefficients
     axes, notes = list(coefficients.values), list(coefficients.notes)
@@ -69,7 +74,7 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
             file_key(path, consistent.key), lambda: _stored(path, flight, vehicle)
         )
         return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
-    with failing_alone("the calculation of coefficients", f"flight {row.id}"):
+    with failing_alone("the calculation of coefficients", access.name_of(row)):
         coefficients = total_coefficients(flight, vehicle, angular_acceleration="chosen")
     return_freed_memory()
     result.keep(run, lambda path: _write(path, coefficients, settings))

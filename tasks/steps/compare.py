@@ -40,12 +40,14 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     reason if no comparison is possible. The flight stays stored in both cases.
     """
     access = access_workspace(workspace)
+    name = access.name_of(access.catalogue.flight(flight))
     try:
-        loaded = load_comparison(access, flight, version, run)
+        with failing_alone("the comparison step", name, memory=True):
+            loaded = load_comparison(access, flight, version, run)
+            comparison = loaded.comparison
+            axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
-    comparison = loaded.comparison
-    axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
     return {
         "flight": flight,
         "key": loaded.key,

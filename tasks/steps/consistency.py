@@ -53,7 +53,7 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     try:
-        with failing_alone("reading the flight", _name_of(access, row)):
+        with failing_alone("the consistency step", access.name_of(row), memory=True):
             loaded = load_consistent(access, row, run)
         key, document = loaded.key, loaded.document
     except SettingsError:
@@ -62,12 +62,6 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
         key, document = None, unreadable_document(str(error))
     access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
     return {"flight": flight, "key": key, **document}
-
-
-def _name_of(access: WorkspaceAccess, row: FlightRow) -> str:
-    """Name a flight and the file that it came from."""
-    log = access.catalogue.log(row.log_sha256)
-    return f"flight {row.label}" if log is None else f"flight {row.label} ({log.name})"
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:

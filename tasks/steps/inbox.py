@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue import InboxEvent, InboxKind
+from aerodb.storage.catalogue import FlightRow, InboxEvent, InboxKind
 from aerodb.storage.encoding import plain_text
 from aerodb.storage.files import put
 from aerodb.storage.inbox import (
@@ -51,10 +51,14 @@ def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dic
     """Quarantine a file that is never to be read again: a link or pipe unopened, a log by its
     bytes.
 
-    Returns its ending.
+    A log whose flight is stored, and which only later steps could not bear, ends as stored, and the
+    flight is rejected with the reason. Returns its ending.
     """
     access = access_workspace(workspace)
     sha256 = "" if entry.state == "refused" else _sha256(access, entry)
+    stored = access.catalogue.flights(entry.vehicle, log_sha256=sha256) if sha256 else []
+    if stored:
+        return _stored_all_the_same(access, entry, stored[0], sha256, run, reason)
     access.catalogue.add_inbox_events(
         [_event(entry, "quarantined", run, sha256 or unreadable_key(entry), reason)]
     )
@@ -69,6 +73,18 @@ def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dic
     else:
         quarantine_unreadable(access.workspace, entry, reason)
     return _ending(entry, "quarantined", {"what": reason})
+
+
+def _stored_all_the_same(
+    access: WorkspaceAccess, entry: InboxFile, row: FlightRow, sha256: str, run: str, reason: str
+) -> dict[str, Any]:
+    """End a file whose flight is stored: the flight is rejected with the reason."""
+    said = f"{access.name_of(row)}: {reason}"
+    if said not in row.reasons:
+        access.catalogue.judge_flight(row.id, "rejected", [*row.reasons, said])
+    outcome = {"sha256": sha256, "status": "stored", "flight": row.id, "what": reason}
+    verdict = {"verdict": "rejected", "reasons": [*row.reasons, said]}
+    return _settled(access, entry, {**outcome, "consistency": verdict, "repeats": []}, run)
 
 
 def _sha256(access: WorkspaceAccess, entry: InboxFile) -> str:
@@ -138,6 +154,9 @@ def _settled(
     if there and not entry.unchanged():
         return _ending(entry, "left", {"what": "changed while it was read"})
     reason = _reason(outcome)
+    stored = access.catalogue.flights(entry.vehicle, log_sha256=sha256) if sha256 else []
+    if outcome["status"] == "refused" and stored:  # read again under another vehicle file, say
+        return _stored_all_the_same(access, entry, stored[0], sha256, run, reason)
     if outcome["status"] == "refused" and not sha256:
         return note_failure(access, entry, run, reason)
     if outcome["status"] == "refused":

@@ -13,7 +13,7 @@ from aerodb.conditioning import (
     suspicion_documents,
     without_wild_points,
 )
-from aerodb.errors import InputError, StoreError, failing_alone
+from aerodb.errors import CalculationError, InputError, StoreError, failing_alone
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
@@ -82,9 +82,8 @@ def store_log(
             sha256 = outcome["sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
         known = _known(access, sha256, vehicle, chosen)
         if known is not None:
-            return (
-                outcome | {"status": "duplicate", "flight": known} | _findings(access, known, run)
-            )
+            outcome |= {"status": "duplicate", "flight": known}
+            return outcome | _findings(access, known, run, log)
         refused = _inadmissible(access, sha256, vehicle, name)
         if refused is not None:
             return outcome | _refusal(refused, log)
@@ -104,13 +103,14 @@ def store_log(
                     recording.source,
                     "ingest without --strict to keep what is intact",
                 )
-            layout = chosen or choose_mapping(recording, builtin_mappings().values())
-            with failing_alone("mapping", log):
+            with failing_alone("mapping", log, memory=True):
+                layout = chosen or choose_mapping(recording, builtin_mappings().values())
                 flight = _mapped(access, recording, layout, vehicle, sha256)
             return_freed_memory()
             parsed.keep(topics)  # two files with the same bytes may be ingested at once
-        with failing_alone("conditioning", log):
+        with failing_alone("conditioning", log, memory=True):
             conditioning = examined(access, flight, layout)
+            marks = fingerprint(flight)
         return_freed_memory()
     except (StoreError, SettingsError):
         raise
@@ -119,10 +119,16 @@ def store_log(
             InputError(error.strerror or "cannot be read", log, "check the path"), log
         )
     except InputError as error:
+        if isinstance(error.__cause__, MemoryError):  # the machine's fault, perhaps: tried again
+            return outcome | {"sha256": ""} | _refusal(error, log)
         if sha256:
             _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
-    _keep(access, recording, flight, conditioning, layout, run, name)
+    try:
+        _keep(access, recording, flight, conditioning, marks, layout, run, name)
+    except CalculationError as error:
+        _quarantine(access, path, sha256, error, vehicle)
+        return outcome | _refusal(error, log)
     _remembered(_result(access, sha256, vehicle, layout).path, flight)
     repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
@@ -141,14 +147,19 @@ def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) 
         raise SettingsError(error.what, error.where, error.remedy) from error
 
 
-def _findings(access: WorkspaceAccess, flight: str, run: str) -> dict[str, Any]:
-    """Return the findings on a flight (its id) that is already stored."""
+def _findings(access: WorkspaceAccess, flight: str, run: str, log: str) -> dict[str, Any]:
+    """Return the findings on a flight (its id) that is already stored; without suspicions, but with
+    what and remedy, if it cannot be read any more: the log stays stored."""
     row = access.catalogue.flight(flight)
-    conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
-    return {
-        "suspicions": suspicion_documents(conditioning.suspicions),
-        "repeats": repeat_documents(access.catalogue, flight),
-    }
+    found: dict[str, Any] = {"repeats": repeat_documents(access.catalogue, flight)}
+    try:
+        with failing_alone("conditioning", access.name_of(row), memory=True):
+            conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
+    except SettingsError:
+        raise
+    except InputError as error:
+        return found | _refusal(error, log)
+    return found | {"suspicions": suspicion_documents(conditioning.suspicions)}
 
 
 def broken_parts(recording: Recording) -> list[Damage]:
@@ -213,7 +224,8 @@ def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flig
         return cached(file_key(path), lambda: without_wild_points(read_flight(path))), key
     recording = open_recording(access.topics_of(row.log_sha256))
     flight = _mapped(access, recording, mapping, row.vehicle, row.id)
-    _keep(access, recording, flight, examined(access, flight, mapping), mapping, run, row.name)
+    found, marks = examined(access, flight, mapping), fingerprint(flight)
+    _keep(access, recording, flight, found, marks, mapping, run, row.name)
     return _remembered(result.path, flight), key
 
 
@@ -306,6 +318,7 @@ def _keep(
     recording: Recording,
     flight: Flight,
     conditioning: Conditioning,
+    marks: frozenset[int],
     mapping: Mapping,
     run: str,
     name: str | None,
@@ -320,7 +333,6 @@ def _keep(
         put(access.workspace, path),
         write_conditioning(access, flight.id, key, conditioning),
     )
-    marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}
     # Two files of one flight may come at once: a flight enters only when it was compared with all
     # that were there before.
@@ -336,9 +348,11 @@ def _keep(
                     access.catalogue.add_repeat(repeat)
                 keep_conditioning(access, flight.id, key, findings, run)
                 return
-        compared |= {
-            suspect: compare_with_stored(access, flight, suspect) for suspect in sorted(suspects)
-        }
+        with failing_alone("the comparison with stored flights", recording.source):
+            compared |= {
+                suspect: compare_with_stored(access, flight, suspect)
+                for suspect in sorted(suspects)
+            }
 
 
 def _add_rows(

@@ -139,7 +139,21 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
         }
         for way, d in states.items()
     ]
-    return {"vehicle": name, **labels, "loops": loops}
+    return {"vehicle": name, **labels, "loops": loops, "rejected": _rejected(access, name)}
+
+
+def _rejected(access: WorkspaceAccess, name: str) -> list[dict[str, str]]:
+    """Return the rejected ones of the newest flights of a vehicle, with their logs and reasons."""
+    rows = [
+        row
+        for row in access.catalogue.newest_flights(name, _LISTED)
+        if row.verdict == "rejected" and row.retracted_utc is None
+    ]
+    logs = [access.catalogue.log(row.log_sha256) for row in rows]
+    return [
+        {"flight": row.id, "log": "" if log is None else log.name, "reason": "; ".join(row.reasons)}
+        for row, log in zip(rows, logs, strict=True)
+    ]
 
 
 def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, state: Due) -> str:

@@ -45,7 +45,7 @@ def test_nothing_to_say_of_a_quiet_workspace(workspace: Workspace) -> None:
     assert said["serve"] == {"running": False, "schedule": "cron 0 2 * * * (UTC)"}
     assert said["quarantined"] == {"count": 0, "newest": []}
     assert said["vehicles"] == [
-        {"vehicle": NAME, "released": "v0001", "candidate": None, "loops": []}
+        {"vehicle": NAME, "released": "v0001", "candidate": None, "loops": [], "rejected": []}
     ]
 
 

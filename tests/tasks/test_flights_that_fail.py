@@ -12,6 +12,8 @@ from aerodb.flows.recalibrate import recalibrate_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.view.status import status_of
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.consistent_flights import NAME, VEHICLE, log, table
 
 G0, SPEED, RATE = 9.80665, 60.0, 50.0
@@ -98,6 +100,48 @@ def test_sweep_of_the_inbox_and_night(workspace, logs):
     assert run_flow(nightly_flow, {}, workspace, "direct")["files"] == []
 
 
+def swapped(columns, one, other):
+    return {**columns, one: columns[other], other: columns[one]}
+
+
+def test_swapped_channels_and_stretched_time_stop_no_other_log_of_the_inbox(workspace, tmp_path):
+    """What no reconstruction was made for: each log ends once, the bad ones rejected with a reason
+    that `status` shows beside the file, the good ones with all their results."""
+    stretched = table(4, start=300.0)
+    stretched["time"] = 10.0 * stretched["time"]
+    tables = {
+        "first": table(1),
+        "p_q": swapped(table(2, start=100.0), "p", "q"),
+        "p_r": swapped(table(3, start=200.0), "p", "r"),
+        "stretched": stretched,
+        "last": table(5, start=400.0),
+    }
+    inbox = workspace.inbox / NAME
+    inbox.mkdir(parents=True, exist_ok=True)
+    for name, columns in tables.items():
+        log(inbox, name, columns)
+    (workspace.root / "settings.toml").write_text("[inbox]\nsettle = 0.0\n", encoding="utf-8")
+    swept = run_flow(sweep_flow, {}, workspace, "direct")
+    assert {entry["kind"] for entry in swept["files"]} == {"stored"}
+    assert not [path for path in inbox.iterdir() if path.is_file()]
+    found = verdicts(workspace)
+    assert {name: verdict for name, (verdict, _) in found.items()} == {
+        "first": "good",
+        "p_q": "rejected",
+        "p_r": "rejected",
+        "stretched": "rejected",
+        "last": "good",
+    }
+    assert "p and r are swapped" in found["p_r"][1]
+    access = access_workspace(str(workspace.root))
+    for row in access.catalogue.flights(NAME):
+        assert access.catalogue.results_of(row.id, "coefficients")
+    status = status_of(access)
+    assert status["quarantined"]["count"] == 0
+    shown = {entry["log"] for entry in status["vehicles"][0]["rejected"]}
+    assert shown == {"p_q.parquet", "p_r.parquet", "stretched.parquet"}
+
+
 def test_recalibration_leaves_it_out_and_says_why(workspace, logs):
     given = {"logs": [str(path) for path in logs], "vehicle": NAME}
     flights = [entry["flight"] for entry in run_flow(flight_flow, given, workspace, "direct")]
@@ -139,7 +183,18 @@ def test_failing_calculation_becomes_an_error_of_its_input(error):
             raise error
 
 
-@pytest.mark.parametrize("error", [OSError("full"), MemoryError(), KeyboardInterrupt()])
+def test_memory_is_an_error_of_the_input_only_where_nothing_is_stored():
+    with (
+        pytest.raises(InputError, match=r"log 7: the sum gets no memory \(MemoryError: 9 GiB\)"),
+        failing_alone("the sum", "log 7", memory=True),
+    ):
+        raise MemoryError("9 GiB")
+
+
+NO_THREAD = RuntimeError("can't start new thread")
+
+
+@pytest.mark.parametrize("error", [OSError("full"), MemoryError(), KeyboardInterrupt(), NO_THREAD])
 def test_disk_memory_and_interrupts_pass(error):
     with pytest.raises(type(error)), failing_alone("the sum", "log 7"):
         raise error
