@@ -8,10 +8,11 @@ unique prefix of an id.
 
 import hashlib
 import secrets
+import socket
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
 
@@ -23,7 +24,12 @@ from aerodb.storage.catalogue.calibrations import CalibrationLedger
 from aerodb.storage.catalogue.flight_rows import FlightLedger
 from aerodb.storage.catalogue.inbox_history import InboxHistory
 from aerodb.storage.catalogue.location import catalogue_location
-from aerodb.storage.catalogue.postgresql import open_postgresql, postgresql_revision
+from aerodb.storage.catalogue.postgresql import (
+    note_owner,
+    open_postgresql,
+    owner_of,
+    postgresql_revision,
+)
 from aerodb.storage.catalogue.repeats import RepeatLedger
 from aerodb.storage.catalogue.rows import (
     How,
@@ -40,6 +46,10 @@ from aerodb.storage.catalogue.sqlite import open_sqlite, sqlite_revision
 from aerodb.storage.catalogue.stored_files import FileLedger
 from aerodb.storage.catalogue.users import UserLedger
 from aerodb.storage.catalogue.versions import VersionLedger
+from aerodb.storage.disk_errors import translated_disk_errors
+
+#: File of a workspace whose catalogue is in PostgreSQL: its id there.
+_WORKSPACE_ID: Final = "locks/workspace_id"
 
 
 class Catalogue(
@@ -54,13 +64,51 @@ class Catalogue(
 ):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
 
+    _folder: Path | None = None
+
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
         """Open the catalogue at `path`, or in the PostgreSQL database that the settings beside it
         name (`aerodb.storage.catalogue.location`), and migrate it to the newest schema. If it does
         not exist, create it, or raise InputError without `create`."""
         place = catalogue_location(path)
-        return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
+        if not place.url:
+            return cls(open_sqlite(path, create))
+        catalogue = cls(open_postgresql(place.url, create))
+        catalogue._folder = path.parent
+        return catalogue
+
+    def require_own(self) -> None:
+        """Raise InputError where another workspace has begun runs in this database; otherwise it
+        belongs to this one from now on.
+
+        Whether a run is alive is known from locks in its workspace's folder: two workspaces would
+        take each other's runs for crashed. An SQLite file is in its workspace.
+        """
+        if self._folder is None:
+            return
+        file = self._folder / _WORKSPACE_ID
+        with self._database.reading() as connection:
+            owner = owner_of(connection)
+        if owner is None:
+            with self._database.writing() as connection:
+                owner = owner_of(connection)  # another process may have been faster
+                if owner is None:
+                    where = f"{socket.gethostname()}:{self._folder.absolute()}"
+                    with translated_disk_errors(file):
+                        file.parent.mkdir(exist_ok=True)
+                        if not file.is_file():
+                            file.write_text(f"{secrets.token_hex(16)}\n", encoding="ascii")
+                        note_owner(connection, file.read_text(encoding="ascii").strip(), where)
+                    return
+        id, where = owner
+        if not file.is_file() or file.read_text(encoding="ascii").strip() != id:
+            raise InputError(
+                f"the catalogue belongs to another workspace, {where}",
+                self._database.where,
+                f"name another database in the settings; if that workspace is gone, write {id}"
+                f" into {file}",
+            )
 
     @staticmethod
     def pending_migration(path: Path) -> tuple[str, str] | None:
@@ -299,7 +347,9 @@ class Catalogue(
         code_version: str = "",
         id: str = "",
     ) -> RunRow:
-        """Record the start of a run; `id` is generated if the orchestrator gives none."""
+        """Record the start of a run; `id` is generated if the orchestrator gives none. Raises
+        InputError where the catalogue is another workspace's (`require_own`)."""
+        self.require_own()
         run = enc.checked(id, enc.RUN_ID, "the id of a run") if id else secrets.token_hex(16)
         row = {
             "id": run,

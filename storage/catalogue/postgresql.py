@@ -27,6 +27,8 @@ _LOCK: Final = (
     f"SELECT pg_advisory_xact_lock(({_KEY}::bigint << 32) | oid::bigint) FROM pg_namespace WHERE"
     " nspname = current_schema()"
 )
+#: Beginning of the comment that names a workspace.
+_OWNER: Final = "aerodb workspace "
 #: A server or client that disappears is detected after one minute, which releases the lock.
 _SERVER: Final = {
     "lock_timeout": f"{WAIT_SECONDS:.0f}s",
@@ -82,6 +84,22 @@ def postgresql_revision(url: str) -> str | None:
         return stored_revision(database)
     finally:
         database.close()
+
+
+def owner_of(connection: sa.Connection) -> tuple[str, str] | None:
+    """Return id and folder of the workspace that the catalogue belongs to; None before its first
+    run."""
+    query = "SELECT obj_description('runs'::regclass, 'pg_class')"
+    text = connection.exec_driver_sql(query).scalar()
+    id, _, folder = str(text or "").removeprefix(_OWNER).partition(" ")
+    return (id, folder) if text and text.startswith(_OWNER) else None
+
+
+def note_owner(connection: sa.Connection, id: str, folder: str) -> None:
+    """Note the workspace that the catalogue belongs to, as a comment on the table of runs: it is no
+    part of what a backup copies."""
+    text = f"{_OWNER}{id} {folder}".replace("'", "''").replace("%", "%%")
+    connection.exec_driver_sql(f"COMMENT ON TABLE runs IS '{text}'")
 
 
 def _engine(url: str) -> sa.Engine:

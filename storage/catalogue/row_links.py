@@ -22,11 +22,13 @@ _GROUPED: Final = {
     "version_inputs": ("version",),
     "version_flights": ("version",),
 }
+#: What only records how runs went decides nothing, and the links themselves.
+_WITHOUT: Final = ("runs", "run_results", "run_versions", "chain", "row_links")
 #: The tables whose rows are linked here, in a fixed order -> the columns that name a group.
 LINKED: Final[Mapping[str, tuple[str, ...]]] = {
     table.name: _GROUPED.get(table.name, tuple(table.primary_key.columns.keys()))
     for table in s.metadata.sorted_tables
-    if "sequence" not in table.columns and table.name not in ("chain", "row_links")
+    if "sequence" not in table.columns and table.name not in _WITHOUT
 }
 _AT_ONCE: Final = 500
 

@@ -17,6 +17,7 @@ def mark_ended(
 
     Returns these runs, newest first.
     """
+    access.catalogue.require_own()
     ended = []
     for run in access.catalogue.runs("running", limit=10_000):
         if is_held(access.workspace.lock(f"run-{run.id}")):

@@ -15,7 +15,6 @@ _TEXT: sa.types.TypeEngine[str] = sa.Text().with_variant(sa.Text(collation="C"),
 _LINKED = (
     "vehicles",
     "log_files",
-    "runs",
     "flights",
     "flight_fingerprints",
     "results",
@@ -24,8 +23,6 @@ _LINKED = (
     "versions",
     "version_inputs",
     "version_flights",
-    "run_results",
-    "run_versions",
 )
 
 

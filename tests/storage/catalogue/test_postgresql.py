@@ -23,6 +23,8 @@ from aerodb.storage.catalogue.copying import copy_catalogue
 from aerodb.storage.catalogue.postgresql import open_postgresql
 from aerodb.storage.catalogue.rows import InboxEvent
 from aerodb.storage.catalogue.schema import metadata
+from aerodb.tasks.steps import mark_ended
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import V, add_family, add_version, h
 from tests.support.paths import ROOT
 from tests.support.postgresql import Server, name_in_settings
@@ -298,3 +300,31 @@ def _rows(catalogue: Catalogue) -> dict[str, list[tuple[Any, ...]]]:
             name: sorted((tuple(row) for row in connection.execute(sa.select(table))), key=repr)
             for name, table in metadata.tables.items()
         }
+
+
+def test_two_workspaces_never_share_a_catalogue(
+    postgresql_server: Server, database: str, tmp_path: Path
+) -> None:
+    """Each would take the other's runs for crashed: locks are files of a workspace's folder."""
+    for name in ("one", "other", "gone"):
+        (tmp_path / name / "locks").mkdir(parents=True)
+        name_in_settings(tmp_path / name, postgresql_server.url(database))
+    with Catalogue.open(tmp_path / "one" / "catalogue.sqlite") as catalogue:
+        catalogue.start_run("flow", how="direct")
+    with (
+        Catalogue.open(tmp_path / "other" / "catalogue.sqlite") as catalogue,
+        pytest.raises(InputError, match=r"belongs to another workspace, .*/one") as refusal,
+    ):
+        catalogue.start_run("flow", how="direct")
+    other = access_workspace(str(tmp_path / "other"))
+    with pytest.raises(InputError, match="belongs to another workspace"):
+        mark_ended(other)
+    own = (tmp_path / "one" / "locks" / "workspace_id").read_text(encoding="ascii")
+    assert own.strip() in refusal.value.remedy
+    (tmp_path / "gone" / "locks" / "workspace_id").write_text(own, encoding="ascii")
+    with Catalogue.open(tmp_path / "gone" / "catalogue.sqlite") as catalogue:
+        catalogue.start_run("flow", how="direct")
+        assert len(catalogue.runs("running", limit=5)) == 2
+    (tmp_path / "one").rename(tmp_path / "moved")
+    with Catalogue.open(tmp_path / "moved" / "catalogue.sqlite") as catalogue:
+        catalogue.start_run("flow", how="direct")
