@@ -62,10 +62,10 @@ def store_log(
     """Read one log, and store its topics, its flight and the conditioning findings.
 
     Returns a document: log, sha256, status (``stored``, ``damaged``, ``duplicate``, ``refused``),
-    flight (full id or None), what, where, remedy (of a refusal), damage, suspicions (likely
-    faults), repeats (stored flights that it shares samples with, and where). ``duplicate`` means
-    the same bytes, or another file that repeats stored flights in full: that file is stored as
-    well, under its own id, but is never counted beside them.
+    flight (full id or None), what, where, remedy (of a refusal), damage (also of clocks),
+    suspicions (likely faults), repeats (stored flights that it shares samples with, and where).
+    ``duplicate`` means the same bytes, or another file that repeats stored flights in full: that
+    file is stored as well, under its own id, but is never counted beside them.
 
     Raises SettingsError if settings, vehicle or mapping cannot be used, and StoreError if the disk
     or the machine has no room for the log now: neither is the log's fault.
@@ -133,7 +133,7 @@ def store_log(
     repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
     status = "damaged" if broken else "duplicate" if whole else "stored"
-    damage = [asdict(entry) for entry in recording.damage]
+    damage = [asdict(entry) for entry in flight.damage]
     findings = {"suspicions": suspicion_documents(conditioning.suspicions), "repeats": repeats}
     return outcome | {"status": status, "flight": sha256, "damage": damage} | findings
 

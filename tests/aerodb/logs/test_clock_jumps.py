@@ -56,7 +56,8 @@ def recording() -> Recording:
             "true_airspeed_m_s": 20.0 + wave,
             "calibrated_airspeed_m_s": 20.0 + wave,
         },
-        "actuator_controls_0": {"control[1]": wave},
+        "vehicle_air_data": {"rho": 1.2 * one},
+        "actuator_controls_0": {"control[0]": zero, "control[1]": wave},
     }
     topics = {name: Topic(name, t, values) for name, values in fields.items()}
     return Recording("jump.ulg", "ulog", topics=topics, layout="px4", sha256="a" * 64, size=0)
