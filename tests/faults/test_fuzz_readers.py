@@ -4,12 +4,17 @@ traceback, never unreported loss."""
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from aerodb.errors import InputError
 from aerodb.recording import Recording
+from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import read_log
+from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.readers.ulog_framing import survey
 from aerodb.storage.writers.ulog import write_ulog
 from tests.storage.readers.test_mcap import write_flight
@@ -190,3 +195,56 @@ def test_damaged_mcap_is_read_or_refused_and_samples_do_not_vanish_silently(
                 for field, values in topic.fields.items():
                     np.testing.assert_array_equal(values, whole.topics[name].fields[field])
     assert read > count // 2
+
+
+def _csv(path: Path, table: pd.DataFrame) -> None:
+    table.to_csv(path, index=False)
+
+
+def _parquet(path: Path, table: pd.DataFrame) -> None:
+    table.to_parquet(path)
+
+
+def _mat(path: Path, table: pd.DataFrame) -> None:
+    savemat(path, {name: table[name].to_numpy() for name in table})
+
+
+def _hdf5(path: Path, table: pd.DataFrame) -> None:
+    with h5py.File(path, "w") as file:
+        for name in table:
+            file[name] = table[name].to_numpy()
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+@pytest.mark.parametrize(
+    ("suffix", "write"), [(".csv", _csv), (".parquet", _parquet), (".mat", _mat), (".h5", _hdf5)]
+)
+def test_damaged_tables_are_read_or_refused(
+    suffix: str,
+    write: Callable[[Path, pd.DataFrame], None],
+    change: Change,
+    trials: Callable[[int, int], int],
+    tmp_path: Path,
+) -> None:
+    """In the process that production reads them in: the libraries behind them are not ours."""
+    rng = np.random.default_rng(9)
+    time = np.linspace(0.0, 20.0, 400)
+    table = pd.DataFrame({"time": time, **{name: rng.normal(size=400) for name in "abcd"}})
+    path = tmp_path / f"flight{suffix}"
+    write(path, table)
+    data, refused, count = path.read_bytes(), list[InputError](), trials(40, 1500)
+    damaged = 0
+    limits = Limits(memory=1_000_000_000, processor=20.0, wall=40.0)
+    for _ in range(count):
+        path.write_bytes(change(data, rng))
+        try:
+            with parsed_log(path, tmp_path / "w", limits) as parsed:
+                damaged += bool(parsed.recording.damage)
+                for topic in parsed.recording.topics.values():
+                    assert all(len(v) == len(topic.time) for v in topic.fields.values())
+        except InputError as refusal:
+            refused.append(refusal)
+    assert all(each.what and path.name in each.where for each in refused)
+    print(f"{suffix}: of {count}, {len(refused)} refused, {damaged} read with damage")
+    # No format of tables but Parquet has checksums: a flipped bit in a number is another number.
+    assert refused or damaged or change is flip
