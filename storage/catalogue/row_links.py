@@ -1,5 +1,5 @@
-"""Hashes of all rows that are not events: what a version is made of, settings of results, flights
-and logs are not rewritten unnoticed.
+"""Hashes of all rows that are not events: what a version is made of, settings of results and
+flights are not rewritten unnoticed.
 
 The rows of a table form groups (a version's flights, a result's inputs, mostly one row). Each group
 that a transaction adds to gets a link with the hash of its content and of the link before; the
@@ -22,8 +22,8 @@ _GROUPED: Final = {
     "version_inputs": ("version",),
     "version_flights": ("version",),
 }
-#: What only records how runs went decides nothing, and the links themselves.
-_WITHOUT: Final = ("runs", "run_results", "run_versions", "chain", "row_links")
+#: Records of how runs and the reading of logs went, which decide nothing; and the links themselves.
+_WITHOUT: Final = ("runs", "run_results", "run_versions", "log_files", "chain", "row_links")
 #: The tables whose rows are linked here, in a fixed order -> the columns that name a group.
 LINKED: Final[Mapping[str, tuple[str, ...]]] = {
     table.name: _GROUPED.get(table.name, tuple(table.primary_key.columns.keys()))

@@ -14,7 +14,6 @@ _TEXT: sa.types.TypeEngine[str] = sa.Text().with_variant(sa.Text(collation="C"),
 #: Tables whose rows are linked, as of this migration.
 _LINKED = (
     "vehicles",
-    "log_files",
     "flights",
     "flight_fingerprints",
     "results",
