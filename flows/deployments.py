@@ -18,6 +18,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 from prefect.types.entrypoint import EntrypointType
 
 from aerodb.flows.orchestrator import ARRIVAL, ARRIVED
+from aerodb.flows.processes import end_with_parent
 from aerodb.flows.run import run_flow
 from aerodb.storage.locks import take
 from aerodb.storage.workspace import Workspace
@@ -37,6 +38,7 @@ def nightly(workspace: str, vehicle: str | None = None) -> None:
         nightly_flow,
     )  # here and below: a run does not wait for the science of the other
 
+    end_with_parent()
     folder = Workspace.open(Path(workspace), create=False)
     lock = take(night_lock(folder, vehicle))
     if lock is None:
@@ -52,6 +54,7 @@ def arrival(workspace: str) -> None:
     """Run the per-flight flow on every log that waits in the inbox."""
     from aerodb.flows.inbox import sweep_flow
 
+    end_with_parent()
     run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False))
 
 

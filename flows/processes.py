@@ -6,17 +6,15 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from aerodb.errors import InputError
 from aerodb.storage.catalogue import catalogue_location
-from aerodb.storage.locks import Lock, take
 from aerodb.storage.urls import resolved, shown
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import (
@@ -33,6 +31,10 @@ _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0
 _WELL: Final = 120.0
 _LOG_BYTES: Final = 20_000_000
 _PR_SET_PDEATHSIG: Final = 1
+#: Environment variable of child processes: process, its start, and the workspace folder.
+_OWNER: Final = "AERODB_OWNER"
+#: Arguments of the processes that Prefect, and `aerodb serve` for it, start.
+_OURS: Final = (b"prefect", b"from aerodb.flows.deployments")
 
 
 def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:
@@ -62,7 +64,7 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
             "PREFECT_API_AUTH_STRING": secret,
             TOKEN_VARIABLE: token,
         }
-    return {**kept, **settings, "PYTHONUTF8": "1"}
+    return {**kept, **settings, **owner_of(workspace.root), "PYTHONUTF8": "1"}
 
 
 def database_of(workspace: Workspace) -> str:
@@ -112,21 +114,6 @@ def free_port(serve: ServeSettings) -> int:
         return int(probe.getsockname()[1])
 
 
-def port_lock(host: str, port: int) -> Lock:
-    """Return the lock of an address for this user: of two services that start together and both
-    find the port free, one gets it. Raises InputError for the other."""
-    folder = Path(tempfile.gettempdir()) / f"aerodb-{getattr(os, 'getuid', int)()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    lock = take(folder / f"{host.replace(':', '_')}-{port}.lock")
-    if lock is None:
-        raise InputError(
-            f"cannot listen on {host}, port {port}: another aerodb serve starts or runs there",
-            f"{FILE}: serve",
-            "set another port, or 0 for any free one",
-        )
-    return lock
-
-
 class Child:
     """A process that is restarted with growing delays when it ends; its output goes to a log
     file."""
@@ -155,7 +142,7 @@ class Child:
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
-                preexec_fn=end_with_parent if sys.platform == "linux" else None,
+                preexec_fn=end_with_parent,
             )
         self._started = time.monotonic()
 
@@ -187,5 +174,60 @@ class Child:
 
 def end_with_parent() -> None:
     """In a new process: let the system end it when its parent is killed, so that none is
-    orphaned."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    orphaned. At once: one that ends in order could wait for what it has begun."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def owner_of(workspace: Path) -> dict[str, str]:
+    """Return the environment variable by which processes that this one starts for a workspace are
+    known as its own."""
+    return {_OWNER: f"{os.getpid()} {_start_of(os.getpid())} {workspace}"}
+
+
+def end_orphans(workspace: Path) -> int:
+    """End processes of Prefect that were started for a workspace by a process that is gone, and
+    return how many there were. Only Linux tells."""
+    count = 0
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            variables = (folder / "environ").read_bytes().split(b"\0")
+            arguments = (folder / "cmdline").read_bytes().split(b"\0")
+        except OSError:  # it has ended, or is another user's
+            continue
+        named = _OWNER.encode() + b"="
+        owner = next((v[len(named) :] for v in variables if v.startswith(named)), b"")
+        parts = os.fsdecode(owner).split(" ", 2)
+        if len(parts) != 3 or parts[2] != str(workspace) or not parts[0].isdecimal():
+            continue
+        if _start_of(int(parts[0])) != parts[1] and any(a.startswith(_OURS) for a in arguments):
+            with suppress(OSError):
+                os.kill(int(folder.name), signal.SIGKILL)
+                count += 1
+    return count
+
+
+def _start_of(process: int) -> str:
+    """Return when a process started, in ticks since boot; empty if there is none."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return ""
+    return text.rpartition(")")[2].split()[19]
+
+
+@contextmanager
+def claimed(serve: ServeSettings) -> Iterator[None]:
+    """Context manager that holds the port of the settings against another `aerodb serve` on this
+    machine, from before its server listens. InputError if one holds it already; other systems than
+    Linux do not tell."""
+    with socket.socket(socket.AF_UNIX) as holder:
+        if sys.platform == "linux" and serve.port:
+            try:
+                holder.bind(f"\0aerodb serve {serve.port}")
+            except OSError as error:
+                what = f"another aerodb serve on this machine uses port {serve.port}"
+                raise InputError(
+                    what, f"{FILE}: serve", "set another port, or 0 for any free one"
+                ) from error
+        yield

@@ -24,6 +24,7 @@ from threadpoolctl import threadpool_limits
 from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
+from aerodb.flows.processes import end_orphans, owner_of
 from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding, note_of
 from aerodb.storage.workspace import Workspace
@@ -341,6 +342,12 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
     if url and _answers(url):
         return "server"
     os.environ.pop("PREFECT_API_URL", None)
+    # Its server listens on a port of this machine: only this process knows the token.
+    known = os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
+    secret = known or authorization(secrets.token_urlsafe(32))
+    os.environ["PREFECT_API_AUTH_STRING"] = os.environ["PREFECT_SERVER_API_AUTH_STRING"] = secret
+    end_orphans(root)
+    os.environ |= owner_of(root)
     os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
     return "ephemeral"
 

@@ -20,7 +20,7 @@ from urllib.error import HTTPError
 
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
-from aerodb.flows.processes import Child, environment_of, free_port, port_lock
+from aerodb.flows.processes import Child, claimed, end_orphans, environment_of, free_port
 from aerodb.storage.inbox import InboxFile, rescan_inbox
 from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
@@ -77,8 +77,9 @@ class Server:
         self._written = self._settings_written()
         self._clock = _clock()
         self._since: dict[Any, float] = {}
-        self._port = port_lock(host, port)
         self._has_room = True
+        if orphans := end_orphans(workspace.root):
+            say(f"{orphans} processes of one that was killed were ended")
 
     def _vehicles(self) -> tuple[str, ...]:
         return tuple(row.name for row in self._access.catalogue.vehicles())
@@ -111,16 +112,8 @@ class Server:
                 raise StoreError(
                     "the Prefect server did not start", where, "its last lines say why"
                 )
-        try:
-            clear_up(self.client, self._workspace, at_start=True)
-        except HTTPError as error:
-            if error.code != HTTPStatus.UNAUTHORIZED:
-                raise
-            raise StoreError(
-                f"another program's server answers at {self.client.url}",
-                f"{FILE}: serve",
-                "set another port, or 0 for any free one",
-            ) from error
+        self._require_own()
+        clear_up(self.client, self._workspace, at_start=True)
         self._runner.start()
         note = {
             "pid": os.getpid(),
@@ -132,6 +125,19 @@ class Server:
             f"serving {self._workspace.root} at {self.client.url}; logs go to"
             f" {self._workspace.inbox}/<vehicle>/"
         )
+
+    def _require_own(self) -> None:
+        """Raise StoreError if the server that answers does not know the token: it is another's."""
+        try:
+            is_awaited(self.client)
+        except HTTPError as error:
+            if error.code != HTTPStatus.UNAUTHORIZED:
+                raise
+            raise StoreError(
+                f"another server answers at {self.client.url}",
+                f"{FILE}: serve",
+                "set another port, or 0 for any free one",
+            ) from error
 
     def _beat(self, stopping: threading.Event) -> None:
         """Once a second: restart dead processes, reload settings, look at the inbox, clean up
@@ -263,7 +269,6 @@ class Server:
             except OSError as error:
                 self._say(f"left for the next start: {error}")
         self._server.stop(4.0)
-        self._port.release(remove=True)
 
 
 def _clock() -> float:
@@ -301,7 +306,8 @@ def serve(workspace: Workspace, say: Say) -> None:
     }
     try:
         lock.note({})
-        Server(workspace, lock, say).run(stopping)
+        with claimed(load_settings(workspace.root).serve):
+            Server(workspace, lock, say).run(stopping)
         say("stopped")
     finally:
         lock.release()

@@ -40,7 +40,7 @@ def test_it_takes_little_memory() -> None:
     """A key of 50,000 parts once took 8.6 GB."""
     code = (
         "import resource\n"
-        "resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))\n"
         "from tests.aerodb.test_toml import HOSTILE\n"
         "from aerodb.support import parsed_toml\n"
         "from aerodb.errors import InputError\n"
@@ -50,8 +50,6 @@ def test_it_takes_little_memory() -> None:
         "    except InputError:\n"
         "        continue\n"
         "    raise SystemExit(3)\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout) < 600

@@ -35,7 +35,6 @@ from aerodb.storage.locks import holding, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
 from tests.support.command import aerodb
-from tests.support.end_to_end import environment
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv
@@ -461,35 +460,6 @@ def test_a_port_that_is_taken_is_said(tmp_path: Path) -> None:
     assert f"cannot listen on 127.0.0.1, port {port}" in done.stderr
 
 
-def test_of_two_that_start_together_on_one_port_one_serves(tmp_path: Path) -> None:
-    """Both found the port free; the later one once took the other's server for its own."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    started = []
-    for name in ("one", "other"):
-        root = Workspace.open(tmp_path / name).root
-        (root / "settings.toml").write_text(f"[serve]\nport = {port}\n", encoding="utf-8")
-        code = "from aerodb.flows.cli import main; main()"
-        command = [sys.executable, "-c", code, "--workspace", str(root), "serve"]
-        started.append(
-            subprocess.Popen(command, cwd=ROOT, text=True, stdout=-1, stderr=-1, env=environment())
-        )
-    until = time.monotonic() + 120
-    while all(each.poll() is None for each in started) and time.monotonic() < until:
-        time.sleep(0.1)
-    (ended,) = [each for each in started if each.poll() is not None]
-    assert ended.returncode == 3
-    assert f"port {port}" in ended.communicate()[1]
-    (serving,) = [each for each in started if each is not ended]
-    try:
-        assert serving.stdout is not None
-        assert f"127.0.0.1:{port}" in serving.stdout.readline()
-    finally:
-        serving.send_signal(signal.SIGTERM)
-        assert serving.wait(60) == 0
-
-
 def test_a_full_disk_is_said_once_and_logs_wait(tmp_path: Path) -> None:
     workspace, said = Workspace.open(tmp_path / "w"), list[str]()
     settings = workspace.root / "settings.toml"
@@ -507,5 +477,4 @@ def test_a_full_disk_is_said_once_and_logs_wait(tmp_path: Path) -> None:
     )
     server._watch_disk()
     assert said[1].endswith("logs are ingested again")
-    server._port.release(remove=True)
     lock.release()

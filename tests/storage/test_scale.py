@@ -271,6 +271,7 @@ def test_a_catalogue_of_the_first_kind_is_brought_up_and_keeps_every_row(tmp_pat
         "inbox_events",
         "user_events",
         "chain",
+        "row_links",
     ):
         raw.execute(f"DROP TABLE {table}")
     raw.execute('ALTER TABLE flight_events DROP COLUMN "user"')

@@ -89,7 +89,7 @@ def _started(command: list[str], log: Path) -> "subprocess.Popen[bytes]":
             stdout=said,
             stderr=said,
             start_new_session=True,
-            preexec_fn=end_with_parent if sys.platform == "linux" else None,
+            preexec_fn=end_with_parent,
         )
 
 
