@@ -9,7 +9,7 @@ from aerodb.support import Array, Integers
 
 
 @numba.njit(cache=True, nogil=True)
-def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[int, float]:
+def locate(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[int, float]:
     """Lower node of the cell of x in ``breaks[first:last + 1]``, and the weight of its upper node;
     mode as in `Table.modes`."""
     if first == last:
@@ -65,7 +65,7 @@ def interpolate(
         for k in range(dimensions):
             first, last, x = starts[k], starts[k + 1] - 1, points[k, i]
             beyond = beyond or not (breaks[first] <= x <= breaks[last])
-            low, weight[k] = _weight(breaks, first, last, modes[k], x)
+            low, weight[k] = locate(breaks, first, last, modes[k], x)
             base += low * strides[k]
             step[k] = strides[k] if last > first else 0
         total = 0.0
@@ -111,7 +111,7 @@ def interpolate_together(
         for k in range(dimensions):
             first, last, x = starts[k], starts[k + 1] - 1, points[k, i]
             beyond = beyond or not (breaks[first] <= x <= breaks[last])
-            low, weight[k] = _weight(breaks, first, last, modes[k], x)
+            low, weight[k] = locate(breaks, first, last, modes[k], x)
             base += low * strides[k]
             step[k] = strides[k] if last > first else 0
         total[:] = 0.0

@@ -64,18 +64,18 @@ class Program:
 
     inputs: dict[str, int]
     outputs: tuple[int, ...]
-    _slots: tuple[float | None, ...]
-    _steps: tuple[_Step, ...]
+    constants: tuple[float | None, ...]
+    steps: tuple[_Step, ...]
 
     def run(self, values: Mapping[str, Value]) -> Run:
         """Evaluate at `values`, each (n,) or a number. Division by zero and similar give inf or
         NaN, not an error."""
-        slots: list[Any] = list(self._slots)
+        slots: list[Any] = list(self.constants)
         outside: dict[str, NDArray[np.bool_]] = {}
         for name, slot in self.inputs.items():
             slots[slot] = values[name]
         with np.errstate(all="ignore"):
-            for written, function, arguments, tables, spent in self._steps:
+            for written, function, arguments, tables, spent in self.steps:
                 result = function(*[slots[i] for i in arguments])
                 for slot in spent:
                     slots[slot] = None

@@ -75,20 +75,20 @@ class ScatteredTable:
         object.__setattr__(self, "arguments", tuple(self.arguments))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "values", values)
-        _ = self._triangulation  # raises for points without volume now, not at the first lookup
+        _ = self.triangulation  # raises for points without volume now, not at the first lookup
 
     @cached_property
-    def _extent(self) -> Array:
+    def scale(self) -> Array:
         extent = np.ptp(self.points, axis=0)
         return np.where(extent > 0, extent, 1.0)
 
     @cached_property
-    def _triangulation(self) -> Any:
+    def triangulation(self) -> Any:
         # Imported here because it loads slowly and few databases have such a table.
         from scipy.spatial import Delaunay, QhullError
 
         try:
-            return Delaunay(self.points / self._extent)
+            return Delaunay(self.points / self.scale)
         except (QhullError, ValueError):
             raise InputError(
                 "points that span no volume",
@@ -97,21 +97,21 @@ class ScatteredTable:
             ) from None
 
     @cached_property
-    def _hull(self) -> tuple[Array, Array]:
+    def hull(self) -> tuple[Array, Array]:
         """Outward normals (f, N) and offsets (f,) of the facets of the hull; x is inside where
         ``normals @ x + offsets <= 0``."""
         from scipy.spatial import ConvexHull
 
-        equations = ConvexHull(self.points / self._extent).equations
+        equations = ConvexHull(self.points / self.scale).equations
         return equations[:, :-1], equations[:, -1]
 
     def lookup(self, *arguments: Array | float) -> Lookup:
         """Values, and which points lie outside the hull; NaN gives NaN and is outside."""
-        x = stacked_arguments(self.name, len(self.arguments), arguments).T / self._extent
+        x = stacked_arguments(self.name, len(self.arguments), arguments).T / self.scale
         unknown = ~np.isfinite(x).all(axis=1)
-        centre = self.points.mean(axis=0) / self._extent
+        centre = self.points.mean(axis=0) / self.scale
         x[unknown] = centre
-        normals, offsets = self._hull
+        normals, offsets = self.hull
         beyond = np.empty(len(x), dtype=np.bool_)
         # Blocks limit the memory for points times facets.
         for part in np.array_split(np.arange(len(x)), 1 + len(x) // 65_536):
@@ -139,7 +139,7 @@ class ScatteredTable:
 
     def _inside(self, x: Array, centre: Array) -> Array:
         """Linear interpolation at points (n, N) in or on the hull."""
-        triangulation = self._triangulation
+        triangulation = self.triangulation
         simplex = triangulation.find_simplex(x)
         lost = np.flatnonzero(simplex < 0)
         if lost.size:  # on the surface of the hull, outside by rounding

@@ -133,7 +133,7 @@ def test_tables_on_the_same_breakpoints_are_looked_up_together() -> None:
     tables["D"] = Table("D", ("x", "y"), (X, X), rng.normal(size=(3, 3)), ("floor", "linear"))
     calls = [f"{name}(a, b)" for name in tables] + ["T0(b, a)"]
     program = compile_program([parse(call) for call in calls], tables)
-    assert sum(bool(step.tables) for step in program._steps) == 3
+    assert sum(bool(step.tables) for step in program.steps) == 3
     a, b = rng.uniform(-1, 4, 100), rng.uniform(-1, 4, 100)
     run = program.run({"a": a, "b": b})
     for name, value in zip(tables, run.values, strict=False):

@@ -1,0 +1,249 @@
+"""Compiled execution of `Instructions`; a module of its own, so that the compiler is loaded only
+when something is simulated."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from aerodb.support import Array, Integers
+from aerodb.tables.instructions import Instructions
+from aerodb.tables.kernel import locate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near(
+    breaks: Array, first: int, last: int, mode: int, x: float, guess: int
+) -> tuple[int, float]:
+    """As `locate`, trying the cell `guess` first: an argument moves little between two calls."""
+    below = first + guess
+    if mode == 0 and first < last and breaks[below] < x < breaks[below + 1]:
+        return guess, (x - breaks[below]) / (breaks[below + 1] - breaks[below])
+    return locate(breaks, first, last, mode, x)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lookup(
+    program: Instructions, table: int, first: int, slots: Array, lane: int, cells: Integers,
+    outside: NDArray[np.bool_], step: Integers, weight: Array,
+) -> float:  # fmt: skip
+    """Multilinear interpolation of one table at one point; notes a point outside."""
+    begin = program.first_axis[table]
+    dimensions = program.first_axis[table + 1] - begin
+    base = program.first_value[table]
+    for k in range(dimensions):
+        axis = begin + k
+        x = slots[program.arguments[first + k], lane]
+        if not (program.low[axis] <= x <= program.high[axis]):
+            outside[table, lane] = True
+        left, right = program.starts[axis], program.starts[axis + 1] - 1
+        cell, weight[k] = _near(
+            program.breaks, left, right, program.modes[axis], x, cells[axis, lane]
+        )
+        cells[axis, lane] = cell
+        base += cell * program.strides[axis]
+        step[k] = program.strides[axis] if right > left else 0
+    total = 0.0
+    for corner in range(1 << dimensions):
+        product, index = 1.0, base
+        for k in range(dimensions):
+            if corner >> k & 1:
+                product *= weight[k]
+                index += step[k]
+            else:
+                product *= 1.0 - weight[k]
+        if product != 0.0:
+            total += product * program.values[index]
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _scattered(
+    program: Instructions, table: int, first: int, slots: Array, lane: int,
+    outside: NDArray[np.bool_], x: Array, weight: Array,
+) -> float:  # fmt: skip
+    """Linear interpolation between scattered points; outside the hull the point is moved towards
+    the centre onto it."""
+    data, at = program.scattered, program.first_scattered[table]
+    n, simplices, facets = int(data[at]), int(data[at + 1]), int(data[at + 2])
+    scale, centre = at + 3, at + 3 + n
+    facet = centre + n
+    simplex = facet + facets * (n + 1)
+    for k in range(n):
+        x[k] = slots[program.arguments[first + k], lane] / data[scale + k]
+        if not math.isfinite(x[k]):
+            outside[table, lane] = True
+            return np.nan
+    reach = 1.0
+    for f in range(facets):
+        toward, gap = 0.0, data[facet + f * (n + 1) + n]
+        for k in range(n):
+            normal = data[facet + f * (n + 1) + k]
+            toward += normal * (x[k] - data[centre + k])
+            gap += normal * data[centre + k]
+        if toward > 0.0:
+            reach = min(reach, -gap / toward)
+    if reach < 1.0 - 1e-9:
+        outside[table, lane] = True
+    for k in range(n):
+        x[k] = data[centre + k] + reach * (x[k] - data[centre + k])
+    best, value = -np.inf, np.nan
+    size = (n + 1) * n + n + 1
+    for s in range(simplices):
+        place = simplex + s * size
+        rest, least = 1.0, np.inf
+        for i in range(n):
+            weight[i] = 0.0
+            for j in range(n):
+                weight[i] += data[place + i * n + j] * (x[j] - data[place + n * n + j])
+            rest -= weight[i]
+            least = min(least, weight[i])
+        least = min(least, rest)
+        if least > best:
+            best = least
+            value = rest * data[place + (n + 1) * n + n]
+            for i in range(n):
+                value += weight[i] * data[place + (n + 1) * n + i]
+        if best >= 0.0:
+            break
+    return value
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unary(kind: int, x: float) -> float:
+    """Operations of one operand that are rare or slow enough not to need a loop of their own."""
+    if kind == 9:
+        return math.sqrt(x) if x >= 0.0 else np.nan
+    if kind == 10:
+        return np.exp(x)
+    if kind == 11:
+        return np.log(x)
+    if kind == 12:
+        return np.sin(x)
+    if kind == 13:
+        return np.cos(x)
+    if kind == 14:
+        return np.tan(x)
+    if kind == 15:
+        return np.arcsin(x)
+    if kind == 16:
+        return np.arccos(x)
+    if kind == 17:
+        return np.arctan(x)
+    if kind == 19:
+        return np.nan if np.isnan(x) else (1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0))
+    if kind == 20:
+        return 1.0 if x > 0.0 else 0.0
+    if kind == 21:
+        return np.log10(x)
+    if kind == 22:
+        return np.sinh(x)
+    if kind == 23:
+        return np.cosh(x)
+    if kind == 24:
+        return np.tanh(x)
+    if kind == 25:
+        return np.arcsinh(x)
+    if kind == 26:
+        return np.arccosh(x)
+    if kind == 27:
+        return np.arctanh(x)
+    if kind == 28:
+        return np.floor(x)
+    return np.ceil(x)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _binary(kind: int, x: float, y: float) -> float:
+    """Operations of two operands that are rare or slow."""
+    if kind == 4:
+        return np.power(x, y)
+    if kind == 18:
+        return np.arctan2(x, y)
+    if kind == 30:
+        return np.fmod(x, y)
+    if kind == 31:
+        size = np.power(abs(x), 1.0 / y)
+        if x < 0.0:
+            return -size if np.fmod(abs(y), 2.0) == 1.0 else np.nan
+        return size
+    if np.isnan(x) or np.isnan(y):
+        return np.nan
+    if kind == 32:
+        holds = x < y
+    elif kind == 33:
+        holds = x <= y
+    elif kind == 34:
+        holds = x > y
+    elif kind == 35:
+        holds = x >= y
+    elif kind == 36:
+        holds = x == y
+    else:
+        holds = x != y
+    return 1.0 if holds else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def execute(
+    program: Instructions, slots: Array, cells: Integers, outside: NDArray[np.bool_], lanes: int
+) -> None:
+    """Run all instructions for each lane.
+
+    Parameters
+    ----------
+    slots : (s, k), inputs and constants given, everything else is written.
+    cells : (a, k), where each axis of each table was read last.
+    outside : (t, k), set where an argument lies outside a table; never cleared here.
+    lanes : number of columns to compute.
+    """
+    step, weight, x = np.empty(16, np.int64), np.empty(16), np.empty(16)
+    for number in range(program.code.shape[0]):
+        kind, to = program.code[number, 0], program.code[number, 1]
+        a, b, c = program.code[number, 2], program.code[number, 3], program.code[number, 4]
+        if kind == 2:
+            for k in range(lanes):
+                slots[to, k] = slots[a, k] * slots[b, k]
+        elif kind == 0:
+            for k in range(lanes):
+                slots[to, k] = slots[a, k] + slots[b, k]
+        elif kind == 39:
+            for k in range(lanes):
+                slots[to, k] = _lookup(program, a, b, slots, k, cells, outside, step, weight)
+        elif kind == 1:
+            for k in range(lanes):
+                slots[to, k] = slots[a, k] - slots[b, k]
+        elif kind == 3:
+            for k in range(lanes):
+                slots[to, k] = slots[a, k] / slots[b, k]
+        elif kind == 5:
+            for k in range(lanes):
+                slots[to, k] = -slots[a, k]
+        elif kind == 6:
+            for k in range(lanes):
+                slots[to, k] = abs(slots[a, k])
+        elif kind == 7:
+            for k in range(lanes):
+                left, right = slots[a, k], slots[b, k]
+                slots[to, k] = left if left < right or np.isnan(left) else right
+        elif kind == 8:
+            for k in range(lanes):
+                left, right = slots[a, k], slots[b, k]
+                slots[to, k] = left if left > right or np.isnan(left) else right
+        elif kind == 38:
+            for k in range(lanes):
+                holds = slots[a, k]
+                if np.isnan(holds):
+                    slots[to, k] = np.nan
+                else:
+                    slots[to, k] = slots[b, k] if holds != 0.0 else slots[c, k]
+        elif kind == 40:
+            for k in range(lanes):
+                slots[to, k] = _scattered(program, a, b, slots, k, outside, x, weight)
+        elif kind == 4 or kind == 18 or kind >= 30:
+            for k in range(lanes):
+                slots[to, k] = _binary(kind, slots[a, k], slots[b, k])
+        else:
+            for k in range(lanes):
+                slots[to, k] = _unary(kind, slots[a, k])

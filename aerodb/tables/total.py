@@ -1,0 +1,188 @@
+"""The six coefficients of a database as one program: terms, increments with their envelopes, rates
+and the rotation from wind axes, all as expressions.
+
+`AeroDatabase.predict` evaluates these parts one after the other, for many points at once; a
+simulation needs them together, with what it may vary as inputs of the program.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import reduce
+from typing import Final
+
+from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.tables.algebra import plus, times
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import LIFT_INCREMENTS
+from aerodb.tables.expression import (
+    Call,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    TableCall,
+    number,
+)
+from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.instructions import Machine, machine
+from aerodb.tables.reference import HAT_RATES, WIND_AXES
+from aerodb.tables.state_model import Relay, StateModel
+
+#: Begin of the names of inputs that hold an increment's estimates: axis, number, regressor.
+_ESTIMATE: Final = "estimate"
+
+
+@dataclass(frozen=True, eq=False)
+class TotalCoefficients:
+    """A database as one machine.
+
+    Parameters
+    ----------
+    machine : its outputs are CX CY CZ Cl Cm Cn about the database's moment reference, then the
+        steady value of each of `states`, then the given `further` expressions.
+    inputs : channels and free inputs that it needs, without states, estimates and scales.
+    states : those with memory, whose values are inputs under their names.
+    estimates : names of the inputs for the estimates of the increments that act, in the order of
+        `values`; they stand in place of those of the database.
+    values : the estimates of the database.
+    """
+
+    machine: Machine
+    inputs: tuple[str, ...]
+    states: tuple[StateModel, ...]
+    estimates: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+def total_coefficients(
+    database: AeroDatabase,
+    further: Iterable[Expression] = (),
+    factors: Mapping[str, str] | None = None,
+) -> TotalCoefficients:
+    """Return the whole database as one machine.
+
+    Parameters
+    ----------
+    further : other expressions over the same names, such as a thrust table's.
+    factors : term of the database -> name of an input by which it is multiplied.
+    """
+    variables = {name: variable.expression for name, variable in database.variables.items()}
+    for hat, (rate, _) in HAT_RATES.items():
+        length = "b_ref" if rate in ("p", "r") else "c_ref"
+        half = Operation("/", Name(length), Number(2.0))
+        variables[hat] = Operation("/", Operation("*", Name(rate), half), Name("V"))
+    remembered = []
+    for state in database.states:
+        if state.name not in database.needs:
+            continue
+        if isinstance(state.law, Relay) or state.law.relaxation > 0.0:
+            remembered.append(state)
+        else:
+            variables[state.name] = state.expression()
+    estimates: dict[str, float] = {}
+    sums: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
+    for term in database.terms:
+        factor = (factors or {}).get(term.name)
+        sums[term.axis].append(
+            term.expression if factor is None else times(Name(factor), term.expression)
+        )
+    lift: list[Expression] = []
+    for k, increment in enumerate(database.increments):
+        if not increment.acts_as_layer:
+            continue
+        parts = _layer(k, increment, estimates)
+        sums[increment.axis] += parts
+        if increment.axis == "C_lift" and increment.induces_drag:
+            lift += parts
+    variables[LIFT_INCREMENTS] = _sum(lift)
+    totals = _on_body_axes({axis: _sum(parts) for axis, parts in sums.items()})
+    steady = [
+        Number(0.0) if isinstance(state.law, Relay) else state.expression() for state in remembered
+    ]
+    tables = {**database.tables, **database.scattered}
+    program = database.compiled([*totals, *steady, *further], variables, tables)
+    own = {state.name for state in remembered} | set(estimates) | set((factors or {}).values())
+    return TotalCoefficients(
+        machine(program, tables),
+        tuple(sorted(set(program.inputs) - own)),
+        tuple(remembered),
+        tuple(estimates),
+        tuple(estimates.values()),
+    )
+
+
+def _layer(number_: int, increment: Increment, estimates: dict[str, float]) -> list[Expression]:
+    """The regressors of an increment, held and faded by its envelope, times their estimates."""
+    held: dict[str, Expression] = {
+        name: Call("clip", (Name(name), number(interval.low), number(interval.high)))
+        for name, interval in increment.envelope.items()
+    }
+    parts: list[Expression] = []
+    for k, regressor in enumerate(increment.regressors):
+        if increment.folded[k]:
+            continue
+        name = f"{_ESTIMATE}_{increment.axis}_{number_}_{k}"
+        estimates[name] = float(increment.estimates[k])
+        factors = [_weight(name, increment.envelope[name]) for name in sorted(increment.fading(k))]
+        parts.append(reduce(times, [Name(name), _substituted(regressor, held), *factors]))
+    return parts
+
+
+def _weight(name: str, interval: Interval) -> Expression:
+    """`Interval.weight` as an expression."""
+    x, low, high = Name(name), number(interval.low), number(interval.high)
+    if interval.cell == 0.0:
+        return Call("and", (Call("ge", (x, low)), Call("le", (x, high))))
+    beyond = Call("max", (Operation("-", low, x), Operation("-", x, high)))
+    cells = Operation("/", beyond, Number(interval.cell))
+    return Call("clip", (Operation("-", Number(2.0), cells), Number(0.0), Number(1.0)))
+
+
+def _substituted(node: Expression, names: Mapping[str, Expression]) -> Expression:
+    """The expression with names replaced."""
+    if isinstance(node, Name):
+        return names.get(node.name, node)
+    if isinstance(node, Negation):
+        return Negation(_substituted(node.operand, names))
+    if isinstance(node, Operation):
+        return Operation(
+            node.operator, _substituted(node.left, names), _substituted(node.right, names)
+        )
+    if isinstance(node, Call):
+        return Call(node.function, tuple(_substituted(a, names) for a in node.arguments))
+    if isinstance(node, TableCall):
+        return TableCall(node.table, tuple(_substituted(a, names) for a in node.arguments))
+    return node
+
+
+def _sum(parts: list[Expression]) -> Expression:
+    """A sum as a balanced tree, so that its depth stays small."""
+    if not parts:
+        return Number(0.0)
+    if len(parts) == 1:
+        return parts[0]
+    half = len(parts) // 2
+    return plus(_sum(parts[:half]), _sum(parts[half:]))
+
+
+def _on_body_axes(sums: Mapping[str, Expression]) -> list[Expression]:
+    """The six body axes; wind axes are rotated as `wind_to_body` does."""
+    nothing = Number(0.0)
+    drag, side, lift = (sums[axis] for axis in WIND_AXES)
+    if (drag, side, lift) == (nothing,) * 3:
+        return [sums[axis] for axis in AXES]
+
+    def of(function: str, angle: str) -> Expression:
+        return Call(function, (Name(angle),))
+
+    ca, sa, cb, sb = (of(f, x) for x in ("alpha", "beta") for f in ("cos", "sin"))
+    along = plus(times(drag, cb), times(side, sb))
+    rotated = {
+        "CX": Operation("-", times(lift, sa), times(along, ca)),
+        "CY": Operation("-", times(side, cb), times(drag, sb)),
+        "CZ": Negation(plus(times(along, sa), times(lift, ca))),
+    }
+    return [
+        plus(sums[axis], rotated[axis]) if axis in FORCE_AXES else sums[axis] for axis in AXES
+    ]
