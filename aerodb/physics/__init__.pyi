@@ -1,6 +1,9 @@
 from .atmosphere import (
     DENSITY_0,
+    GAS_CONSTANT,
     GRAVITY,
+    HEAT_RATIO,
+    STANDARD_LAYERS,
     density,
     mach_from_calibrated,
     speed_of_sound,
@@ -19,9 +22,12 @@ from .geodesy import (
 __all__ = [
     "DENSITY_0",
     "EARTH_RATE",
+    "GAS_CONSTANT",
     "GRAVITY",
+    "HEAT_RATIO",
     "HIGHEST_LATITUDE",
     "PLUMB_LINE_CURVATURE",
+    "STANDARD_LAYERS",
     "Earth",
     "density",
     "euler_321_from_enu_quaternion",

@@ -69,6 +69,14 @@ def _layers() -> tuple[_Layer, ...]:
 
 
 _LAYERS: Final = _layers()
+#: The layers as rows for compiled loops: bottom, top [m], gradient [K/m], altitude [m], temperature
+#: [K] and pressure [Pa] of the base.
+STANDARD_LAYERS: Final = np.array(
+    [
+        (a.bottom, a.top, a.gradient, a.base_altitude, a.base_temperature, a.base_pressure)
+        for a in _LAYERS
+    ]
+)
 
 
 @dataclass(frozen=True)

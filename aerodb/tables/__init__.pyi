@@ -22,6 +22,7 @@ from .expression import (
 )
 from .functions import COMPARISONS, FUNCTIONS, Value
 from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
+from .instructions import Instructions, Machine
 from .linear_terms import LinearTable, linear_tables
 from .nodes import neutral_point, table_grids, vary
 from .program import AnyTable, Program, compile_program, evaluate
@@ -39,6 +40,7 @@ from .sensitivity import slopes_by, slopes_by_lift
 from .slopes import QUANTITIES, new_increments, new_sign_changes
 from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate
 from .table import EXTRAPOLATIONS, Table
+from .total import TotalCoefficients, total_coefficients
 from .uncertainty import EFFECTS, Bound, Uncertainty, bound_arrays
 
 __all__ = [
@@ -65,10 +67,12 @@ __all__ = [
     "Evaluation",
     "Expression",
     "Increment",
+    "Instructions",
     "Interval",
     "Kirchhoff",
     "Law",
     "LinearTable",
+    "Machine",
     "Name",
     "Negation",
     "NodeChanges",
@@ -88,6 +92,7 @@ __all__ = [
     "TableCall",
     "Term",
     "TermChange",
+    "TotalCoefficients",
     "Uncertainty",
     "Value",
     "Variable",
@@ -122,6 +127,7 @@ __all__ = [
     "table_calls",
     "table_grids",
     "times",
+    "total_coefficients",
     "transfer_moments",
     "vary",
     "wind_to_body",

@@ -1,4 +1,4 @@
-"""A program of expressions as arrays of numbers, for loops that are compiled once for all databases.
+"""A program of expressions as arrays of numbers, for loops compiled once for all databases.
 
 `aerodb.tables.program` evaluates many points per operation, which suits a flight's samples. A
 simulation evaluates one point after the other, where each call of numpy would cost more than the
@@ -100,9 +100,11 @@ def machine(program: Program, tables: Mapping[str, AnyTable]) -> Machine:
 def _names() -> dict[Callable[..., Any], str]:
     """Function of a program's step -> name of the operation."""
     known = {function.evaluate: name for name, function in FUNCTIONS.items()}
-    return known | {OPERATORS[symbol]: name for symbol, name in _SYMBOLS.items()} | {
-        np.negative: "negative"
-    }
+    return (
+        known
+        | {OPERATORS[symbol]: name for symbol, name in _SYMBOLS.items()}
+        | {np.negative: "negative"}
+    )
 
 
 class _Lowering:
@@ -240,7 +242,8 @@ def _scattered(table: ScatteredTable) -> Array:
     facets = np.concatenate([normals, offsets[:, None]], axis=1)
     if not np.isfinite(simplices).all():
         raise InputError(
-            "a simplex of its triangulation is flat", f"table {table.name}", "leave out points that"
-            " nearly coincide",
+            "a simplex of its triangulation is flat",
+            f"table {table.name}",
+            "leave out points that nearly coincide",
         )
     return np.concatenate([head, table.scale, centre, facets.ravel(), simplices.ravel()])

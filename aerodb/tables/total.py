@@ -183,6 +183,4 @@ def _on_body_axes(sums: Mapping[str, Expression]) -> list[Expression]:
         "CY": Operation("-", times(side, cb), times(drag, sb)),
         "CZ": Negation(plus(times(along, sa), times(lift, ca))),
     }
-    return [
-        plus(sums[axis], rotated[axis]) if axis in FORCE_AXES else sums[axis] for axis in AXES
-    ]
+    return [plus(sums[axis], rotated[axis]) if axis in FORCE_AXES else sums[axis] for axis in AXES]

@@ -1,0 +1,373 @@
+"""Fly any database: the model of a vehicle, its start, and runs over given inputs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError, nearest
+from aerodb.physics import GRAVITY, STANDARD_LAYERS, Earth
+from aerodb.simulation.layout import FEEDBACK, LOADS, MOTION, STATE, SURROUNDINGS, Numbers
+from aerodb.simulation.motion import quaternion_from_euler, to_body
+from aerodb.support import Array, in_threads
+from aerodb.tables import (
+    AeroDatabase,
+    Expression,
+    Relay,
+    TotalCoefficients,
+    total_coefficients,
+)
+
+#: Runs computed side by side in one thread: their numbers stay in the processor's cache.
+BLOCK: Final = 16
+#: Values of `SURROUNDINGS` that need not be given.
+_DEFAULTS: Final = {
+    name: 1.0 if name == "density_ratio" else 0.0
+    for name in SURROUNDINGS
+    if name not in ("mass", "Ixx", "Iyy", "Izz")
+}
+#: What a start may state, in place of 0.
+_START: Final = (
+    "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "north", "east", "altitude",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An actuator between a command and a deflection: limits [rad], largest rate [rad/s] and lag
+    [s]. Without lag and rate limit the deflection is the limited command."""
+
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    rate: float = np.inf
+    lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Engine:
+    """Thrust [N] as an expression of channels and inputs (a table of the database, an input), along
+    `direction` through `point` [m], body axes from the vehicle's datum."""
+
+    thrust: Expression
+    point: tuple[float, float, float]
+    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FlightModel:
+    """A database that can be flown.
+
+    Parameters
+    ----------
+    database : the version.
+    total : its coefficients as a machine.
+    numbers : everything in the form of the compiled loops.
+    inputs : names of the series that a run needs beside `SURROUNDINGS`: deflections, free inputs.
+    actuated : those behind an actuator.
+    earth : rotating earth with its origin; None: flat.
+    """
+
+    database: AeroDatabase
+    total: TotalCoefficients
+    numbers: Numbers
+    inputs: tuple[str, ...]
+    actuated: tuple[str, ...]
+    earth: Earth | None = None
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Estimates of the increments, by name: what a run may vary."""
+        return dict(zip(self.total.estimates, self.total.values, strict=True))
+
+    @property
+    def extra_states(self) -> tuple[str, ...]:
+        """Names of the states after `STATE`: those of the database and the actuators'."""
+        return (*(state.name for state in self.total.states), *self.actuated)
+
+
+def flight_model(
+    database: AeroDatabase,
+    *,
+    engines: Sequence[Engine] = (),
+    actuators: Mapping[str, Actuator] | None = None,
+    feedback: Mapping[tuple[str, str], float] | None = None,
+    earth: Earth | None = None,
+    factors: Mapping[str, str] | None = None,
+) -> FlightModel:
+    """Return the model of a vehicle that flies on a database.
+
+    Parameters
+    ----------
+    database : any version.
+    engines : thrust by expression; logged thrust is given to a run as force and moment instead.
+    actuators : input -> its actuator; others act as given.
+    feedback : (input, channel of `FEEDBACK`) -> gain on (reference - channel), added to the input:
+        an artificial stabilisation. References are given as ``reference_<channel>``.
+    earth : rotating oblate earth; None: flat, with standard gravity.
+    factors : term of the database -> name of a parameter that multiplies it.
+
+    Raises InputError for a name that the database does not read.
+    """
+    total = total_coefficients(database, [e.thrust for e in engines], factors)
+    slots, own = total.machine.inputs, {*MOTION, *SURROUNDINGS}
+    inputs = tuple(name for name in total.inputs if name not in own)
+    for name in (*(actuators or {}), *(name for name, _ in feedback or {})):
+        if name not in inputs:
+            raise InputError(
+                f"the database does not read '{name}'",
+                f"database {database.name}",
+                nearest(name, inputs),
+            )
+    for _, channel in feedback or {}:
+        if channel not in FEEDBACK:
+            raise InputError(f"no feedback of '{channel}'", remedy=nearest(channel, FEEDBACK))
+    actuated = tuple(name for name in inputs if name in (actuators or {}))
+    chord = database.reference.chord
+    laws = [
+        (0.0, s.law.low, s.law.high, s.law.separated)
+        if isinstance(s.law, Relay)
+        else (s.law.relaxation * chord, 0.0, 0.0, 0.0)
+        for s in total.states
+    ]
+    outputs, m = total.machine.outputs, len(total.states)
+    reference = database.reference
+    lines = [(*np.asarray(e.direction) / np.linalg.norm(e.direction), *e.point) for e in engines]
+    moved = (
+        [(a.limits[0], a.limits[1], a.rate, a.lag) for a in (actuators[name] for name in actuated)]
+        if actuators
+        else []
+    )
+    gains = [(inputs.index(i), FEEDBACK.index(c), g) for (i, c), g in (feedback or {}).items()]
+    place = (
+        (0.0, 0.0, 1.0, 1.0)
+        if earth is None
+        else (earth.latitude, earth.height, *earth.metres_per_radian)
+    )
+    numbers = Numbers(
+        program=total.machine.instructions,
+        motion=_slots(MOTION, slots),
+        surroundings=_slots(SURROUNDINGS, slots),
+        inputs=_slots(inputs, slots),
+        totals=np.array(outputs[:6], dtype=np.int64),
+        states=_slots([s.name for s in total.states], slots, len(total.machine.slots)),
+        steady=np.array(outputs[6 : 6 + m], dtype=np.int64),
+        laws=np.array(laws, dtype=np.float64).reshape(-1, 4),
+        thrust=np.array(outputs[6 + m :], dtype=np.int64),
+        lines=np.array(lines, dtype=np.float64).reshape(-1, 6),
+        actuated=np.array([inputs.index(name) for name in actuated], dtype=np.int64),
+        actuators=np.array(moved, dtype=np.float64).reshape(-1, 4),
+        gains=np.array(gains, dtype=np.float64).reshape(-1, 3),
+        reference=np.array(
+            (reference.area, reference.chord, reference.span, *reference.moment_reference)
+        ),
+        earth=np.array((0.0 if earth is None else 1.0, GRAVITY, *place)),
+        layers=STANDARD_LAYERS,
+    )
+    return FlightModel(database, total, numbers, inputs, actuated, earth)
+
+
+def _slots(
+    names: Sequence[str], slots: Mapping[str, int], otherwise: int = -1
+) -> NDArray[np.int64]:
+    return np.array([slots.get(name, otherwise) for name in names], dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """k runs of n samples.
+
+    Parameters
+    ----------
+    time : (n,) [s].
+    channels : name -> (n, k): `MOTION`, `LOADS`, states of the database and inputs as they acted;
+        NaN after the end of a run.
+    state : (13 + m + a, k) at the end.
+    ended : (k,) number of samples of each run.
+    left : table -> (k,) time at which the run first left it [s], NaN where it did not.
+    unresolved : number of samples without a solution for alphadot.
+    rates : as state, time derivatives at the end.
+    """
+
+    time: Array
+    channels: Mapping[str, Array]
+    state: Array
+    ended: NDArray[np.int64]
+    left: Mapping[str, Array]
+    unresolved: int
+    rates: Array
+
+    def notes(self, run: int = 0) -> list[str]:
+        """What the user must know of a run: divergence and tables that were left, with times."""
+        said = []
+        if self.ended[run] < len(self.time):
+            last = int(self.ended[run]) - 1
+            angle, rates = (
+                np.rad2deg(self.channels["alpha"][last, run]),
+                max("pqr", key=lambda name: abs(float(self.channels[name][last, run]))),
+            )
+            said.append(
+                f"the run ended at {self.time[last]:.2f} s: the motion left all bounds (alpha"
+                f" {angle:.0f} deg, {rates} {np.rad2deg(self.channels[rates][last, run]):.0f}"
+                " deg/s); what came before is kept"
+            )
+        for table, times in sorted(self.left.items(), key=lambda item: float(item[1][run])):
+            if np.isfinite(times[run]):
+                said.append(f"table {table} was left at {times[run]:.2f} s; its edge was held")
+        if self.unresolved:
+            said.append(f"alphadot was not found at {self.unresolved} samples")
+        return said
+
+
+def simulate(
+    model: FlightModel,
+    time: Array,
+    start: Mapping[str, Any] | Array,
+    series: Mapping[str, Any],
+    *,
+    parts: int = 1,
+    method: int = 4,
+    parameters: Mapping[str, Any] | None = None,
+) -> Simulation:
+    """Fly k runs.
+
+    Parameters
+    ----------
+    time : (n,) [s], uniform.
+    start : V [m/s], alpha, beta, p, q, r, phi, theta, psi [rad], north, east, altitude [m]; each a
+        number or (k,); states of the database too, which otherwise begin at their steady values.
+        Or the whole state (13 + m + a, k).
+        p, q and r are relative to inertial space.
+    series : mass properties and what else of `SURROUNDINGS` acts, the model's inputs, and
+        references of feedback; each a number, (n,) or (n, k), linear between samples.
+    parts : integration steps per sample.
+    method : 4 for the classical Runge-Kutta rule, 2 for Adams-Bashforth of second order.
+    parameters : estimates and factors, by name, that replace the model's own: number or (k,).
+
+    Raises InputError naming missing or unknown inputs, and a start without airspeed.
+    """
+    unknown = [*set(series) - {*SURROUNDINGS, *model.inputs} - {f"reference_{c}" for c in FEEDBACK}]
+    given: dict[str, Any] = {**_DEFAULTS, **series}
+    absent = sorted({*SURROUNDINGS, *model.inputs} - set(given))
+    where = f"flight simulation of {model.database.name}"
+    if absent:
+        raise InputError(
+            f"inputs missing: {', '.join(absent)}", where, "give each as a number or a series"
+        )
+    if unknown:
+        raise InputError(
+            f"it has no input '{sorted(unknown)[0]}'", where, nearest(unknown[0], model.inputs)
+        )
+    n = len(time)
+    k = max(
+        [1]
+        + [np.shape(v)[1] for v in given.values() if np.ndim(v) == 2]
+        + [np.size(v) for v in (parameters or {}).values()]
+        + ([start.shape[1]] if isinstance(start, np.ndarray) else [*map(np.size, start.values())])
+    )
+    rows = (*SURROUNDINGS, *model.inputs, *(f"reference_{c}" for c in FEEDBACK))
+    stacked = np.zeros((n, len(rows), k))
+    for j, name in enumerate(rows):
+        value = np.asarray(given.get(name, 0.0), dtype=np.float64)
+        stacked[:, j, :] = value[:, None] if value.ndim == 1 else value
+    bad = [name for j, name in enumerate(rows) if not np.isfinite(stacked[:, j]).all()]
+    if bad:
+        raise InputError(f"inputs are not finite: {', '.join(bad)}", where, "bridge their gaps")
+    slots = np.repeat(model.total.machine.slots[:, None], k, axis=1)
+    slots = np.concatenate([slots, np.zeros((1, k))])
+    _set_parameters(model, slots, parameters or {}, where)
+    first = dict(zip(rows, stacked[0], strict=True))
+    x = (
+        np.array(start, dtype=np.float64)
+        if isinstance(start, np.ndarray)
+        else initial_state(model, start, first, k)
+    )
+    tables = model.total.machine.tables
+    recorded = np.empty((n, len(MOTION) + len(LOADS), k))
+    kept = np.empty((n, len(x) + len(model.inputs), k))
+    ended, left = np.empty(k, np.int64), np.empty((len(tables), k), np.int64)
+    rates = np.empty_like(x)
+    interval = float(time[-1] - time[0]) / max(n - 1, 1) or 1.0
+    from aerodb.simulation.integration import integrate  # loads the compiler
+
+    def fly(block: slice) -> int:
+        parts_of = [np.ascontiguousarray(a[..., block]) for a in (stacked, x, slots)]
+        results = [
+            np.ascontiguousarray(a[..., block]) for a in (recorded, kept, ended, left, rates)
+        ]
+        lost = integrate(
+            model.numbers, parts_of[0], interval, parts, method, parts_of[1], parts_of[2], *results
+        )
+        for whole, part in zip((recorded, kept, ended, left, rates), results, strict=True):
+            whole[..., block] = part
+        x[:, block] = parts_of[1]
+        return int(lost)
+
+    blocks = [slice(b, b + BLOCK) for b in range(0, k, BLOCK)]
+    lost = sum(in_threads(fly, blocks))
+    channels = {name: recorded[:, j] for j, name in enumerate((*MOTION, *LOADS))}
+    for j, name in enumerate(model.extra_states[: len(model.total.states)]):
+        channels[name] = kept[:, len(STATE) + j]
+    for j, name in enumerate(model.inputs):
+        channels[name] = kept[:, len(x) + j]
+    since = np.asarray(time, dtype=np.float64)
+    times = {
+        table: np.where(left[j] >= 0, since[np.maximum(left[j], 0)], np.nan)
+        for j, table in enumerate(tables)
+        if (left[j] >= 0).any()
+    }
+    return Simulation(since, channels, x, ended, times, lost, rates)
+
+
+def _set_parameters(
+    model: FlightModel, slots: Array, parameters: Mapping[str, Any], where: str
+) -> None:
+    places = model.total.machine.inputs
+    for name, value in {**model.parameters, **parameters}.items():
+        if name not in places:
+            raise InputError(f"no parameter '{name}'", where, nearest(name, places))
+        slots[places[name]] = value
+
+
+def initial_state(
+    model: FlightModel, start: Mapping[str, Any], first: Mapping[str, Array], k: int
+) -> Array:
+    """State (13 + m + a, k) from air-relative motion, attitude and place; see `simulate`.
+
+    first : surroundings and inputs at the start, each (k,).
+    """
+    states = tuple(state.name for state in model.total.states)
+    unknown = sorted(set(start) - {*_START, *states})
+    if unknown:
+        raise InputError(f"a start has no '{unknown[0]}'", remedy=nearest(unknown[0], _START))
+    at = {name: np.broadcast_to(np.asarray(start.get(name, 0.0), float), (k,)) for name in _START}
+    if not np.all(at["V"] > 0):
+        raise InputError("the start has no airspeed", remedy="give V [m/s] above zero")
+    along, side = at["V"] * np.cos(at["beta"]), at["V"] * np.sin(at["beta"])
+    air = np.stack([along * np.cos(at["alpha"]), side, along * np.sin(at["alpha"])])
+    quaternion = quaternion_from_euler(at["phi"], at["theta"], at["psi"])
+    wind = np.stack([first[f"wind_{axis}"] for axis in ("north", "east", "down")])
+    gust = np.stack([first[f"gust_{axis}"] for axis in "uvw"])
+    base = 0.0 if model.earth is None else model.earth.height
+    rows = [
+        *(air + to_body(quaternion, wind) + gust),
+        at["p"],
+        at["q"],
+        at["r"],
+        *quaternion,
+        at["north"],
+        at["east"],
+        base - at["altitude"],
+    ]
+    channels = {name: at[name] for name in ("V", "alpha", "beta")}
+    for state in model.total.states:
+        settled = state.settled(channels, model.database.reference.chord)
+        rows.append(np.broadcast_to(np.asarray(start.get(state.name, settled), float), (k,)))
+    rows += [first[name] for name in model.actuated]
+    return np.array(rows, dtype=np.float64)
+
+
+def with_parameters(model: FlightModel, values: Mapping[str, float]) -> FlightModel:
+    """The model with other estimates of its increments."""
+    kept = {**model.parameters, **values}
+    return replace(model, total=replace(model.total, values=tuple(kept.values())))
