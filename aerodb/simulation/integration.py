@@ -72,12 +72,16 @@ def integrate(
     step = interval / parts
     h, dh = np.empty((rows, lanes)), np.empty((rows, lanes))
     chan, work = np.zeros((recorded.shape[1], lanes)), np.zeros((30, lanes))
-    work[24:26] = -1.0
+    for k in range(lanes):
+        work[24, k], work[25, k] = -1.0, -1.0
     cells = np.zeros((model.program.modes.shape[0], lanes), np.int64)
     outside = np.zeros((left.shape[0], lanes), np.bool_)
     total, stage, former = np.empty_like(x), np.empty_like(x), np.zeros_like(x)
     alive = np.ones(lanes, np.bool_)
-    ended[:], left[:] = samples, -1
+    for k in range(lanes):
+        ended[k] = samples
+        for t in range(left.shape[0]):
+            left[t, k] = -1
     unresolved, begun = 0, False
     surroundings = rows - inputs - 8
     for i in range(samples):
@@ -85,11 +89,15 @@ def integrate(
         for j in range(rows):
             for k in range(lanes):
                 dh[j, k] = (series[following, j, k] - series[i, j, k]) / interval
-        outside[:] = False
+        for t in range(left.shape[0]):
+            for k in range(lanes):
+                outside[t, k] = False
         for part in range(parts):
             last = i == samples - 1
             single = last or (method == 2 and begun)
-            stage[:], total[:] = x, 0.0
+            for j in range(size):
+                for k in range(lanes):
+                    stage[j, k], total[j, k] = x[j, k], 0.0
             for number in range(1 if single else 4):
                 ahead = 0.0 if number == 0 else (1.0 if number == 3 else 0.5)
                 if number > 0:

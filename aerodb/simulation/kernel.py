@@ -32,7 +32,7 @@ from aerodb.tables.machine import execute
 _TOLERANCE = 1e-11
 _EVALUATIONS = 8
 #: Number of rows in `SURROUNDINGS`, `MOTION` and `LOADS`.
-_S = 23
+_S = 25
 _M = 23
 _L = 12
 
@@ -286,18 +286,24 @@ def _finish(
 ) -> None:
     """Derivatives of one run, from its loads."""
     p, q, r = x[3, k], x[4, k], x[5, k]
-    ixx, iyy, izz, ixz = h[4, k], h[5, k], h[6, k], h[7, k]
-    hx, hy, hz = ixx * p - ixz * r, iyy * q, izz * r - ixz * p
+    ixx, iyy, izz, ixz, ixy, iyz = h[4, k], h[5, k], h[6, k], h[7, k], h[23, k], h[24, k]
+    hx, hy, hz = (
+        ixx * p - ixy * q - ixz * r,
+        iyy * q - ixy * p - iyz * r,
+        izz * r - ixz * p - iyz * q,
+    )
     mx, my, mz = (
         work[21, k] - (q * hz - r * hy),
         work[22, k] - (r * hx - p * hz),
         work[23, k] - (p * hy - q * hx),
     )
-    determinant = ixx * izz - ixz * ixz
+    xx, yy, zz = iyy * izz - iyz * iyz, ixx * izz - ixz * ixz, ixx * iyy - ixy * ixy
+    xy, xz, yz = ixy * izz + iyz * ixz, ixy * iyz + iyy * ixz, ixx * iyz + ixy * ixz
+    determinant = ixx * xx - ixy * xy - ixz * xz
     out[0, k], out[1, k], out[2, k] = work[18, k], work[19, k], work[20, k]
-    out[3, k] = (izz * mx + ixz * mz) / determinant
-    out[4, k] = my / iyy
-    out[5, k] = (ixz * mx + ixx * mz) / determinant
+    out[3, k] = (xx * mx + xy * my + xz * mz) / determinant
+    out[4, k] = (xy * mx + yy * my + yz * mz) / determinant
+    out[5, k] = (xz * mx + yz * my + zz * mz) / determinant
     p, q, r = p - work[6, k], q - work[7, k], r - work[8, k]
     a, b, c, d = x[6, k], x[7, k], x[8, k], x[9, k]
     # The earth's and the transport rate are subtracted in body axes, where they are the same.

@@ -32,7 +32,7 @@ LOADS: Final = (
 SURROUNDINGS: Final = (
     "mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz", "wind_north", "wind_east",
     "wind_down", "gust_u", "gust_v", "gust_w", "density_ratio", "temperature_offset", "force_x",
-    "force_y", "force_z", "moment_x", "moment_y", "moment_z", "ground_altitude",
+    "force_y", "force_z", "moment_x", "moment_y", "moment_z", "ground_altitude", "Ixy", "Iyz",
 )  # fmt: skip
 
 #: Channels that feedback may use.
