@@ -13,52 +13,6 @@ from aerodb.tables.kernel import locate
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _near(
-    breaks: Array, first: int, last: int, mode: int, x: float, guess: int
-) -> tuple[int, float]:
-    """As `locate`, trying the cell `guess` first: an argument moves little between two calls."""
-    below = first + guess
-    if mode == 0 and first < last and breaks[below] < x < breaks[below + 1]:
-        return guess, (x - breaks[below]) / (breaks[below + 1] - breaks[below])
-    return locate(breaks, first, last, mode, x)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lookup(
-    program: Instructions, table: int, first: int, slots: Array, lane: int, cells: Integers,
-    outside: NDArray[np.bool_], step: Integers, weight: Array,
-) -> float:  # fmt: skip
-    """Multilinear interpolation of one table at one point; notes a point outside."""
-    begin = program.first_axis[table]
-    dimensions = program.first_axis[table + 1] - begin
-    base = program.first_value[table]
-    for k in range(dimensions):
-        axis = begin + k
-        x = slots[program.arguments[first + k], lane]
-        if not (program.low[axis] <= x <= program.high[axis]):
-            outside[table, lane] = True
-        left, right = program.starts[axis], program.starts[axis + 1] - 1
-        cell, weight[k] = _near(
-            program.breaks, left, right, program.modes[axis], x, cells[axis, lane]
-        )
-        cells[axis, lane] = cell
-        base += cell * program.strides[axis]
-        step[k] = program.strides[axis] if right > left else 0
-    total = 0.0
-    for corner in range(1 << dimensions):
-        product, index = 1.0, base
-        for k in range(dimensions):
-            if corner >> k & 1:
-                product *= weight[k]
-                index += step[k]
-            else:
-                product *= 1.0 - weight[k]
-        if product != 0.0:
-            total += product * program.values[index]
-    return total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _scattered(
     program: Instructions, table: int, first: int, slots: Array, lane: int,
     outside: NDArray[np.bool_], x: Array, weight: Array,
@@ -198,10 +152,14 @@ def execute(
     outside : (t, k), set where an argument lies outside a table; never cleared here.
     lanes : number of columns to compute.
     """
-    step, weight, x = np.empty(16, np.int64), np.empty(16), np.empty(16)
-    for number in range(program.code.shape[0]):
-        kind, to = program.code[number, 0], program.code[number, 1]
-        a, b, c = program.code[number, 2], program.code[number, 3], program.code[number, 4]
+    stride, weight, point = np.empty(16, np.int64), np.empty(16), np.empty(16)
+    code, arguments = program.code, program.arguments
+    breaks, starts, strides, modes = program.breaks, program.starts, program.strides, program.modes
+    low, high, values = program.low, program.high, program.values
+    first_axis, first_value = program.first_axis, program.first_value
+    for number in range(code.shape[0]):
+        kind, to = code[number, 0], code[number, 1]
+        a, b, c = code[number, 2], code[number, 3], code[number, 4]
         if kind == 2:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] * slots[b, k]
@@ -209,8 +167,40 @@ def execute(
             for k in range(lanes):
                 slots[to, k] = slots[a, k] + slots[b, k]
         elif kind == 39:
+            # Multilinear interpolation, written out here: a call would count references to every
+            # array, which takes longer than the interpolation itself.
+            begin, base = first_axis[a], first_value[a]
+            dimensions = first_axis[a + 1] - begin
             for k in range(lanes):
-                slots[to, k] = _lookup(program, a, b, slots, k, cells, outside, step, weight)
+                place = base
+                for d in range(dimensions):
+                    axis = begin + d
+                    x = slots[arguments[b + d], k]
+                    if not (low[axis] <= x <= high[axis]):
+                        outside[a, k] = True
+                    left, right = starts[axis], starts[axis + 1] - 1
+                    cell = cells[axis, k]
+                    below = left + cell
+                    # An argument moves little between two calls: its last cell comes first.
+                    if modes[axis] == 0 and left < right and breaks[below] < x < breaks[below + 1]:
+                        weight[d] = (x - breaks[below]) / (breaks[below + 1] - breaks[below])
+                    else:
+                        cell, weight[d] = locate(breaks, left, right, modes[axis], x)
+                        cells[axis, k] = cell
+                    place += cell * strides[axis]
+                    stride[d] = strides[axis] if right > left else 0
+                total = 0.0
+                for corner in range(1 << dimensions):
+                    product, index = 1.0, place
+                    for d in range(dimensions):
+                        if corner >> d & 1:
+                            product *= weight[d]
+                            index += stride[d]
+                        else:
+                            product *= 1.0 - weight[d]
+                    if product != 0.0:
+                        total += product * values[index]
+                slots[to, k] = total
         elif kind == 1:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] - slots[b, k]
@@ -240,7 +230,7 @@ def execute(
                     slots[to, k] = slots[b, k] if holds != 0.0 else slots[c, k]
         elif kind == 40:
             for k in range(lanes):
-                slots[to, k] = _scattered(program, a, b, slots, k, outside, x, weight)
+                slots[to, k] = _scattered(program, a, b, slots, k, outside, point, weight)
         elif kind == 4 or kind == 18 or kind >= 30:
             for k in range(lanes):
                 slots[to, k] = _binary(kind, slots[a, k], slots[b, k])
