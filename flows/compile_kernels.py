@@ -2,8 +2,8 @@
 install``.
 
 Numba compiles a kernel at its first call and keeps the code beside the source file. For reading
-logs, flight-path reconstruction and tables that takes about 15 s of processor time, which every
-process would spend that starts before the code is there.
+logs, flight-path reconstruction, tables and simulation that takes about 25 s of processor time,
+which every process would spend that starts before the code is there.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from aerodb.consistency import make_consistent
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
+from aerodb.simulation import flight_model, simulate
 from aerodb.storage.readers import prepare_reader
 from aerodb.vehicle import parse_vehicle
 
@@ -20,14 +21,18 @@ _DURATION, _STEP = 12.0, 0.05
 
 
 def compile_kernels() -> None:
-    """Read a log, reconstruct and predict a short flight of the built-in example, so that later
-    processes find the compiled code."""
+    """Read a log; reconstruct, predict and simulate a short flight of the built-in example, so that
+    later processes find the compiled code."""
     prepare_reader(".ulg")
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
     make_consistent(flight, vehicle)
     database = read_native(read_example("preflight.toml"))
     database.predict({name: np.zeros(len(flight.time)) for name in database.inputs})
+    model = flight_model(database)
+    body = {"mass": 100.0, "Ixx": 100.0, "Iyy": 200.0, "Izz": 300.0}
+    still = dict.fromkeys(model.inputs, 0.0)
+    simulate(model, flight.time[:2], {"V": 60.0, "altitude": 1000.0}, {**body, **still})
 
 
 def _flight(vehicle: str) -> Flight:

@@ -1,4 +1,7 @@
-"""Simulate gliding flights of a vehicle on an aerodynamic database, with instruments and logs.
+"""Fly any aerodynamic database; simulate flights with a controller, instruments and logs.
+
+`flight_model` makes a `FlightModel` of a database, `simulate` flies it over given inputs (engine;
+layout, kernel and integration are its compiled part). Simulated flights of a glider with logs:
 
 1. `airframe` joins a vehicle of constant mass and a database into an `Airframe` (airframe_model).
 2. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
@@ -10,7 +13,7 @@
    them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
    (sensors).
 
-`motion` has the equations of motion and `linear` their linear models and modes.
+`motion` has the equations of motion of those gliders and `linear` their linear models and modes.
 """
 
 import lazy_loader as lazy

@@ -1,7 +1,7 @@
 """Fly any database: the model of a vehicle, its start, and runs over given inputs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -365,9 +365,3 @@ def initial_state(
         rows.append(np.broadcast_to(np.asarray(start.get(state.name, settled), float), (k,)))
     rows += [first[name] for name in model.actuated]
     return np.array(rows, dtype=np.float64)
-
-
-def with_parameters(model: FlightModel, values: Mapping[str, float]) -> FlightModel:
-    """The model with other estimates of its increments."""
-    kept = {**model.parameters, **values}
-    return replace(model, total=replace(model.total, values=tuple(kept.values())))
