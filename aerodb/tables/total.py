@@ -26,6 +26,7 @@ from aerodb.tables.expression import (
 )
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.instructions import Machine, machine
+from aerodb.tables.program import AnyTable
 from aerodb.tables.reference import HAT_RATES, WIND_AXES
 from aerodb.tables.state_model import Relay, StateModel
 
@@ -100,7 +101,7 @@ def total_coefficients(
     steady = [
         Number(0.0) if isinstance(state.law, Relay) else state.expression() for state in remembered
     ]
-    tables = {**database.tables, **database.scattered}
+    tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
     program = database.compiled([*totals, *steady, *further], variables, tables)
     own = {state.name for state in remembered} | set(estimates) | set((factors or {}).values())
     return TotalCoefficients(
