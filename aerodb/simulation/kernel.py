@@ -26,7 +26,7 @@ from aerodb.physics import (
 )
 from aerodb.simulation.layout import Numbers
 from aerodb.support import Array, Integers
-from aerodb.tables.machine import execute
+from aerodb.tables import execute
 
 #: Tolerance of alphadot and betadot [rad/s], and the most evaluations to find them.
 _TOLERANCE = 1e-11

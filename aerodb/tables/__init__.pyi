@@ -24,6 +24,7 @@ from .functions import COMPARISONS, FUNCTIONS, Value
 from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
 from .instructions import Instructions, Machine
 from .linear_terms import LinearTable, linear_tables
+from .machine import execute
 from .nodes import neutral_point, table_grids, vary
 from .program import AnyTable, Program, compile_program, evaluate
 from .reference import (
@@ -106,6 +107,7 @@ __all__ = [
     "diff",
     "evaluate",
     "evaluate_database",
+    "execute",
     "failed_check_cases",
     "flown_envelope",
     "hat_rate",
