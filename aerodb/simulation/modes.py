@@ -1,0 +1,166 @@
+"""Modes of a linear model, named by the states that take part in them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.simulation.linear_model import LATERAL, LONGITUDINAL, LinearModel
+from aerodb.support import Array
+
+#: A real part below this share of the largest eigenvalue is rounding.
+_ROUNDING: Final = 1e-9
+#: From this share on, the other motion belongs to the description of a mode.
+_COUPLED: Final = 0.25
+_SAME: Final = {"V": "u", "alpha": "w", "beta": "v"}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode of motion.
+
+    Parameters
+    ----------
+    name : ``short period``, ``phugoid``, ``Dutch roll``, ``roll``, ``spiral``, or what it is
+        instead, such as ``lateral phugoid``.
+    eigenvalue : [1/s]; of a pair the one with positive imaginary part.
+    figures : ``omega`` [rad/s] and ``zeta`` (both of an oscillation), ``period``,
+        ``time_constant`` (of a real root; negative where it grows) and ``time_to_half`` or
+        ``time_to_double`` [s].
+    standard_errors : of the figures, and of ``real`` and ``imaginary`` part.
+    participation : state -> its share in the mode, sum 1.
+    note : what the name does not say; may be empty.
+    """
+
+    name: str
+    eigenvalue: complex
+    figures: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    participation: Mapping[str, float]
+    note: str = ""
+
+
+def modes(model: LinearModel) -> tuple[Mode, ...]:
+    """Return the modes of a linear model: longitudinal, lateral, then others, fastest first.
+
+    Each is named by its participation factors, the products of the components of right and left
+    eigenvector: they do not depend on the units of the states (Perez-Arriaga, Verghese & Schweppe,
+    IEEE Trans. PAS-101, 1982). Of an oscillation in the plane of symmetry, w and q make the short
+    period, u and theta the phugoid; of a lateral one, v makes the Dutch roll and phi the lateral
+    phugoid (p and r take part in both). Of a lateral real root, p makes the roll mode and phi the
+    spiral.
+    """
+    values, right = np.linalg.eig(model.A)
+    left = np.linalg.pinv(right)
+    largest = max(float(np.abs(values).max(initial=0.0)), 1e-300)
+    found = []
+    for k, value in enumerate(values):
+        real = abs(value.imag) <= _ROUNDING * largest
+        if not real and value.imag < 0:
+            continue
+        shares = np.abs(right[:, k] * left[k])
+        shares = shares / shares.sum()
+        participation = dict(zip(model.states, map(float, shares), strict=True))
+        name, note = _named(participation, bool(real), value.real > 0)
+        clean = complex(value.real, 0.0 if real else value.imag)
+        errors = _errors(model, right[:, k], left[k], clean)
+        found.append(Mode(name, clean, figures(clean), errors, participation, note))
+    return tuple(sorted(_counted(found), key=lambda mode: (_order(mode), -abs(mode.eigenvalue))))
+
+
+def figures(value: complex) -> dict[str, float]:
+    """Figures of an eigenvalue, see `Mode`; infinite times for a neutral one."""
+    result: dict[str, float] = {}
+    if value.imag:
+        omega = abs(value)
+        result = {
+            "omega": omega, "zeta": -value.real / omega, "period": 2 * np.pi / abs(value.imag)
+        }  # fmt: skip
+    else:
+        result["time_constant"] = -1.0 / value.real if value.real else float("inf")
+    kind = "time_to_double" if value.real > 0 else "time_to_half"
+    result[kind] = float(np.log(2.0) / abs(value.real)) if value.real else float("inf")
+    return {name: float(number) for name, number in result.items()}
+
+
+def _errors(model: LinearModel, right: Array, left: Array, value: complex) -> dict[str, float]:
+    """Standard errors: the eigenvalue moves by ``left dA right``."""
+    if model.A_slopes is None or model.covariance is None:
+        return {}
+    moved = np.einsum("i,ijp,j->p", left, model.A_slopes, right)
+    if not value.imag:
+        moved = moved.real + 0j
+    size = abs(value)
+    slopes = {"real": moved.real, "imaginary": moved.imag}
+    if value.imag:
+        slopes["omega"] = (value.real * moved.real + value.imag * moved.imag) / size
+        slopes["zeta"] = -moved.real / size + value.real * slopes["omega"] / size**2
+        slopes["period"] = -2 * np.pi / value.imag**2 * moved.imag
+    elif value.real:
+        slopes["time_constant"] = moved.real / value.real**2
+    if value.real:
+        kind = "time_to_double" if value.real > 0 else "time_to_half"
+        slopes[kind] = np.log(2.0) / value.real**2 * moved.real
+    return {
+        name: float(np.sqrt(max(row @ model.covariance @ row, 0.0))) for name, row in slopes.items()
+    }
+
+
+def _named(participation: Mapping[str, float], real: bool, grows: bool) -> tuple[str, str]:
+    """Name and note of a mode."""
+    share = {_SAME.get(name, name): value for name, value in participation.items()}
+    plane = sum(value for name, value in share.items() if name in LONGITUDINAL)
+    lateral = sum(value for name, value in share.items() if name in LATERAL)
+    further = {name: v for name, v in share.items() if name not in LONGITUDINAL | LATERAL}
+    get = lambda *names: sum(share.get(name, 0.0) for name in names)  # noqa: E731
+    if sum(further.values()) > max(plane, lateral):
+        return f"state {max(further, key=lambda name: further[name])}", ""
+    notes = []
+    if plane >= lateral:
+        fast = get("w", "q") >= get("u", "theta")
+        name = "short period" if fast else "phugoid"
+        if real:
+            name += ", real root"
+            notes.append("two real roots in place of an oscillation, or one merged with another")
+    else:
+        if real:
+            parts = {"roll": get("p"), "spiral": get("phi"), "Dutch roll, real root": get("v", "r")}
+            name = max(parts, key=lambda part: parts[part])
+            if name.startswith("Dutch"):
+                notes.append("no oscillation: sideslip grows or dies out alone")
+        else:
+            name = "Dutch roll" if get("v") >= get("phi") else "lateral phugoid"
+            if name == "lateral phugoid":
+                notes.append("roll and spiral have merged into an oscillation")
+    smaller = min(plane, lateral) / max(plane + lateral, 1e-300)
+    if smaller > _COUPLED:
+        other = "lateral" if plane >= lateral else "longitudinal"
+        notes.append(f"coupled: {100 * smaller:.0f} % {other} motion")
+    if grows:
+        notes.append("unstable")
+    return name, "; ".join(notes)
+
+
+def _counted(found: list[Mode]) -> list[Mode]:
+    """Modes of one name are told apart by a note, which says that there are several."""
+    names = [mode.name for mode in found]
+    result = []
+    for mode in found:
+        several = names.count(mode.name)
+        if several == 1 or mode.name.endswith("real root"):
+            result.append(mode)
+            continue
+        note = "; ".join(filter(None, (mode.note, f"one of {several} that move the same states")))
+        result.append(
+            Mode(mode.name, mode.eigenvalue, mode.figures, mode.standard_errors,
+                 mode.participation, note)
+        )  # fmt: skip
+    return result
+
+
+def _order(mode: Mode) -> int:
+    """0 in the plane of symmetry, 1 lateral, 2 else."""
+    if mode.name.startswith(("short", "phugoid")):
+        return 0
+    return 2 if mode.name.startswith("state ") else 1
