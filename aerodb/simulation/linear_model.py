@@ -2,7 +2,7 @@
 version's estimates."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -86,22 +86,14 @@ class LinearModel:
         if unknown:
             raise InputError(f"no state '{unknown[0]}'", "linear model", ", ".join(self.states))
         k = [self.states.index(name) for name in states]
-        slopes = (
-            (self.A_slopes[np.ix_(k, k)], self.B_slopes[k])
-            if self.A_slopes is not None and self.B_slopes is not None
-            else (None, None)
-        )
-        return LinearModel(
-            self.A[np.ix_(k, k)],
-            self.B[k],
-            self.C[:, k],
-            self.D,
-            tuple(states),
-            self.inputs,
-            self.outputs,
-            self.units,
-            *slopes,
-            self.covariance,
+        return replace(
+            self,
+            A=self.A[np.ix_(k, k)],
+            B=self.B[k],
+            C=self.C[:, k],
+            states=tuple(states),
+            A_slopes=None if self.A_slopes is None else self.A_slopes[np.ix_(k, k)],
+            B_slopes=None if self.B_slopes is None else self.B_slopes[k],
         )
 
 
@@ -111,9 +103,9 @@ def linear_model(trim: Trim, form: Form = "velocities") -> LinearModel:
 
     form : ``velocities`` with states u, w, q, theta, v, p, r, phi ("Aerodynamic Model Update Using
     Parameter Identification Supporting a Cessna Grand Caravan Engineering Simulation", eqs. 1 to
-    5); ``angles`` with V, alpha, q, theta, beta, p, r, phi (eq. 46 of "Parameter
-    Identification for Application within a Fault-Tolerant Flight Control System"). States of the database and of actuators follow. The density is that of the trim's
-    altitude.
+    5); ``angles`` with V, alpha, q, theta, beta, p, r, phi ("Parameter Identification for
+    Application within a Fault-Tolerant Flight Control System", eq. 46). States of the database and
+    of actuators follow. The density is that of the trim's altitude.
 
     Inputs are the inputs of the database and what holds the airspeed. Outputs are at the CG.
     """

@@ -53,8 +53,9 @@ def sweep(
     points = []
     begin: Trim | None = None
     for value in map(float, values):
-        at = replace(condition, **{variable: value}) if variable in _CONDITION else condition
-        given = inputs if variable in _CONDITION else {**inputs, variable: value}
+        changed: dict[str, Any] = {variable: value}
+        at = replace(condition, **changed) if variable in _CONDITION else condition
+        given = inputs if variable in _CONDITION else {**inputs, **changed}
         try:
             begin = trim(model, at, given, begin=begin, **options)
         except NoTrimError as error:
