@@ -508,7 +508,15 @@ def _check(
                 near = 1e-4 * (high - low if np.isfinite(high - low) else max(abs(bound), 1.0))
                 if np.isfinite(bound) and abs(value - bound) <= near:
                     reasons.append(f"{name} is at its {end} limit, {_shown_value(name, bound)}")
-        if len(problem.controls) < len(_AXES) and not reasons:
+        if abs(residual[2]) >= max(np.abs(residual).max(), 1e-3):
+            how = "too small" if residual[2] > 0 else "too large"
+            share = f"{100 * abs(residual[2]):.2g} % of the weight"
+            reasons.append(f"at its best the lift is {how} by {share}")
+        left_tables = sorted(problem.flown(point[:, None]).left)
+        if left_tables:
+            reasons.append(f"table {' and '.join(left_tables)} is left, with its edge held")
+        turning = np.abs(residual[3:6]).max() > np.abs(residual[:3]).max()
+        if len(problem.controls) < len(_AXES) and turning and not reasons:
             names = ", ".join(problem.controls) or "none"
             reasons.append(f"roll, pitch and yaw have too few controls: {names}")
     left = problem.accelerations(point[:, None])[:, 0]

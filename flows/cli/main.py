@@ -20,6 +20,7 @@ from aerodb.flows.cli import (
     reports,
     serving,
     store,
+    trimming,
     updates,
     users,
     vehicles,
@@ -44,6 +45,8 @@ app = typer.Typer(
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
 versions.app.command("diff")(lineage.diff)
+for query in (trimming.trim, trimming.modes, trimming.sweep):
+    versions.app.command(query.__name__)(query)
 versions.app.command("export")(releases.export)
 versions.app.command("promote")(releases.promote)
 versions.app.command("rollback")(releases.rollback)

@@ -13,6 +13,14 @@ from .lineage_documents import (
 )
 from .status import status_of
 from .table_documents import table_document
+from .trimming import (
+    SteadyFlight,
+    glides,
+    modes_document,
+    sweep_document,
+    sweep_value,
+    trim_document,
+)
 from .version_documents import history_document, version_details, versions_document
 
 __all__ = [
@@ -20,6 +28,7 @@ __all__ = [
     "MOST_LINE_POINTS",
     "MOST_POINTS",
     "Series",
+    "SteadyFlight",
     "as_json",
     "compare_versions",
     "damage_document",
@@ -30,10 +39,12 @@ __all__ = [
     "findings_page",
     "flight_details",
     "flights_document",
+    "glides",
     "history_document",
     "impact_document",
     "labels_of",
     "lineage_document",
+    "modes_document",
     "origins_document",
     "prov_of",
     "rebuilds",
@@ -42,7 +53,10 @@ __all__ = [
     "series_of",
     "status_of",
     "sweep",
+    "sweep_document",
+    "sweep_value",
     "table_document",
+    "trim_document",
     "version_details",
     "versions_document",
 ]

@@ -259,7 +259,7 @@ def test_standard_errors_are_the_scatter_over_parameter_sets() -> None:
 def test_a_sweep_says_where_the_flight_ends(model: FlightModel) -> None:
     points = sweep(model, CRUISE, MASS, "V", np.linspace(10.0, 60.0, 6), limits=LIMITS)
     assert points[0].trim is None
-    assert "limit" in points[0].reason
+    assert "alpha is at its upper limit" in points[0].reason
     alphas = [point.trim.channels["alpha"] for point in points[2:] if point.trim]
     assert len(alphas) == 4
     assert np.all(np.diff(alphas) < 0)

@@ -1,0 +1,300 @@
+"""``aerodb version trim``, ``modes`` and ``sweep``: steady flights of a version and their modes."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import AsOf, Vehicle
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import VersionRow
+    from aerodb.tasks.view import SteadyFlight
+
+Speed = Annotated[str, typer.Option(help="Airspeed, with unit or in m/s.")]
+Altitude = Annotated[str, typer.Option(help="Altitude, with unit or in m.")]
+Climb = Annotated[
+    str | None,
+    typer.Option(help="Flight-path angle, with unit or in rad; 0 without, found when gliding."),
+]
+Glide = Annotated[bool, typer.Option("--glide", help="Without thrust: the path angle is found.")]
+Bank = Annotated[str | None, typer.Option(help="Bank angle: a turn, without --turn-rate.")]
+Sideslip = Annotated[str | None, typer.Option(help="Sideslip: steady, without --bank.")]
+TurnRate = Annotated[str | None, typer.Option(help="Rate of turn, with unit or in rad/s.")]
+Load = Annotated[float | None, typer.Option(help="Load factor of a turn or pull-up, in g.")]
+PullUp = Annotated[bool, typer.Option("--pull-up", help="A pull-up with --load-factor.")]
+Fuel = Annotated[str | None, typer.Option(help="Fuel mass, for a table of masses.")]
+Given = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="NAME=VALUE: surfaces held, free inputs, other masses."),
+]
+Control = Annotated[
+    list[str] | None,
+    typer.Option(help="AXIS=INPUT: roll, pitch or yaw control; found without."),
+]
+
+#: Channels of a trim that are printed, those in degrees with their factor.
+_PRINTED: Final = (
+    ("V", "m/s"), ("alpha", "deg"), ("beta", "deg"), ("phi", "deg"), ("theta", "deg"),
+    ("climb", "deg"), ("turn_rate", "deg/s"), ("ny", "g"), ("nz", "g"), ("load_factor", "g"),
+    ("mach", ""), ("qbar", "Pa"),
+)  # fmt: skip
+_DEGREES: Final = 57.29577951308232
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """The options of a condition, as text."""
+
+    speed: str
+    altitude: str
+    climb: str | None
+    glide: bool
+    bank: str | None
+    sideslip: str | None
+    turn_rate: str | None
+    load_factor: float | None
+    pull_up: bool
+    fuel: str | None
+    given: list[str] | None
+    control: list[str] | None
+
+    def flight(self, glides: bool) -> "SteadyFlight":
+        """The flight; a vehicle that `glides` does so unless a path angle is given."""
+        from aerodb.errors import InputError
+        from aerodb.simulation import Condition
+        from aerodb.tasks.references import value_of
+        from aerodb.tasks.view import SteadyFlight
+
+        if self.glide and self.climb is not None:
+            raise InputError("--glide and --climb together", remedy="in a glide the path is found")
+
+        def read(name: str, text: str | None) -> float | None:
+            return None if text is None else value_of(name, text)
+
+        free = self.glide or (glides and self.climb is None)
+        return SteadyFlight(
+            Condition(
+                value_of("V", self.speed),
+                value_of("altitude", self.altitude),
+                None if free else read("theta", self.climb or "0"),
+                read("phi", self.bank),
+                read("beta", self.sideslip),
+                read("r", self.turn_rate),
+                self.load_factor,
+                self.pull_up,
+            ),
+            tuple(self.given or ()),
+            tuple(self.control or ()),
+            read("mass", self.fuel),
+        )
+
+
+def trim(
+    context: typer.Context,
+    version: str,
+    speed: Speed,
+    altitude: Altitude,
+    climb: Climb = None,
+    glide: Glide = False,
+    bank: Bank = None,
+    sideslip: Sideslip = None,
+    turn_rate: TurnRate = None,
+    load_factor: Load = None,
+    pull_up: PullUp = False,
+    fuel: Fuel = None,
+    given: Given = None,
+    control: Control = None,
+    vehicle: Vehicle = None,
+    as_of: AsOf = None,
+) -> None:
+    """Find the steady flight of a version at a condition: angles, surfaces, thrust, with standard
+    errors.
+
+    Example: aerodb version trim released --speed 70 --altitude 1000 --bank 30deg
+    """
+    from aerodb.tasks.view import trim_document
+
+    stated = _Stated(
+        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
+        control,
+    )  # fmt: skip
+    session: Session = context.obj
+    row, flight = _resolved(session, version, vehicle, as_of, stated)
+    document = trim_document(session.catalogue(), row, flight)
+    _print_trim(session, row, document)
+    session.answer(document)
+
+
+def modes(
+    context: typer.Context,
+    version: str,
+    speed: Speed,
+    altitude: Altitude,
+    climb: Climb = None,
+    glide: Glide = False,
+    bank: Bank = None,
+    sideslip: Sideslip = None,
+    turn_rate: TurnRate = None,
+    load_factor: Load = None,
+    pull_up: PullUp = False,
+    fuel: Fuel = None,
+    given: Given = None,
+    control: Control = None,
+    vehicle: Vehicle = None,
+    as_of: AsOf = None,
+) -> None:
+    """Show the modes about a steady flight of a version; --json also gives the linear model.
+
+    Example: aerodb version modes released --speed 70 --altitude 1000
+    """
+    from aerodb.tasks.view import modes_document
+
+    stated = _Stated(
+        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
+        control,
+    )  # fmt: skip
+    session: Session = context.obj
+    row, flight = _resolved(session, version, vehicle, as_of, stated)
+    document = modes_document(session.catalogue(), row, flight)
+    _print_trim(session, row, document)
+    columns = (
+        "omega", "zeta", "period", "time_constant", "time_to_half", "time_to_double",
+    )  # fmt: skip
+    session.table(
+        ["mode", "omega [rad/s]", "zeta", "period [s]", "T [s]", "half [s]", "double [s]", ""],
+        [
+            [
+                mode["name"],
+                *(_with_error(mode["figures"], mode["standard_errors"], name) for name in columns),
+                mode["note"],
+            ]
+            for mode in document["modes"]
+        ],
+        numbers=(1, 2, 3, 4, 5, 6),
+    )
+    session.answer(document)
+
+
+def sweep(
+    context: typer.Context,
+    version: str,
+    speed: Speed,
+    altitude: Altitude,
+    variable: Annotated[
+        str, typer.Option(help="V, altitude, climb, bank, ..., a mass property, or an input.")
+    ],
+    start: Annotated[str, typer.Option("--from", help="First value, with unit or in SI.")],
+    end: Annotated[str, typer.Option("--to", help="Last value.")],
+    steps: Annotated[int, typer.Option(help="Number of values.")] = 11,
+    climb: Climb = None,
+    glide: Glide = False,
+    bank: Bank = None,
+    sideslip: Sideslip = None,
+    turn_rate: TurnRate = None,
+    load_factor: Load = None,
+    pull_up: PullUp = False,
+    fuel: Fuel = None,
+    given: Given = None,
+    control: Control = None,
+    vehicle: Vehicle = None,
+    as_of: AsOf = None,
+) -> None:
+    """Vary one variable while the rest of a version's flight stays in trim: trims and modes.
+
+    Example: aerodb version sweep released --speed 70 --altitude 1000 --variable V --from 40 --to 90
+    """
+    from aerodb.tasks.view import sweep_document, sweep_value
+
+    stated = _Stated(
+        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
+        control,
+    )  # fmt: skip
+    session: Session = context.obj
+    row, flight = _resolved(session, version, vehicle, as_of, stated)
+    reach = (sweep_value(start, variable), sweep_value(end, variable))
+    document = sweep_document(session.catalogue(), row, flight, variable, reach, steps)
+    points = document["points"]
+    trimmed = [point for point in points if "channels" in point]
+    inputs = list(trimmed[0]["inputs"]) if trimmed else []
+    names = list(dict.fromkeys(mode["name"] for point in trimmed for mode in point["modes"]))
+    session.table(
+        [variable, "alpha [deg]", *inputs, *names],
+        [
+            [f"{point['value']:.6g}", *_sweep_row(point, inputs, names)]
+            if "channels" in point
+            else [f"{point['value']:.6g}", "no trim", *[""] * len(inputs + names)]
+            for point in points
+        ],
+        numbers=tuple(range(2 + len(inputs))),
+    )
+    for point in points:
+        if "reason" in point:
+            session.say(f"{variable} {point['value']:.6g}: {point['reason']}")
+    session.answer(document)
+
+
+def _resolved(
+    session: Session, version: str, vehicle: str | None, as_of: str | None, stated: _Stated
+) -> "tuple[VersionRow, SteadyFlight]":
+    from aerodb.tasks.references import version_of
+    from aerodb.tasks.view import glides
+
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle, as_of)
+    return row, stated.flight(glides(catalogue, row))
+
+
+def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:
+    channels, errors = document["channels"], document["standard_errors"] or {}
+    rows = [_row(name, channels[name], errors.get(name), unit) for name, unit in _PRINTED] + [
+        _row(name, value, errors.get(name), _unit_of(name))
+        for name, value in document["inputs"].items()
+    ]
+    session.table([f"trim of {row.label}", "value", "standard error", "unit"], rows, (1, 2))
+    for note in document["notes"]:
+        session.say(note)
+
+
+def _row(name: str, value: float, error: float | None, unit: str) -> list[str]:
+    factor = _DEGREES if unit.startswith("deg") else 1.0
+    shown = "" if error is None else f"{factor * error:.2g}"
+    return [name, f"{factor * value + 0.0:.5g}", shown, unit]
+
+
+def _unit_of(name: str) -> str:
+    if name.startswith("delta_"):
+        return "deg"
+    return "N" if name in ("force_x", "thrust") else ""
+
+
+def _with_error(
+    figures: dict[str, float | None], errors: dict[str, float] | None, name: str
+) -> str:
+    if name not in figures:
+        return ""
+    value = figures[name]
+    if value is None:
+        return "infinite"
+    error = (errors or {}).get(name)
+    return f"{value:.4g}" if error is None else f"{value:.4g} ± {error:.2g}"
+
+
+def _sweep_row(point: dict[str, Any], inputs: list[str], names: list[str]) -> list[str]:
+    cells = [f"{_DEGREES * point['channels']['alpha']:.4g}"]
+    for name in inputs:
+        factor = _DEGREES if name.startswith("delta_") else 1.0
+        cells.append(f"{factor * point['inputs'][name] + 0.0:.4g}")
+    for name in names:
+        found = [mode["figures"] for mode in point["modes"] if mode["name"] == name]
+        cells.append("; ".join(_short(figures) for figures in found))
+    return cells
+
+
+def _short(figures: dict[str, float | None]) -> str:
+    """``3.69/.62`` of an oscillation, else the time constant."""
+    if "omega" in figures:
+        return f"{figures['omega']:.3g} rad/s, zeta {figures['zeta']:.2g}"
+    value = figures["time_constant"]
+    return "neutral" if value is None else f"T {value:.3g} s"

@@ -1,0 +1,264 @@
+"""Trims, modes and sweeps of a version with its vehicle's masses, surfaces and thrust."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.simulation import (
+    Condition,
+    Engine,
+    LinearModel,
+    Mode,
+    Trim,
+    flight_model,
+    linear_model,
+    modes,
+    sweep,
+    trim,
+)
+from aerodb.storage.catalogue import Catalogue, VersionRow
+from aerodb.tables import parse
+from aerodb.tasks.references import value_of
+from aerodb.tasks.view.evaluation import database_of
+from aerodb.vehicle import Vehicle, parse_vehicle
+
+#: Largest number of points of a sweep.
+MOST_SWEEP_POINTS: Final = 501
+_MASS: Final = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
+
+
+@dataclass(frozen=True)
+class SteadyFlight:
+    """A condition as a user states it.
+
+    Parameters
+    ----------
+    condition : see `aerodb.simulation.Condition`; a vehicle without thrust glides.
+    given : ``NAME=VALUE`` each, with units or in SI: surfaces that are held, free inputs, mass
+        properties that replace the vehicle's.
+    controls : ``pitch=delta_elevator``, ``roll=delta_left-delta_right``; those not named are found.
+    fuel : fuel mass [kg], for a vehicle with a table of it.
+    """
+
+    condition: Condition
+    given: Sequence[str] = ()
+    controls: Sequence[str] = ()
+    fuel: float | None = None
+
+
+class _Flown:
+    """A version ready to be trimmed."""
+
+    def __init__(self, catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> None:
+        vehicle = parse_vehicle(catalogue.vehicle(row.vehicle).text, f"vehicle {row.vehicle}")
+        database = database_of(catalogue, row)
+        stated = dict(_pair(text, "--set") for text in flight.given)
+        self.inputs = {name: value_of(name, text) for name, text in stated.items()}
+        masses = _masses(vehicle, flight.fuel, self.inputs)
+        lines = list(vehicle.thrust.lines.values())
+        point = (masses["cg_x"], masses["cg_y"], masses["cg_z"])
+        engines = (
+            [
+                Engine(parse(f"thrust/{len(lines)}"), line.point or point, line.direction)
+                for line in lines
+            ]
+            if vehicle.thrust.source == "channel"
+            else []
+        )
+        self.model = flight_model(database, engines=engines)
+        self.inputs = {**masses, **self.inputs}
+        self.condition = flight.condition
+        self.options = {
+            "thrust": "thrust" if engines else "force_x",
+            "limits": {
+                f"delta_{name}": surface.limits
+                for name, surface in vehicle.surfaces.items()
+                if f"delta_{name}" in self.model.inputs
+            },
+            "controls": dict(_control(text) for text in flight.controls),
+        }
+
+    def trim(self) -> Trim:
+        return trim(self.model, self.condition, self.inputs, **self.options)  # type: ignore[arg-type]
+
+
+def glides(catalogue: Catalogue, row: VersionRow) -> bool:
+    """Whether the version's vehicle has no thrust."""
+    text = catalogue.vehicle(row.vehicle).text
+    return parse_vehicle(text, f"vehicle {row.vehicle}").thrust.source == "none"
+
+
+def trim_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
+    """Trim a version.
+
+    Returns a document: version, channels and inputs (name -> value [SI]), standard_errors (of
+    both; None if the version has no estimates), controls and notes. Raises NoTrimError where there
+    is none.
+    """
+    return {"version": row.id, **_trim_part(_Flown(catalogue, row, flight).trim())}
+
+
+def modes_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
+    """The document of `trim_document` with the modes and the linear model.
+
+    modes : name, real and imaginary part [1/s], figures, standard_errors, participation, note.
+    linear : states, inputs, outputs, units, A, B, C, D, and the standard errors of A and B.
+    """
+    found = _Flown(catalogue, row, flight).trim()
+    linear = linear_model(found)
+    return {
+        "version": row.id,
+        **_trim_part(found),
+        "modes": _modes_part(modes(linear)),
+        "linear": _linear_part(linear),
+    }
+
+
+def sweep_document(
+    catalogue: Catalogue,
+    row: VersionRow,
+    flight: SteadyFlight,
+    variable: str,
+    reach: tuple[float, float],
+    steps: int,
+) -> dict[str, Any]:
+    """Trims and modes of a version along one variable.
+
+    reach : from and to [SI]. Returns a document: version, variable, points (value, and the fields
+    of `modes_document` without the linear model, or reason where there is no trim).
+    """
+    if not 2 <= steps <= MOST_SWEEP_POINTS:
+        raise InputError(f"{steps} steps", "--steps", f"from 2 to {MOST_SWEEP_POINTS}")
+    if not all(map(math.isfinite, reach)) or reach[0] == reach[1]:
+        raise InputError(
+            f"from {reach[0]:g} to {reach[1]:g} is no range", "--from, --to", "give two numbers"
+        )
+    flown = _Flown(catalogue, row, flight)
+    line = np.linspace(*reach, steps)
+    points = sweep(
+        flown.model, flown.condition, flown.inputs, variable, line.tolist(), **flown.options
+    )
+    return {
+        "version": row.id,
+        "variable": variable,
+        "points": [
+            {"value": point.value, "reason": point.reason}
+            if point.trim is None
+            else {
+                "value": point.value,
+                **_trim_part(point.trim),
+                "modes": _modes_part(point.modes),
+            }
+            for point in points
+        ],
+    }
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    name, sign, value = (part.strip() for part in text.partition("="))
+    if not sign or not name or not value:
+        raise InputError(f"'{text}' is not NAME=VALUE", option, "for example delta_flap=10deg")
+    return name, value
+
+
+def _control(text: str) -> tuple[str, dict[str, float]]:
+    """``roll=delta_left-delta_right`` to the axis and the gains of its inputs."""
+    axis, formula = _pair(text, "--control")
+    gains: dict[str, float] = {}
+    for part in formula.replace("-", "+-").split("+"):
+        name = part.strip()
+        if name:
+            gains[name.lstrip("- ")] = -1.0 if name.startswith("-") else 1.0
+    return axis, gains
+
+
+def _masses(vehicle: Vehicle, fuel: float | None, given: Mapping[str, float]) -> dict[str, float]:
+    """Mass properties of the vehicle file, by name."""
+    properties = vehicle.mass
+    where = f"vehicle {vehicle.name}"
+    if properties.source == "channels":
+        absent = [name for name in _MASS if name not in given]
+        if absent:
+            raise InputError(
+                f"its mass properties are logged in flight: {', '.join(absent)} are not known",
+                where,
+                f"state them: --set {absent[0]}=VALUE",
+            )
+        return {name: given[name] for name in _MASS}
+    columns = np.column_stack(
+        [
+            np.atleast_1d(np.asarray(properties.mass, float)),
+            np.atleast_2d(np.asarray(properties.cg, float)),
+            *(np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in _MASS[4:]),
+        ]
+    )
+    if properties.source == "constant":
+        if fuel is not None:
+            raise InputError("its mass is constant", where, "leave out --fuel")
+        return dict(zip(_MASS, columns[0].tolist(), strict=True))
+    low, high = properties.fuel_mass[0], properties.fuel_mass[-1]
+    if fuel is None or not low <= fuel <= high:
+        raise InputError(
+            "its masses are a table over fuel mass"
+            + ("" if fuel is None else f", which ends before {fuel:g} kg"),
+            where,
+            f"state it: --fuel, from {low:g} to {high:g} kg",
+        )
+    return {
+        name: float(np.interp(fuel, properties.fuel_mass, columns[:, k]))
+        for k, name in enumerate(_MASS)
+    }
+
+
+def sweep_value(text: str, variable: str) -> float:
+    """The value of a variable of a sweep, with a unit or in SI."""
+    units = {"climb": "theta", "bank": "phi", "turn_rate": "r"}
+    return value_of(units.get(variable, variable), text)
+
+
+def _trim_part(found: Trim) -> dict[str, Any]:
+    return {
+        "channels": dict(found.channels),
+        "inputs": dict(found.deflections),
+        "standard_errors": dict(found.standard_errors) or None,
+        "controls": list(found.problem.controls),
+        "notes": list(found.notes),
+    }
+
+
+def _modes_part(found: Sequence[Mode]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": mode.name,
+            "real": mode.eigenvalue.real,
+            "imaginary": mode.eigenvalue.imag,
+            "figures": {
+                name: value if math.isfinite(value) else None
+                for name, value in mode.figures.items()
+            },
+            "standard_errors": dict(mode.standard_errors) or None,
+            "participation": dict(mode.participation),
+            "note": mode.note,
+        }
+        for mode in found
+    ]
+
+
+def _linear_part(linear: LinearModel) -> dict[str, Any]:
+    a, b = linear.standard_errors()
+    return {
+        "states": linear.states,
+        "inputs": linear.inputs,
+        "outputs": linear.outputs,
+        "units": dict(linear.units),
+        "A": linear.A.tolist(),
+        "B": linear.B.tolist(),
+        "C": linear.C.tolist(),
+        "D": linear.D.tolist(),
+        "A_standard_errors": a.tolist(),
+        "B_standard_errors": b.tolist(),
+    }

@@ -1,0 +1,87 @@
+"""``version trim``, ``modes`` and ``sweep`` of a stored version, with its vehicle's masses."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.command import aerodb, asked
+from tests.support.shared_workspace import SharedWorkspaces
+
+AT = ("--speed", "25", "--altitude", "500")
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
+    root = tmp_path_factory.mktemp("trim") / "workspace"
+    shared.updated(root)
+    return root
+
+
+def test_a_glider_glides_with_standard_errors_from_its_estimates(workspace: Path) -> None:
+    base = asked(workspace, "version", "trim", "v0001", *AT)
+    assert base["standard_errors"] is None
+    assert base["channels"]["climb"] < 0
+    assert base["inputs"]["delta_elevator"] == pytest.approx(
+        -0.6 / 1.1 * base["channels"]["alpha"], abs=1e-9
+    )
+    updated = asked(workspace, "version", "trim", "candidate", *AT)
+    assert 0 < updated["standard_errors"]["alpha"] < 0.01
+    assert 0 < updated["standard_errors"]["climb"] < 0.01
+    assert updated["standard_errors"]["V"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_modes_come_with_the_linear_model(workspace: Path) -> None:
+    found = asked(workspace, "version", "modes", "candidate", *AT)
+    names = {mode["name"]: mode for mode in found["modes"]}
+    assert {"short period", "phugoid", "roll"} <= set(names)
+    assert names["short period"]["standard_errors"]["omega"] > 0
+    linear = found["linear"]
+    assert len(linear["A"]) == len(linear["states"]) == 8
+    assert len(linear["B"][0]) == len(linear["D"][0]) == len(linear["inputs"])
+    text = aerodb(workspace, "version", "modes", "candidate", *AT).stdout
+    assert "short period" in text
+    assert "±" in text
+
+
+def test_a_sweep_keeps_what_does_not_trim(workspace: Path) -> None:
+    found: dict[str, Any] = asked(
+        workspace, "version", "sweep", "candidate", *AT,
+        "--variable", "V", "--from", "5", "--to", "35", "--steps", "4",
+    )  # fmt: skip
+    points = found["points"]
+    assert [point["value"] for point in points] == [5.0, 15.0, 25.0, 35.0]
+    assert "lift is too small by 82 % of the weight" in points[0]["reason"]
+    assert "table CZ0 is left" in points[0]["reason"]
+    assert points[2]["channels"]["alpha"] > points[3]["channels"]["alpha"]
+    text = aerodb(
+        workspace, "version", "sweep", "candidate", *AT,
+        "--variable", "V", "--from", "5", "--to", "35", "--steps", "4",
+    ).stdout  # fmt: skip
+    assert "no trim" in text
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("--sideslip", "20deg"), "no steady flight"),
+        (("--glide", "--climb", "0"), "--glide and --climb"),
+        (("--set", "delta_elevater=1deg"), "did you mean 'delta_elevator'"),
+        (("--set", "nothing"), "is not NAME=VALUE"),
+        (("--control", "pich=delta_elevator"), "did you mean 'pitch'"),
+        (("--fuel", "3 kg"), "its mass is constant"),
+        (("--bank", "10deg", "--load-factor", "2"), "load factor and bank together"),
+        (
+            (
+                "--bank",
+                "10 apples",
+            ),
+            "apples",
+        ),
+    ],
+)
+def test_refusals_say_what_to_do(workspace: Path, wrong: tuple[str, ...], said: str) -> None:
+    refused = aerodb(workspace, "version", "trim", "candidate", *AT, *wrong)
+    assert refused.returncode == 3
+    assert said in refused.stderr
+    assert refused.stdout == ""
