@@ -100,14 +100,22 @@ def beside_truth(
     return Demo(document, floors(workspace, document, effects), told, lags)
 
 
-def write_logs(folder: Path, flights: int, seed: int | None, noise: int = 0) -> list[Path]:
+def write_logs(
+    folder: Path,
+    flights: int,
+    seed: int | None,
+    noise: int = 0,
+    effects: tuple[Effect, ...] | None = None,
+) -> list[Path]:
     """Fly the campaign, write one ``.ulg`` file per flight, seal the truth, and return the logs.
 
     seed : draws the undeclared effects and everything else that is random; None: the Phoenix case
-    (docs/method/tracing.md, "References"), in which `noise` draws everything else.
+    (docs/method/tracing.md, "References"), in which `noise` draws everything else. effects : in
+    place of the drawn ones.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    effects = EFFECTS if seed is None else draw_effects(seed)
+    if effects is None:
+        effects = EFFECTS if seed is None else draw_effects(seed)
     (folder / ENVELOPE).write_text(
         json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8"
     )

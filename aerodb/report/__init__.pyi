@@ -8,6 +8,7 @@ from .headlines import error_rows, headline
 from .lineage_figure import Relative, lineage_graph
 from .loop_documents import loop_document, rival_remarks, stall_remarks
 from .page import pdf, render
+from .response_page import FlownStretch, response_report
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, for_people, visible
 from .update_page import MEANS, UpdateStory, update_report
 from .version_page import NameMove, UsedFlight, VersionStory, version_report
@@ -19,6 +20,7 @@ __all__ = [
     "MEASURED",
     "UPDATED",
     "FlightStory",
+    "FlownStretch",
     "NameMove",
     "Relative",
     "UpdateStory",
@@ -41,6 +43,7 @@ __all__ = [
     "page",
     "pdf",
     "render",
+    "response_report",
     "rival_remarks",
     "stall_remarks",
     "update_document",

@@ -1,3 +1,11 @@
+from .agreement import (
+    CheckResult,
+    Response,
+    Tolerances,
+    check_responses,
+    parse_tolerances,
+    response_agreement,
+)
 from .airframe_model import Airframe, MovingAir, airframe
 from .autopilot import Autopilot, ControlDerivatives, control_derivatives
 from .engine import Actuator, Engine, FlightModel, Simulation, flight_model, simulate
@@ -6,15 +14,27 @@ from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
 from .modes import Mode, modes
 from .motion import quaternion_from_euler
+from .replay import (
+    RESPONSES,
+    Stretch,
+    fly_stretch,
+    moved_controls,
+    stretch_model,
+    stretch_of,
+    with_trim_offset,
+)
 from .sensors import Instrument, Signal, at_instruments, measure
+from .stabilisation import stabilising_feedback
 from .sweep import SweepPoint, sweep
 from .trim import Condition, NoTrimError, Trim, trim
 from .turbulence import DrydenGusts
 
 __all__ = [
+    "RESPONSES",
     "Actuator",
     "Airframe",
     "Autopilot",
+    "CheckResult",
     "Condition",
     "ControlDerivatives",
     "DrydenGusts",
@@ -27,21 +47,33 @@ __all__ = [
     "Mode",
     "MovingAir",
     "NoTrimError",
+    "Response",
     "Signal",
     "Simulation",
+    "Stretch",
     "SweepPoint",
+    "Tolerances",
     "Trim",
     "airframe",
     "at_instruments",
+    "check_responses",
     "control_derivatives",
     "flight_model",
     "fly",
+    "fly_stretch",
     "linear_model",
     "measure",
     "modes",
+    "moved_controls",
+    "parse_tolerances",
     "quaternion_from_euler",
+    "response_agreement",
     "simulate",
+    "stabilising_feedback",
+    "stretch_model",
+    "stretch_of",
     "superposed",
     "sweep",
     "trim",
+    "with_trim_offset",
 ]

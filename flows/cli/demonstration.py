@@ -7,6 +7,7 @@ import typer
 
 from aerodb.flows.cli.closing import say_loop
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.responses import say_responses
 
 
 def demo(
@@ -28,6 +29,7 @@ def demo(
     Example: aerodb demo --seed 3
     """
     from aerodb.flows.demo import run_demo, write_logs
+    from aerodb.flows.fly import validate_flow
 
     session: Session = context.obj
     workspace = session.workspace(create=True)
@@ -42,6 +44,17 @@ def demo(
         workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say
     )
     say_loop(session, result.document)
+    responses = None
+    if result.document["candidate"]:
+        session.say()
+        session.say("The held-out flights flown by the preflight database and by the update:")
+        parameters = {
+            "version": result.document["candidate"],
+            "baseline": result.document["baseline"],
+            "flights": result.document["flights"]["held_out"],
+        }
+        responses = session.run(validate_flow, parameters, direct)
+        say_responses(session, "candidate", responses)
     session.say()
     session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
     session.table(
@@ -96,5 +109,6 @@ def demo(
             "agreement": agreed,
             "truth_floor": result.floors,
             "truth_lags": result.lags,
+            "responses": responses,
         }
     )

@@ -18,6 +18,7 @@ from aerodb.flows.cli import (
     lineage,
     releases,
     reports,
+    responses,
     serving,
     store,
     trimming,
@@ -42,6 +43,8 @@ app = typer.Typer(
         " --vehicle my-glider"
     ),
 )
+versions.app.command("fly")(responses.fly)
+versions.app.command("validate")(responses.validate)
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
 versions.app.command("diff")(lineage.diff)

@@ -13,6 +13,7 @@ from .consistency import (
 )
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
+from .fly import default_tolerances, flown_responses, fly_version
 from .inbox import (
     files_of_inbox,
     in_quarantine,
@@ -34,6 +35,7 @@ from .segments import segments_of
 from .store import trim_cache
 from .trace import find_sensor_rivals, freeze_library, trace_flight
 from .update import estimate, plan_update, validate
+from .validate_responses import response_page, summarise_responses
 
 __all__ = [
     "FLOWS",
@@ -47,6 +49,7 @@ __all__ = [
     "compare_loaded",
     "compare_with_database",
     "compare_with_version",
+    "default_tolerances",
     "deliver",
     "describe_inputs",
     "due",
@@ -55,6 +58,8 @@ __all__ = [
     "files_of_inbox",
     "find_sensor_rivals",
     "flight_page",
+    "flown_responses",
+    "fly_version",
     "freeze_library",
     "import_database",
     "in_quarantine",
@@ -77,12 +82,14 @@ __all__ = [
     "remaining_errors",
     "repeat_documents",
     "repeating",
+    "response_page",
     "roll_back",
     "run_loop",
     "segments_of",
     "set_aside",
     "settle",
     "store_log",
+    "summarise_responses",
     "tell",
     "trace_flight",
     "trim_cache",

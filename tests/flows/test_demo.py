@@ -9,15 +9,18 @@ from pathlib import Path
 import pytest
 
 from aerodb.examples.phoenix import read_example
+from aerodb.examples.phoenix.truth import Effect
 from aerodb.flows.demo import (
     ENVELOPE,
     LAGS,
     beside_truth,
     open_envelope,
+    run_demo,
     write_database,
     write_logs,
 )
 from aerodb.flows.demo import floors as floors_of
+from aerodb.flows.fly import validate_flow
 from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
@@ -241,3 +244,98 @@ def test_a_reversed_elevator_is_not_released(phoenix, tmp_path):
     for name in ("Cm_delta_elevator_inboard", "Cm_delta_elevator_outboard"):
         assert f"{name} goes from -0.1" in refused.stderr
     assert "the control acts the other way round" in refused.stderr
+
+
+def test_the_update_flies_the_held_out_flights_and_the_preflight_database_does_not(phoenix):
+    """The acid test: responses to the held-out flights' inputs, whose true motion is unstable."""
+    _, document = phoenix
+    responses = document["responses"]
+    assert responses["independent"]
+    assert responses["passed"], responses["failed"]
+    assert responses["stabilised"] == responses["manoeuvres"] >= 10
+    az = next(c for c in responses["checks"] if c["check"].endswith("normal acceleration"))
+    assert az["before"]["passed"] == 0
+    for channel in ("alpha", "q", "theta"):
+        row = next(r for r in responses["responses"] if r["channel"] == channel)
+        assert row["rms_error"] < 0.1 * row["before"]["rms_error"]
+        assert row["improved"] == row["manoeuvres"]
+
+
+def test_a_planted_error_is_seen_by_validate_and_gone_after_the_loop(tmp_path):
+    """Stiffness about the CG 10 % too large (0.0091 1/rad) and roll damping by 20 %."""
+    planted = (
+        Effect("alpha_slope", "Cm", "Cm_alpha", "alpha", 0.0091),
+        Effect("roll_damping", "Cl", "Cl_p", "p_hat", -0.0456),
+    )
+    logs = tmp_path / "logs"
+    write_logs(logs, flights=8, seed=3, effects=planted)
+    workspace = Workspace.open(tmp_path / "workspace")
+    result = run_demo(
+        workspace,
+        sorted(logs.glob("*.ulg")),
+        lambda body, given: run_flow(body, given, workspace, "direct"),
+        lambda _: None,
+    )
+    given = {
+        "version": result.document["candidate"],
+        "baseline": result.document["baseline"],
+        "flights": result.document["flights"]["held_out"],
+    }
+    responses = run_flow(validate_flow, given, workspace, "direct")
+    assert responses["passed"], responses["failed"]
+    checks = {c["check"]: c["before"] for c in responses["checks"]}
+    for name in ("short period: normal acceleration", "roll response: roll rate"):
+        assert checks[name]["passed"] < 0.7 * checks[name]["manoeuvres"], name
+    for channel in ("alpha", "q", "p"):
+        row = next(r for r in responses["responses"] if r["channel"] == channel)
+        assert row["rms_error"] < 0.35 * row["before"]["rms_error"], channel
+
+
+def fly_command(root, *arguments):
+    command = [str(AERODB), "--workspace", str(root), "--json", "version", "fly", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_flight_is_flown_by_the_command(phoenix, tmp_path):
+    """Closed by the least feedback it stays on the flight; open loop it leaves the flight, and the
+    tables, and says when."""
+    root, document = phoenix
+    flight = document["flights"]["held_out"][0]
+    given = ["candidate", "--flight", flight, "--from", "10", "--to", "22"]
+    page = tmp_path / "responses.html"
+    closed = fly_command(root, *given, "--output", str(page))
+    assert closed.returncode == 0, closed.stderr
+    stretch = json.loads(closed.stdout)["stretches"][0]
+    assert stretch["ended"] == pytest.approx(22.0, abs=0.1)
+    assert max(stretch["correction"].values()) < 0.02
+    assert page.read_text().count("data:image/svg+xml") == 1
+    again = json.loads(fly_command(root, *given).stdout)
+    assert again["key"] == json.loads(closed.stdout)["key"]
+    loose = json.loads(fly_command(root, *given, "--no-stabilise").stdout)["stretches"][0]
+    errors = [
+        next(r["rms_error"] for r in s["responses"] if r["channel"] == "alpha")
+        for s in (stretch, loose)
+    ]
+    assert errors[1] > 20 * errors[0]
+    assert any("was left at" in note for note in loose["notes"])
+    gain = "delta_elevator_outboard:q=-0.5"
+    stated = json.loads(fly_command(root, *given, "--feedback", gain).stdout)["stretches"][0]
+    assert stated["feedback"] == {"delta_elevator_outboard:q": -0.5}
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--feedback", "delta_elevator:q=1"], "does not read 'delta_elevator'"),
+        (["--feedback", "q=1"], "INPUT:CHANNEL=GAIN"),
+        (["--feedback", "delta_rudder:yaw=1"], "no feedback of 'yaw'"),
+        (["--wind", "none"], "mean or measured"),
+        (["--tolerances", "nothing.toml"], "nothing.toml"),
+        (["--from", "500", "--to", "510"], "fewer than three samples"),
+    ],
+)
+def test_what_cannot_be_flown_is_said(phoenix, more, said):
+    root, document = phoenix
+    done = fly_command(root, "candidate", "--flight", document["flights"]["held_out"][0], *more)
+    assert said in done.stderr + done.stdout
+    assert "Traceback" not in done.stderr

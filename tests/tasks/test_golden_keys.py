@@ -15,6 +15,7 @@ import pytest
 
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
+from aerodb.flows.fly import fly_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
@@ -34,6 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (1, "12d4fc471188bc0d", "75ab953bf9aaf46f"),
     "gram": (11, "3e9fd9a183cec2f7", "d0b83ad7b0621ca0"),
     "close_loop": (27, "7baf77bef5afb8ee", "d3af299eab4e5a54"),
+    "fly": (1, "f2fa7bec9c14e72d", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (8, "e50dd03ca1013998", "6b1983884f9e9ae7"),
 }
@@ -138,6 +140,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]
             for name in ("findings", "not_found")
         }
         found["close_loop"] = (loop["report"], _digest(said))
+        given = {"version": baseline, "flight": flights[0]}
+        flown = run_flow(fly_flow, given, workspace, "direct")  # says what the log lacks
+        reasons = [stretch["reason"] for stretch in flown["stretches"]]
+        found["fly"] = (flown["key"], _digest({"reasons": np.array(reasons)}))
         for step, version in (("import", baseline), ("update", candidate)):
             found[step] = (
                 version,

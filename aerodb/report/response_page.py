@@ -1,0 +1,124 @@
+"""Page of simulated responses: a version flown beside the flight, manoeuvre by manoeuvre."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from aerodb.report.page import render
+from aerodb.report.style import (
+    DATABASE,
+    DATABASE_LINE,
+    FLIGHT,
+    UPDATED,
+    channel_scale,
+    panel_grid,
+    picture,
+    plain_panel,
+)
+from aerodb.support import Array
+
+#: Responses drawn, in the order of the panels.
+_DRAWN: Final = ("alpha", "q", "theta", "az", "V", "beta", "p", "r", "phi", "ay")
+#: Most manoeuvres drawn on one page.
+_MOST: Final = 40
+
+Responses = Mapping[str, tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True)
+class FlownStretch:
+    """A stretch of a flight as flown and as simulated.
+
+    flight : its name. document : of the stretch (`fly_version`). after, before : response -> time
+    [s], simulated, flown, of the version and of its baseline; before may be empty.
+    """
+
+    flight: str
+    document: Mapping[str, Any]
+    after: Responses
+    before: Responses
+
+
+def response_report(
+    version: str,
+    baseline: str,
+    summary: Mapping[str, Any] | None,
+    stretches: Sequence[FlownStretch],
+) -> str:
+    """Return the HTML page of a version's responses.
+
+    version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
+    """
+    told = summary["responses"] if summary else ()
+    drawn = [(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]]
+    return render(
+        "responses.html",
+        title=f"Responses of version {version}",
+        version=version,
+        baseline=baseline,
+        summary=summary,
+        drawn=drawn,
+        left_out=max(0, len(stretches) - _MOST),
+        scales={r["channel"]: channel_scale(r["channel"]) for r in told},
+    )
+
+
+def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
+    document = stretch.document
+    failed = [check["check"] for check in document["checks"] if not check["passed"]]
+    said = [
+        f"outside tolerance: {', '.join(failed)}" if failed else "",
+        "feedback closed (least stabilising); largest correction "
+        + f"{np.rad2deg(max(document['correction'].values())):.2g} deg"
+        if document["correction"]
+        else "",
+        *document["notes"],
+    ]
+    return picture(
+        response_figure(stretch, version, baseline),
+        f"{stretch.flight}, {document['since']:.1f} to {document['until']:.1f} s: simulated and"
+        " flown responses.",
+        ". ".join(part for part in said if part),
+    )
+
+
+def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figure:
+    """Draw the responses of a stretch over time: flight, version, baseline."""
+    names = [name for name in _DRAWN if name in stretch.after]
+    columns = 5
+    rows = max(1, -(-len(names) // columns))
+    figure, panels = panel_grid((13, 0.9 + 1.9 * rows), rows, columns, between=(0.75, 0.55))
+    for panel, name in zip(panels.ravel(), names, strict=False):
+        factor, label = channel_scale(name)
+        time, simulated, flown = stretch.after[name]
+        panel.plot(time, factor * flown, color=FLIGHT, lw=1.6, label="flight")
+        limits = _limits(factor * flown)
+        if name in stretch.before:
+            at, earlier, _ = stretch.before[name]
+            panel.plot(at, factor * earlier, color=DATABASE, ls=DATABASE_LINE, lw=1.2,
+                       label=baseline)  # fmt: skip
+        panel.plot(time, factor * simulated, color=UPDATED, lw=1.2, label=version)
+        plain_panel(panel)
+        if limits:
+            panel.set_ylim(*limits)
+        panel.set_ylabel(label)
+    for panel in panels.ravel()[len(names) :]:
+        panel.set_visible(False)
+    for panel in panels[-1]:
+        panel.set_xlabel("time [s]")
+    if names:
+        panels.ravel()[0].legend(fontsize=7, frameon=False)
+    return figure
+
+
+def _limits(flown: Array) -> tuple[float, float] | None:
+    """Limits of a panel: the flight's range and as much on either side, so that a simulation that
+    diverges does not hide the flight."""
+    good = flown[np.isfinite(flown)]
+    if not good.size or np.ptp(good) == 0:
+        return None
+    span = float(np.ptp(good))
+    return float(good.min() - span), float(good.max() + span)

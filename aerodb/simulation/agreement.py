@@ -1,0 +1,193 @@
+"""Agreement of a simulated response with the flight: tolerance bands and Theil's statistics."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation import Theil, rms, theil
+from aerodb.nomenclature import channel as channel_of
+from aerodb.simulation.replay import RESPONSES
+from aerodb.support import Array
+from aerodb.units import quantity
+
+#: Axes whose controls start manoeuvres.
+CONTROLS: Final = ("roll", "pitch", "yaw")
+_ANGLES: Final = ("phi", "theta", "psi", "alpha", "beta")
+
+
+@dataclass(frozen=True)
+class Band:
+    """A response stays within +-`width` (SI) of the flight, or within `share` of the flight's
+    greatest excursion from its value at the start."""
+
+    channel: str
+    width: float = 0.0
+    share: float = 0.0
+
+    def holds(self, simulated: Array, flown: Array) -> Array:
+        """Whether each sample is inside, (n,) of bool; NaN is outside."""
+        known = flown[np.isfinite(flown)]
+        excursion = float(np.abs(known - known[0]).max()) if known.size else 0.0
+        return np.asarray(np.abs(simulated - flown) <= max(self.width, self.share * excursion))
+
+
+@dataclass(frozen=True)
+class Check:
+    """A tolerance: at each sample any of `bands` must hold ("A or B"), over at least
+    `required_share` of the samples. It applies to manoeuvres that start with a control of the axes
+    `controls`; without any, to all."""
+
+    name: str
+    bands: tuple[Band, ...]
+    controls: tuple[str, ...] = ()
+    required_share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """A named set of checks."""
+
+    name: str
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Result of a check on one manoeuvre: share of samples inside, and whether that is enough."""
+
+    check: str
+    share: float
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Response:
+    """Agreement of one response: rms error and rms of the flown response about its start (SI), with
+    Theil's statistics of the changes since the start."""
+
+    channel: str
+    rms_error: float
+    rms_flown: float
+    theil: Theil
+
+
+def parse_tolerances(text: str, where: str = "tolerances") -> Tolerances:
+    """Return tolerances from TOML; `aerodb/simulation/tolerances.toml` shows the form.
+
+    Raises InputError naming the entry that is wrong.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is no TOML: {error}", where) from None
+    entries = document.get("check")
+    if not isinstance(entries, list) or not entries:
+        raise InputError("has no [[check]]", where, "add one with name and bands")
+    checks = tuple(_check(entry, f"{where}, check {k}") for k, entry in enumerate(entries, 1))
+    return Tolerances(str(document.get("name", where)), checks)
+
+
+def _check(entry: Mapping[str, Any], where: str) -> Check:
+    _known(entry, ("name", "bands", "controls", "required_share"), where)
+    controls = tuple(entry.get("controls", ()))
+    for axis in controls:
+        if axis not in CONTROLS:
+            raise InputError(f"unknown control axis '{axis}'", where, nearest(axis, CONTROLS))
+    bands = tuple(_band(band, where) for band in entry.get("bands", ()))
+    share = entry.get("required_share", 1.0)
+    if not bands:
+        raise InputError("has no bands", where, 'for example bands = [{ channel = "q", width ='
+                         ' "2 deg/s" }]')  # fmt: skip
+    if not isinstance(share, int | float) or not 0.0 < share <= 1.0:
+        raise InputError(f"required_share is {share!r}", where, "give a number above 0, up to 1")
+    return Check(str(entry.get("name", where)), bands, controls, float(share))
+
+
+def _band(entry: Mapping[str, Any], where: str) -> Band:
+    _known(entry, ("channel", "width", "share"), where)
+    channel = str(entry.get("channel"))
+    if channel not in RESPONSES:
+        raise InputError(f"unknown response '{channel}'", where, nearest(channel, RESPONSES))
+    share = entry.get("share", 0.0)
+    value = quantity(entry.get("width", 0.0), channel_of(channel).unit)
+    if not (value > 0.0 or share > 0.0):
+        raise InputError(f"the band of {channel} has no width", where, 'give width = "2 deg/s"')
+    return Band(channel, value, float(share))
+
+
+def _known(entry: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    for name in entry:
+        if name not in names:
+            raise InputError(f"unknown key '{name}'", where, nearest(name, names))
+
+
+def check_responses(
+    tolerances: Tolerances,
+    simulated: Mapping[str, Array],
+    flown: Mapping[str, Array],
+    controls: Iterable[str],
+    unjudged: Iterable[str] = (),
+) -> tuple[CheckResult, ...]:
+    """Check a manoeuvre against the tolerances that apply to it.
+
+    Parameters
+    ----------
+    simulated, flown : response -> (n,), SI; samples where the flight is NaN do not count, samples
+        where the simulation is NaN (it diverged) are outside.
+    controls : axes whose control starts the manoeuvre.
+    unjudged : responses that cannot be judged; checks that need them are left out.
+    """
+    results, axes, out = [], set(controls), set(unjudged)
+    for check in tolerances.checks:
+        bands = [b for b in check.bands if b.channel in flown and b.channel not in out]
+        if (check.controls and not axes & set(check.controls)) or len(bands) < len(check.bands):
+            continue
+        counted = np.all([np.isfinite(flown[b.channel]) for b in bands], axis=0)
+        inside = np.any(
+            [
+                b.holds(_unwrapped(b.channel, simulated), _unwrapped(b.channel, flown))
+                for b in bands
+            ],
+            axis=0,
+        )
+        if counted.any():
+            share = float(np.mean(inside[counted]))
+            results.append(CheckResult(check.name, share, share >= check.required_share))
+    return tuple(results)
+
+
+def response_agreement(
+    simulated: Mapping[str, Array], flown: Mapping[str, Array]
+) -> tuple[Response, ...]:
+    """Theil's statistics and rms errors of all responses that both have, of at least 3 samples."""
+    found = []
+    for channel in RESPONSES:
+        if channel not in flown or channel not in simulated:
+            continue
+        ours, theirs = _unwrapped(channel, simulated), _unwrapped(channel, flown)
+        good = np.isfinite(ours) & np.isfinite(theirs)
+        if good.sum() < 3:
+            continue
+        start = theirs[good][0]
+        found.append(
+            Response(
+                channel,
+                rms(ours[good] - theirs[good]),
+                rms(theirs[good] - start),
+                theil(ours[good] - start, theirs[good] - start),
+            )
+        )
+    return tuple(found)
+
+
+def _unwrapped(channel: str, values: Mapping[str, Array]) -> Array:
+    series = values[channel]
+    if channel not in _ANGLES:
+        return series
+    result, good = series.copy(), np.isfinite(series)
+    result[good] = np.unwrap(series[good])
+    return result

@@ -1,0 +1,335 @@
+"""Fly a database over a stretch of a recorded flight: its start, inputs, mass and thrust."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from aerodb.coefficients import Coefficients, thrust_loads, with_states
+from aerodb.conditioning import low_passed
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.physics import Earth, standard_atmosphere
+from aerodb.simulation.engine import FlightModel, Simulation, flight_model, simulate
+from aerodb.simulation.layout import FEEDBACK
+from aerodb.simulation.motion import quaternion_from_euler, to_earth
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
+
+#: What a flight must have to be flown again.
+NEEDED: Final = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta")
+#: Responses of a run that are compared with the flight, if it has them.
+RESPONSES: Final = (*NEEDED, "psi", "altitude", "ax", "ay", "az")
+#: Longest gap of an input that is bridged [s].
+_LONGEST_GAP: Final = 1.0
+#: Cut-off of the measured wind [Hz] where the coefficients of the flight have no bandwidth.
+WIND_BANDWIDTH: Final = 2.0
+_MASS: Final = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
+
+Wind = Literal["mean", "measured"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of a flight in the form of a run.
+
+    Parameters
+    ----------
+    time : (n,) [s], as in the flight.
+    start, series : as `simulate` takes them.
+    flown : response -> (n,) of the flight, NaN where it is not usable.
+    notes : what was assumed.
+    free : responses that the run cannot judge, with the reason: what was inferred from them.
+    """
+
+    time: Array
+    start: Mapping[str, float]
+    series: Mapping[str, Array]
+    flown: Mapping[str, Array]
+    notes: tuple[str, ...]
+    free: Mapping[str, str]
+
+
+def stretch_model(
+    database: AeroDatabase,
+    flight: Flight,
+    feedback: Mapping[tuple[str, str], float] | None = None,
+) -> FlightModel:
+    """The database as a `FlightModel`: over the rotating earth where the flight's place is known,
+    else over a flat one."""
+    earth = None
+    if "latitude" in flight and "longitude" in flight:
+        good = flight.usable(["latitude", "longitude"])
+        if good.any():
+            place = (float(np.median(flight[name][good])) for name in ("latitude", "longitude"))
+            earth = Earth(*place)
+    return flight_model(database, feedback=feedback, earth=earth)
+
+
+def stretch_of(
+    model: FlightModel,
+    flight: Flight,
+    coefficients: Coefficients,
+    vehicle: Vehicle,
+    since: float,
+    until: float,
+    *,
+    wind: Wind = "measured",
+) -> Stretch:
+    """Return a stretch of a flight as start and inputs of a run.
+
+    Parameters
+    ----------
+    model : of `stretch_model`.
+    flight : consistent.
+    coefficients : of the flight: from them the thrust is inferred where the flight has none.
+    since, until : [s], times of the flight.
+    wind : as reconstructed, velocity over the earth minus velocity through the air, up to the
+        bandwidth of the coefficients; or its mean over the stretch.
+
+    Raises InputError naming what the flight lacks: channels, usable samples at the start, an input
+    without a gap of more than 1 s.
+    """
+    where = f"flight {flight.id[:12]}, {since:.1f} to {until:.1f} s"
+    flight = with_states(with_mass_channels(flight, vehicle), model.database)
+    _require(flight, (*NEEDED, *model.inputs), where)
+    inside = np.flatnonzero((flight.time >= since - 1e-9) & (flight.time <= until + 1e-9))
+    if len(inside) < 3:
+        raise InputError("fewer than three samples", where, "name a longer stretch")
+    whole = slice(int(inside[0]), int(inside[-1]) + 1)
+    time, notes = flight.time[whole], list[str]()
+    known = {
+        name: _bridged(flight, name, whole, where)
+        for name in dict.fromkeys((*NEEDED, *_MASS, *model.inputs))
+    }
+    altitude = _optional(flight, "altitude", whole, notes)
+    series = {name: known[name] for name in (*_MASS, *model.inputs)}
+    series["Ixy"] = series["Iyz"] = np.zeros(len(time))
+    air = standard_atmosphere(altitude)
+    if "rho" in flight:
+        series["density_ratio"] = _bridged(flight, "rho", whole, where) / air.density
+    if "temperature" in flight:
+        warm = _bridged(flight, "temperature", whole, where)
+        series["temperature_offset"] = warm - air.temperature
+    unknown: list[str] = []
+    loads = thrust_loads(flight, vehicle.thrust, cg_positions(flight, vehicle), unknown)
+    for kind, values in zip(("force", "moment"), loads, strict=True):
+        series |= {f"{kind}_{axis}": values[whole, j] for j, axis in enumerate("xyz")}
+    flown = _responses(flight, coefficients, vehicle, whole, series)
+    free = (
+        _infer_thrust(series, model, flight, coefficients, vehicle, whole, notes) if unknown else {}
+    )
+    psi = _optional(flight, "psi", whole, notes)
+    cut = coefficients.bandwidth or min(WIND_BANDWIDTH, 0.25 / flight.step)
+    _wind(series, flight, known, psi, whole, cut if wind == "measured" else None, notes)
+    start = {name: float(known[name][0]) for name in NEEDED}
+    start |= {"psi": float(psi[0]), "altitude": float(altitude[0])}
+    start |= {state.name: float(flight[state.name][whole][0]) for state in model.total.states}
+    references = {channel for _, channel in _feedback(model)}
+    series |= {f"reference_{channel}": known[channel] for channel in references}
+    return Stretch(time, start, series, flown, tuple(notes), free)
+
+
+def fly_stretch(
+    model: FlightModel, stretch: Stretch, parameters: Mapping[str, Array] | None = None
+) -> Simulation:
+    """Fly a stretch open loop, or with the model's feedback; see `simulate`."""
+    step = float(stretch.time[1] - stretch.time[0])
+    parts = max(1, int(np.ceil(step / 0.02 - 1e-9)))
+    return simulate(
+        model, stretch.time, stretch.start, stretch.series, parts=parts, parameters=parameters
+    )
+
+
+@dataclass(frozen=True)
+class TrimOffset:
+    """What holds a database in the trim of the flight: constant specific force [m/s2] and angular
+    acceleration [rad/s2] that are added, x y z."""
+
+    force: tuple[float, ...]
+    angular: tuple[float, ...]
+
+
+def with_trim_offset(
+    model: FlightModel, stretch: Stretch, duration: float
+) -> tuple[Stretch, TrimOffset]:
+    """Return the stretch with the constant force and moment that the database lacks on average over
+    its first `duration` [s]: as when a simulator is trimmed before the manoeuvre, and only the
+    changes of the controls are flown (AC 120-40B, appendix 2)."""
+    n = max(3, int(np.searchsorted(stretch.time - stretch.time[0], duration)))
+    n = min(n, len(stretch.time))
+    start = {
+        name: (
+            np.nan_to_num(stretch.flown[name][:n], nan=float(value))
+            if name in stretch.flown
+            else np.full(n, value)
+        )
+        for name, value in stretch.start.items()
+    }
+    series = {name: values[None, :n] for name, values in stretch.series.items()}
+    run = simulate(model, stretch.time[:1], start, series)
+    since = float(stretch.time[n - 1] - stretch.time[0])
+    angular = np.zeros(3)
+    for row, name in enumerate("pqr"):
+        values = stretch.flown[name][:n]
+        good = np.isfinite(values)
+        if good.sum() >= 3 and since > 0:
+            slope = np.polyfit(stretch.time[:n][good], values[good], 1)[0]
+            angular[row] = slope - run.rates[3 + row].mean()
+    force = np.zeros(3)
+    for row, name in enumerate(("ax", "ay", "az")):
+        if name in stretch.flown and name not in stretch.free:
+            difference = stretch.flown[name][:n] - run.channels[name][0]
+            good = np.isfinite(difference)
+            force[row] = difference[good].mean() if good.any() else 0.0
+    own = {name: values.copy() for name, values in stretch.series.items()}
+    ixx, iyy, izz, ixz = (own[name] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
+    own["moment_x"] = own["moment_x"] + ixx * angular[0] - ixz * angular[2]
+    own["moment_y"] = own["moment_y"] + iyy * angular[1]
+    own["moment_z"] = own["moment_z"] + izz * angular[2] - ixz * angular[0]
+    for axis, more in zip("xyz", force, strict=True):
+        own[f"force_{axis}"] = own[f"force_{axis}"] + own["mass"] * more
+    offset = TrimOffset(tuple(force.tolist()), tuple(angular.tolist()))
+    return replace(stretch, series=own), offset
+
+
+def moved_controls(model: FlightModel, stretch: Stretch) -> tuple[str, ...]:
+    """Axes (roll, pitch, yaw) on which the inputs' movements act most: those with at least 40 % of
+    the greatest angular acceleration that the movements make at the start."""
+    now = {name: float(values[0]) for name, values in stretch.series.items()}
+    ranges = [float(np.ptp(stretch.series[name])) for name in model.inputs]
+    moved = [name for name, extent in zip(model.inputs, ranges, strict=True) if extent > 0]
+    if not moved:
+        return ()
+    k = len(moved) + 1
+    series: dict[str, Array] = {name: np.full((1, k), value) for name, value in now.items()}
+    for lane, name in enumerate(moved, 1):
+        series[name][0, lane] += float(np.ptp(stretch.series[name]))
+    rates = simulate(model, stretch.time[:1], stretch.start, series).rates[3:6]
+    effect = np.abs(rates[:, 1:] - rates[:, :1]).max(axis=1)
+    return tuple(
+        axis
+        for axis, size in zip(("roll", "pitch", "yaw"), effect, strict=True)
+        if size >= 0.4 * effect.max() > 0
+    )
+
+
+def _feedback(model: FlightModel) -> list[tuple[str, str]]:
+    gains = model.numbers.gains
+    return [(model.inputs[int(row[0])], FEEDBACK[int(row[1])]) for row in gains]
+
+
+def _require(flight: Flight, names: tuple[str, ...], where: str) -> None:
+    lacking = sorted({name for name in names if name not in flight})
+    if lacking:
+        raise InputError(
+            f"the flight lacks {', '.join(lacking)}",
+            where,
+            "fly another flight, or bind the input when importing the database (--bind)",
+        )
+
+
+def _bridged(flight: Flight, name: str, whole: slice, where: str) -> Array:
+    """A channel over the stretch without gaps."""
+    values, good = flight[name][whole], flight.usable([name])[whole]
+    if good.all():
+        return values
+    if not good.any():
+        raise InputError(f"no usable sample of {name}", where, "choose another stretch")
+    at = np.flatnonzero(good)
+    gap = float(np.diff([-1, *at, len(good)]).max() - 1) * flight.step
+    if gap > _LONGEST_GAP:
+        raise InputError(
+            f"{name} has a gap of {gap:.1f} s, longer than {_LONGEST_GAP:g} s",
+            where,
+            "choose a stretch without it",
+        )
+    return np.asarray(np.interp(np.arange(len(good)), at, values[at]))
+
+
+def _optional(flight: Flight, name: str, whole: slice, notes: list[str]) -> Array:
+    """A channel over the stretch, or zero with a note."""
+    if name in flight:
+        good = flight.usable([name])[whole]
+        if good.any():
+            at = np.flatnonzero(good)
+            return np.asarray(np.interp(np.arange(len(good)), at, flight[name][whole][at]))
+    notes.append(f"{name} is not known; 0 was taken")
+    return np.zeros(whole.stop - whole.start)
+
+
+def _responses(
+    flight: Flight,
+    coefficients: Coefficients,
+    vehicle: Vehicle,
+    whole: slice,
+    series: Mapping[str, Array],
+) -> dict[str, Array]:
+    """What the vehicle did; the specific force is that at the CG."""
+    flown = {
+        name: np.where(flight.usable([name])[whole], flight[name][whole], np.nan)
+        for name in (*NEEDED, "psi", "altitude")
+        if name in flight
+    }
+    scale = flight["qbar"][whole] * vehicle.reference.area
+    for name, axis in (("ax", "CX"), ("ay", "CY"), ("az", "CZ")):
+        if axis in coefficients.values:
+            force = scale * coefficients.values[axis][whole] + series[f"force_{name[1]}"]
+            usable = coefficients.usable[axis][whole]
+            flown[name] = np.where(usable, force / series["mass"], np.nan)
+    return flown
+
+
+def _infer_thrust(
+    series: dict[str, Array],
+    model: FlightModel,
+    flight: Flight,
+    coefficients: Coefficients,
+    vehicle: Vehicle,
+    whole: slice,
+    notes: list[str],
+) -> dict[str, str]:
+    """Set the force along x to what the flight shows beyond the database, where thrust is not
+    known; returns the responses that can no longer be judged."""
+    channels = {name: flight[name][whole] for name in flight.channels}
+    predicted = model.database.predict(channels).coefficients["CX"]
+    measured = coefficients.values["CX"][whole]
+    area, own = vehicle.reference.area, model.database.reference.area
+    missing = flight["qbar"][whole] * (area * measured - own * predicted)
+    at = np.flatnonzero(coefficients.usable["CX"][whole] & np.isfinite(missing))
+    if not at.size:
+        notes.append("thrust is not known; none was flown")
+        return {}
+    series["force_x"] = np.interp(np.arange(len(missing)), at, missing[at])
+    reason = "thrust is not known: the force along x is inferred from the flight's acceleration"
+    notes.append(reason)
+    return {"V": reason, "ax": reason}
+
+
+def _wind(
+    series: dict[str, Array],
+    flight: Flight,
+    known: Mapping[str, Array],
+    psi: Array,
+    whole: slice,
+    bandwidth: float | None,
+    notes: list[str],
+) -> None:
+    """Add the wind, low-passed at `bandwidth` [Hz], or its mean."""
+    names = ("velocity_north", "velocity_east", "velocity_down")
+    if not all(name in flight for name in names) or not flight.usable(names)[whole].all():
+        notes.append("wind is not known; none was flown")
+        return
+    along = known["V"] * np.cos(known["beta"])
+    side = known["V"] * np.sin(known["beta"])
+    air = np.stack([along * np.cos(known["alpha"]), side, along * np.sin(known["alpha"])])
+    over = to_earth(quaternion_from_euler(known["phi"], known["theta"], psi), air)
+    for name, through in zip(names, over, strict=True):
+        blown = flight[name][whole] - through
+        series[name.replace("velocity", "wind")] = (
+            np.full(len(blown), blown.mean())
+            if bandwidth is None
+            else low_passed(blown, flight.step, bandwidth)
+        )

@@ -1,0 +1,87 @@
+"""The least feedback that keeps an unstable vehicle on its recorded flight."""
+
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from aerodb.simulation.engine import FlightModel, simulate
+from aerodb.simulation.layout import FEEDBACK
+from aerodb.simulation.replay import Stretch
+from aerodb.support import Array
+
+#: Perturbation of each state: m/s for V, else rad or rad/s.
+_STEPS: Final = np.array([0.1, *[1e-4] * 7])
+#: Gains below this share of an input's greatest one, each in deflection per perturbation as large
+#: as the growing motion makes it, are left out.
+_SMALLEST: Final = 1e-3
+
+
+def stabilising_feedback(model: FlightModel, stretch: Stretch) -> dict[tuple[str, str], float]:
+    """Return gains (input, channel) -> gain on (flown - simulated) that stabilise a stretch; none
+    where no motion grows by more than e over it.
+
+    The gains use the least deflection: growth rates are mirrored, all other modes stay as they are
+    (the optimal regulator without weight on the states; Anderson & Moore, Optimal Control: Linear
+    Quadratic Methods (1990), section 3.3 with a prescribed degree of stability). Rates are those of
+    the model at the start of the stretch. The inputs are those that the flight moves.
+
+    Raises nothing where the inputs cannot stabilise the motion: the result is empty.
+    """
+    moved = [name for name in model.inputs if np.ptp(stretch.series[name]) > 0]
+    duration = float(stretch.time[-1] - stretch.time[0])
+    if not moved or duration <= 0:
+        return {}
+    states, controls = _linear(model, stretch, moved)
+    grown = states - np.eye(len(FEEDBACK)) / duration
+    if np.linalg.eigvals(grown).real.max() <= 0:
+        return {}
+    try:
+        cost = solve_continuous_are(grown, controls, np.zeros_like(states), np.eye(len(moved)))
+    except (LinAlgError, ValueError):
+        return {}
+    gains = controls.T @ cost
+    largest = np.abs(gains).max(axis=1, keepdims=True)
+    return {
+        (name, channel): float(gains[i, j])
+        for i, name in enumerate(moved)
+        for j, channel in enumerate(FEEDBACK)
+        if abs(gains[i, j]) > _SMALLEST * max(largest[i, 0], 1e-12)
+    }
+
+
+def _linear(model: FlightModel, stretch: Stretch, moved: list[str]) -> tuple[Array, Array]:
+    """Derivatives of the rates of `FEEDBACK` by these states (8, 8) and by inputs (8, m)."""
+    m = len(FEEDBACK)
+    steps = np.concatenate([_STEPS, np.full(len(moved), 1e-4)])
+    lanes = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
+    k = lanes.shape[1]
+    series: dict[str, Array] = {
+        name: np.full((1, k), values[0])
+        for name, values in stretch.series.items()
+        if not name.startswith(("wind", "gust"))
+    }
+    for row, name in enumerate(moved, m):
+        series[name] = series[name] + lanes[row]
+    start = {name: stretch.start[name] + np.zeros(k) for name in stretch.start}
+    for row, name in enumerate(FEEDBACK):
+        start[name] = start[name] + lanes[row]
+    run = simulate(model, stretch.time[:1], start, series)
+    channel = {name: values[0] for name, values in run.channels.items()}
+    air = run.state[:3]
+    speed = (air * run.rates[:3]).sum(axis=0) / channel["V"]
+    sine, cosine = np.sin(channel["phi"]), np.cos(channel["phi"])
+    climb = channel["q"] * sine + channel["r"] * cosine
+    rates = np.stack(
+        [
+            speed,
+            channel["alphadot"],
+            channel["betadot"],
+            *run.rates[3:6],
+            channel["p"] + np.tan(channel["theta"]) * climb,
+            channel["q"] * cosine - channel["r"] * sine,
+        ]
+    )
+    half = len(steps)
+    jacobian = (rates[:, :half] - rates[:, half:]) / (2.0 * steps)
+    return jacobian[:, :m], jacobian[:, m:]

@@ -1,0 +1,260 @@
+"""``aerodb version fly`` and ``validate``: versions flown over recorded flights."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from aerodb.errors import InputError
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle
+
+Tolerances = Annotated[
+    Path | None,
+    typer.Option(help="Tolerances as TOML; default: 14 CFR 60 appendix A, AC 120-40B."),
+]
+Wind = Annotated[str, typer.Option(help="measured: gusts as reconstructed; mean: of each stretch.")]
+Stabilise = Annotated[
+    bool,
+    typer.Option(help="Close the least stabilising feedback where the vehicle is unstable."),
+]
+Trimmed = Annotated[
+    bool,
+    typer.Option(
+        help="Begin in the flight's trim: a constant force and moment hold the first second."
+    ),
+]
+Output = Annotated[
+    Path | None, typer.Option(help="HTML page to write, with each response beside the flight.")
+]
+
+
+def fly(
+    context: typer.Context,
+    version: str,
+    flight: Annotated[str, typer.Option(help="The flight.")],
+    since: Annotated[
+        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
+    ] = None,
+    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    wind: Wind = "measured",
+    stabilise: Stabilise = True,
+    feedback: Annotated[
+        list[str] | None,
+        typer.Option(help="INPUT:CHANNEL=GAIN on flown - simulated, for example delta_e:q=0.3."),
+    ] = None,
+    trimmed: Trimmed = False,
+    tolerances: Tolerances = None,
+    output: Output = None,
+    vehicle: Vehicle = None,
+) -> None:
+    """Fly a version from the flight's start under its inputs; each manoeuvre, or --from --to.
+
+    Example: aerodb version fly candidate --flight 1a2b3c --output responses.html
+    """
+    from aerodb.flows.fly import fly_flow
+    from aerodb.tasks.references import version_of
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle)
+    parameters: dict[str, Any] = {
+        "version": row.id,
+        "flight": catalogue.flight(flight, row.vehicle).id,
+        "since": since,
+        "until": until,
+        "wind": wind,
+        "stabilise": stabilise,
+        "feedback": dict(_gain(text) for text in feedback or []),
+        "trimmed": trimmed,
+        "tolerances": _text(tolerances),
+        "page": output is not None,
+    }
+    document = session.run(fly_flow, parameters, direct=True)
+    page = document.pop("page", None)
+    session.say(f"version {row.label} over flight {document['flight'][:12]}")
+    _say_stretches(session, document)
+    _write(session, output, page)
+    session.answer(document)
+
+
+def validate(
+    context: typer.Context,
+    version: str,
+    flight: Annotated[
+        list[str] | None, typer.Option(help="Flights; default: those held out of the version.")
+    ] = None,
+    against: Annotated[
+        str, typer.Option(help="Version flown beside it: parent, none, or a version.")
+    ] = "parent",
+    wind: Wind = "measured",
+    stabilise: Stabilise = True,
+    trimmed: Trimmed = False,
+    tolerances: Tolerances = None,
+    output: Output = None,
+    vehicle: Vehicle = None,
+) -> None:
+    """Fly a version and its baseline over the manoeuvres of its held-out flights, and judge the
+    responses. Exits with 4 where a check fails.
+
+    Example: aerodb version validate candidate --output responses.html
+    """
+    from aerodb.flows.fly import validate_flow
+    from aerodb.tasks.references import version_of
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle)
+    uses = catalogue.version_flights(row.id)
+    held = [use.flight for use in uses if use.role == "held_out"]
+    chosen = [catalogue.flight(name, row.vehicle).id for name in flight or []]
+    identified = {use.flight for use in uses if use.role == "identified"}
+    flights = chosen or held or sorted(identified)
+    if not flights:
+        raise InputError(
+            "no flights stand behind it", f"version {row.label}", "name flights with --flight"
+        )
+    baseline = None
+    if against == "parent":
+        baseline = row.parent
+    elif against != "none":
+        baseline = version_of(catalogue, against, vehicle).id
+    parameters = {
+        "version": row.id,
+        "baseline": baseline,
+        "flights": flights,
+        "independent": not identified & set(flights),
+        "wind": wind,
+        "stabilise": stabilise,
+        "trimmed": trimmed,
+        "tolerances": _text(tolerances),
+        "page": output is not None,
+    }
+    document = session.run(validate_flow, parameters, direct=True)
+    page = document.pop("page", None)
+    say_responses(session, row.label, document)
+    _write(session, output, page)
+    session.answer(document)
+    if not document["passed"]:
+        raise typer.Exit(4)
+
+
+def _gain(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise InputError(
+            f"'{text}' is no feedback", remedy="write INPUT:CHANNEL=GAIN, as delta_e:q=0.3"
+        ) from None
+
+
+def _text(path: Path | None) -> str:
+    if path is None:
+        return ""
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", str(path), "name a TOML file") from None
+
+
+def _write(session: Session, output: Path | None, page: str | None) -> None:
+    from aerodb.storage.workspace import write_for_user
+
+    if output is not None and page is not None:
+        written = write_for_user(session.workspace(), output, page.encode("utf-8"))
+        session.say(f"wrote {written}")
+
+
+def _say_stretches(session: Session, document: dict[str, Any]) -> None:
+    for stretch in document["stretches"]:
+        session.say()
+        where = f"{stretch['since']:.1f} to {stretch['until']:.1f} s, {stretch['kind']}"
+        if "reason" in stretch:
+            session.say(f"{where}: not flown: {stretch['reason']}")
+            continue
+        session.say(f"{where} ({', '.join(stretch['controls']) or 'no control moved'})")
+        if stretch["correction"]:
+            largest = max(stretch["correction"], key=stretch["correction"].__getitem__)
+            session.say(
+                "  unstable: least stabilising feedback closed; it moved"
+                f" {largest} by up to {np.rad2deg(stretch['correction'][largest]):.2g} deg"
+            )
+        for check in stretch["checks"]:
+            word = "within" if check["passed"] else "OUTSIDE"
+            session.say(f"  {word}: {check['check']}: {check['share']:.0%} of the time inside")
+        session.table(
+            ["response", "rms of flight", "rms error", "fit", "bias", "variance", "covariance"],
+            [_row(response) for response in stretch["responses"]],
+            range(1, 7),
+        )
+        for note in stretch["notes"]:
+            session.say(f"  {note}")
+
+
+def _row(response: dict[str, Any], *more: str) -> list[str]:
+    from aerodb.report import channel_scale
+
+    factor, label = channel_scale(response["channel"])
+    theil = response["theil"]
+    return [
+        label,
+        f"{factor * response['rms_flown']:.3g}",
+        f"{factor * response['rms_error']:.3g}",
+        *more,
+        f"{theil['fit_percent']:.0f} %",
+        *(f"{theil[part]:.2f}" for part in ("bias", "variance", "covariance")),
+    ]
+
+
+def say_responses(session: Session, label: str, document: dict[str, Any]) -> None:
+    """Print the summary of `validate_flow` for a version of this label."""
+    from aerodb.report import channel_scale
+
+    kind = "held-out" if document["independent"] else "identification (not independent)"
+    session.say(
+        f"version {label}: {document['manoeuvres']} manoeuvres of {len(document['flights'])} {kind}"
+        f" flights, {document['stabilised']} with stabilising feedback;"
+        f" tolerances {document['tolerances']}"
+    )
+    rows = []
+    for check in document["checks"]:
+        before = check["before"]
+        rows.append(
+            [
+                check["check"],
+                f"{check['passed']} of {check['manoeuvres']}",
+                f"{check['share']:.0%}",
+                f"{before['passed']} of {before['manoeuvres']}" if before else "",
+                f"{before['share']:.0%}" if before and before["share"] is not None else "",
+            ]
+        )
+    session.table(
+        ["check", "within tolerance", "of the time", "baseline", "of the time"], rows, range(1, 5)
+    )
+    session.say()
+    told = [response for response in document["responses"] if response["manoeuvres"]]
+    shown = []
+    for response in told:
+        factor = channel_scale(response["channel"])[0]
+        before = response["before"]
+        earlier, better = "", ""
+        if before and before["manoeuvres"]:
+            earlier = f"{factor * before['rms_error']:.3g}"
+            better = f"{response['improved']} of {before['manoeuvres']}"
+        shown.append(_row(response, earlier, better))
+    columns = ["response", "rms of flight", "rms error", "baseline", "better in"]
+    session.table([*columns, "fit", "bias", "variance", "covariance"], shown, range(1, 9))
+    for failed in document["failed"][:10]:
+        session.say(
+            f"outside: {failed['name']}, {failed['since']:.1f} to {failed['until']:.1f} s:"
+            f" {failed['check']}, {failed['share']:.0%} of the time inside"
+        )
+    if len(document["failed"]) > 10:
+        session.say(f"and {len(document['failed']) - 10} more: --json")
+    for entry in document["not_flown"]:
+        session.say(
+            f"not flown: flight {entry['flight'][:12]}, {entry['since']:.1f} to"
+            f" {entry['until']:.1f} s: {entry['reason']}"
+        )

@@ -1,0 +1,60 @@
+"""Fly flow: a version over one flight, or over its held-out flights beside its baseline."""
+
+from typing import Any
+
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps import fly_version, response_page, summarise_responses
+
+
+def fly_flow(
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    version: str,
+    flight: str,
+    page: bool = False,
+    **options: Any,
+) -> dict[str, Any]:
+    """Fly a version (its id) over a flight (its id); options are those of `fly_version`.
+
+    Returns its document, with the figures as HTML in ``page`` if asked for.
+    """
+    where = {"workspace": workspace, "run": run}
+    document: dict[str, Any] = steps(fly_version, flight, **where, version=version, **options)
+    if page:
+        document |= {"page": steps(response_page, [document], **where)}
+    return document
+
+
+def validate_flow(
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    version: str,
+    baseline: str | None,
+    flights: list[str],
+    independent: bool = True,
+    page: bool = False,
+    **options: Any,
+) -> dict[str, Any]:
+    """Fly a version and its baseline (ids; or None) over flights (ids), and sum up.
+
+    independent : whether the flights were not used to identify the version.
+    """
+    where = {"workspace": workspace, "run": run}
+    after = steps.map(fly_version, flights, **where, version=version, **options)
+    before = (
+        []
+        if baseline is None
+        else steps.map(fly_version, flights, **where, version=baseline, **options)
+    )
+    document: dict[str, Any] = steps(
+        summarise_responses, after, **where, before=before, independent=independent
+    )
+    if page:
+        document |= {
+            "page": steps(response_page, after, **where, before=before, summary=dict(document))
+        }
+    return document

@@ -1,0 +1,295 @@
+"""A version flown over stretches of stored flights, and judged by the response."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from importlib import resources
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.conditioning import STATES
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.simulation import (
+    RESPONSES,
+    FlightModel,
+    Simulation,
+    Stretch,
+    Tolerances,
+    check_responses,
+    fly_stretch,
+    moved_controls,
+    parse_tolerances,
+    response_agreement,
+    stabilising_feedback,
+    stretch_model,
+    stretch_of,
+    with_trim_offset,
+)
+from aerodb.storage.catalogue import FlightRow
+from aerodb.storage.files import read_results, write_results
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
+from aerodb.tasks.steps.segments import segments_of
+from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.vehicle import Vehicle
+
+#: What a manoeuvre is flown with before its start and after its end [s].
+BEFORE: Final = 1.0
+AFTER: Final = 4.0
+#: Longest stretch of a flight without manoeuvres [s].
+LONGEST: Final = 20.0
+
+
+def default_tolerances() -> str:
+    """The text of the tolerances that come with aerodb."""
+    return (resources.files("aerodb.simulation") / "tolerances.toml").read_text("utf-8")
+
+
+def fly_version(
+    flight: str,
+    *,
+    workspace: str,
+    run: str,
+    version: str,
+    since: float | None = None,
+    until: float | None = None,
+    wind: str = "measured",
+    stabilise: bool = True,
+    feedback: Mapping[str, float] | None = None,
+    trimmed: bool = False,
+    tolerances: str = "",
+) -> dict[str, Any]:
+    """Fly a version (its id) over a flight (its id), and store the responses.
+
+    Parameters
+    ----------
+    since, until : [s] from the flight's first sample; without them, each manoeuvre with 1 s before
+        and 4 s after it; in a flight without manoeuvres, pieces of 20 s.
+    wind : ``measured``, as reconstructed, or ``mean`` of each stretch.
+    stabilise : close the least stabilising feedback where the vehicle is unstable.
+    feedback : ``input:channel`` -> gain, in place of it.
+    trimmed : begin each stretch in the flight's trim, by a constant force and moment that hold the
+        first second.
+    tolerances : text; empty: those that come with aerodb.
+
+    Returns a document: flight, version, key, tolerances, stretches (since, until, kind, controls,
+    feedback, correction, responses, checks, notes, or reason where it was not flown).
+    """
+    access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
+    text = tolerances or default_tolerances()
+    limits = parse_tolerances(text)
+    loaded = load_coefficients(access, row, run)
+    windows = _windows(access, row, loaded.flight, run, since, until)
+    settings: dict[str, Any] = {
+        "windows": [list(window) for window in windows],
+        "wind": wind,
+        "stabilise": stabilise,
+        "feedback": dict(feedback or {}),
+        "trimmed": trimmed,
+        "tolerances": text,
+    }
+    inputs = {"coefficients": loaded.key, "version": version}
+    result = StoredResult(access, "fly", "simulation", inputs, settings, flight=row.id)
+    path = result.stored()
+    if path is not None:
+        return dict(read_results(path, ("time",))[1]["document"])
+    vehicle, _ = access.vehicle(row.vehicle)
+    gains = {_gain_name(name): value for name, value in (feedback or {}).items()}
+    pieces = [
+        _fly(
+            access.database(version),
+            loaded,
+            vehicle,
+            window,
+            wind,
+            stabilise,
+            gains,
+            trimmed,
+            limits,
+        )
+        for window in windows
+    ]
+    document = {
+        "flight": row.id,
+        "version": version,
+        "key": result.key,
+        "tolerances": limits.name,
+        "stretches": [piece for piece, _ in pieces],
+    }
+    table = _long([columns for _, columns in pieces])
+    result.keep(run, lambda path: write_results(path, table, {"document": document}))
+    return document
+
+
+def flown_responses(
+    access: WorkspaceAccess, key: str
+) -> list[dict[str, tuple[Array, Array, Array]]]:
+    """Stored responses of each stretch: response -> time [s], simulated and flown (n,)."""
+    path = access.path_of(key)
+    if path is None:
+        raise InputError("its file is lost", f"result {key[:12]}", "run version fly again")
+    table, metadata = read_results(path)
+    found: list[dict[str, tuple[Array, Array, Array]]] = []
+    for number in range(len(metadata["document"]["stretches"])):
+        mine = table["stretch"] == number
+        names = table["response"][mine].astype(str)
+        columns = [table[name][mine] for name in ("time", "simulated", "flown")]
+        found.append(
+            {
+                name: (
+                    columns[0][names == name],
+                    columns[1][names == name],
+                    columns[2][names == name],
+                )
+                for name in dict.fromkeys(names)
+            }
+        )
+    return found
+
+
+def _gain_name(text: str) -> tuple[str, str]:
+    surface, colon, channel = text.partition(":")
+    if not colon:
+        raise InputError(
+            f"'{text}' is no feedback", remedy="write INPUT:CHANNEL=GAIN, as delta_e:q=0.3"
+        )
+    return surface, channel
+
+
+Window = tuple[float, float, str]
+
+
+def _windows(
+    access: WorkspaceAccess,
+    row: FlightRow,
+    flight: Flight,
+    run: str,
+    since: float | None,
+    until: float | None,
+) -> list[Window]:
+    """Stretches to fly: from and to [s] from the first sample, and what is flown there."""
+    if since is not None or until is not None:
+        return [(since or 0.0, flight.duration if until is None else until, "stretch")]
+    found = sorted(segments_of(access, row.id, run), key=lambda segment: segment.start)
+    manoeuvres = [segment for segment in found if segment.kind not in STATES]
+    windows: list[Window] = []
+    for segment in manoeuvres:
+        begin = max(segment.start - BEFORE, 0.0)
+        end = min(segment.end + AFTER, flight.duration)
+        if windows and segment.start < windows[-1][1] - AFTER:  # they overlap
+            last = windows[-1]
+            kinds = dict.fromkeys([*last[2].split(" + "), segment.kind])
+            windows[-1] = (last[0], max(last[1], end), " + ".join(kinds))
+        else:
+            if windows and windows[-1][1] > segment.start:
+                windows[-1] = (windows[-1][0], segment.start, windows[-1][2])
+            windows.append((begin, end, segment.kind))
+    if windows:
+        return windows
+    count = max(1, int(np.ceil(flight.duration / LONGEST - 1e-9)))
+    edges = np.linspace(0.0, flight.duration, count + 1)
+    return [(float(a), float(b), "stretch") for a, b in pairwise(edges)]
+
+
+def _fly(
+    database: AeroDatabase,
+    loaded: FlightCoefficients,
+    vehicle: Vehicle,
+    window: Window,
+    wind: str,
+    stabilise: bool,
+    gains: Mapping[tuple[str, str], float],
+    trimmed: bool,
+    limits: Tolerances,
+) -> tuple[dict[str, Any], dict[str, tuple[Array, Array, Array]]]:
+    """One stretch: its document, and its responses."""
+    flight, first = loaded.flight, float(loaded.flight.time[0])
+    document: dict[str, Any] = {"since": window[0], "until": window[1], "kind": window[2]}
+    if wind not in ("mean", "measured"):
+        raise InputError(f"wind '{wind}' is not known", remedy="mean or measured")
+
+    def prepared(feedback: Mapping[tuple[str, str], float]) -> tuple[FlightModel, Stretch]:
+        model = stretch_model(database, flight, feedback)
+        return model, stretch_of(
+            model,
+            flight,
+            loaded.coefficients,
+            vehicle,
+            first + window[0],
+            first + window[1],
+            wind="mean" if wind == "mean" else "measured",
+        )
+
+    try:
+        model, stretch = prepared(gains)
+        if stabilise and not gains:
+            found = stabilising_feedback(model, stretch)
+            if found:
+                gains = found
+                model, stretch = prepared(found)
+    except InputError as error:
+        return {**document, "reason": str(error)}, {}
+    if trimmed:
+        stretch, offset = with_trim_offset(model, stretch, BEFORE)
+        document["trim_offset"] = asdict(offset)
+    flown = fly_stretch(model, stretch)
+    simulated = {name: values[:, 0] for name, values in flown.channels.items()}
+    controls = moved_controls(model, stretch)
+    checks = check_responses(limits, simulated, stretch.flown, controls, stretch.free)
+    document |= {
+        "controls": list(controls),
+        "feedback": {f"{surface}:{channel}": gain for (surface, channel), gain in gains.items()},
+        "correction": _corrections(flown, stretch, {surface for surface, _ in gains}),
+        "responses": [
+            {
+                "channel": each.channel,
+                "rms_error": each.rms_error,
+                "rms_flown": each.rms_flown,
+                "theil": asdict(each.theil),
+            }
+            for each in response_agreement(simulated, stretch.flown)
+        ],
+        "checks": [asdict(check) for check in checks],
+        "notes": [*stretch.notes, *flown.notes()],
+        "ended": float(stretch.time[flown.ended[0] - 1]) - first,
+    }
+    time = stretch.time - first
+    return document, {
+        name: (time, simulated[name], stretch.flown[name])
+        for name in RESPONSES
+        if name in stretch.flown
+    }
+
+
+def _corrections(flown: Simulation, stretch: Stretch, surfaces: Iterable[str]) -> dict[str, float]:
+    """Greatest deflection [rad] that the feedback added to each input."""
+    return {
+        name: float(np.nanmax(np.abs(flown.channels[name][:, 0] - stretch.series[name])))
+        for name in sorted(surfaces)
+    }
+
+
+def _long(pieces: list[dict[str, tuple[Array, Array, Array]]]) -> dict[str, np.ndarray]:
+    rows = [
+        (number, name, *columns)
+        for number, piece in enumerate(pieces)
+        for name, columns in piece.items()
+    ]
+
+    def joined(parts: list[np.ndarray], kind: type) -> np.ndarray:
+        return np.concatenate([np.zeros(0, kind), *parts])
+
+    return {
+        "time": joined([row[2] for row in rows], float),
+        "stretch": joined([np.full(len(row[2]), row[0]) for row in rows], np.int64),
+        "response": np.concatenate(
+            [np.zeros(0, "U8"), *(np.full(len(row[2]), row[1], "U8") for row in rows)]
+        ),
+        "simulated": joined([row[3] for row in rows], float),
+        "flown": joined([row[4] for row in rows], float),
+    }

@@ -1,0 +1,151 @@
+"""The acid test of a version: its responses on held-out flights, summed up and drawn."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from aerodb.report import FlownStretch, response_report
+from aerodb.tasks.steps.fly import flown_responses
+from aerodb.tasks.workspace_access import access_workspace
+
+Document = Mapping[str, Any]
+
+
+def summarise_responses(
+    after: Sequence[Document],
+    *,
+    workspace: str,
+    run: str,
+    before: Sequence[Document],
+    independent: bool,
+) -> dict[str, Any]:
+    """Sum up the documents of `fly_version` of several flights, for a version and its baseline.
+
+    Returns a document: version, baseline, independent, flights, tolerances, manoeuvres, checks
+    (check, manoeuvres, passed, share; and of the baseline), responses (channel, rms error, Theil's
+    fit and parts, improved: in how many manoeuvres; and of the baseline), failed, not_flown,
+    stabilised, passed.
+    """
+    access = access_workspace(workspace)
+    stretches = [(d["flight"], s) for d in after for s in d["stretches"]]
+    flown = [(flight, s) for flight, s in stretches if "reason" not in s]
+    earlier = [s for d in before for s in d["stretches"] if "reason" not in s]
+    checks = [
+        {
+            **_of_check(name, [s for _, s in flown]),
+            "before": _of_check(name, earlier) if before else None,
+        }
+        for name in dict.fromkeys(c["check"] for _, s in flown for c in s["checks"])
+    ]
+    responses = [
+        {
+            **_of_response(name, [s for _, s in flown]),
+            "improved": _improved(name, after, before),
+            "before": _of_response(name, earlier) if before else None,
+        }
+        for name in dict.fromkeys(r["channel"] for _, s in flown for r in s["responses"])
+    ]
+    failed = [
+        {"flight": flight, "name": access.name_of(access.catalogue.flight(flight))}
+        | {key: s[key] for key in ("since", "until", "kind")}
+        | {"check": check["check"], "share": check["share"]}
+        for flight, s in flown
+        for check in s["checks"]
+        if not check["passed"]
+    ]
+    return {
+        "version": after[0]["version"] if after else None,
+        "baseline": before[0]["version"] if before else None,
+        "independent": independent,
+        "flights": [d["flight"] for d in after],
+        "tolerances": after[0]["tolerances"] if after else None,
+        "manoeuvres": len(flown),
+        "stabilised": sum(bool(s["feedback"]) for _, s in flown),
+        "checks": checks,
+        "responses": responses,
+        "failed": failed,
+        "not_flown": [
+            {"flight": flight, "since": s["since"], "until": s["until"], "reason": s["reason"]}
+            for flight, s in stretches
+            if "reason" in s
+        ],
+        "passed": bool(checks) and not failed,
+    }
+
+
+def _of_check(name: str, stretches: Sequence[Document]) -> dict[str, Any]:
+    found = [c for s in stretches for c in s["checks"] if c["check"] == name]
+    return {
+        "check": name,
+        "manoeuvres": len(found),
+        "passed": sum(c["passed"] for c in found),
+        "share": float(np.mean([c["share"] for c in found])) if found else None,
+    }
+
+
+def _of_response(channel: str, stretches: Sequence[Document]) -> dict[str, Any]:
+    """Root mean square over the manoeuvres, and medians of Theil's statistics."""
+    found = [r for s in stretches for r in s["responses"] if r["channel"] == channel]
+    if not found:
+        return {"channel": channel, "manoeuvres": 0}
+    errors = np.array([(r["rms_error"], r["rms_flown"]) for r in found])
+    error, size = np.sqrt(np.mean(errors**2, axis=0))
+    parts = {
+        key: float(np.median([r["theil"][key] for r in found]))
+        for key in ("fit_percent", "bias", "variance", "covariance")
+    }
+    return {
+        "channel": channel,
+        "manoeuvres": len(found),
+        "rms_error": float(error),
+        "rms_flown": float(size),
+        "theil": parts,
+    }
+
+
+def _improved(channel: str, after: Sequence[Document], before: Sequence[Document]) -> int | None:
+    """In how many manoeuvres the baseline's error is larger; None without a baseline."""
+    if not before:
+        return None
+
+    def errors(documents: Sequence[Document]) -> dict[tuple[str, float], float]:
+        return {
+            (d["flight"], s["since"]): r["rms_error"]
+            for d in documents
+            for s in d["stretches"]
+            for r in s.get("responses", ())
+            if r["channel"] == channel
+        }
+
+    now, then = errors(after), errors(before)
+    return sum(now[key] < then[key] for key in now.keys() & then.keys())
+
+
+def response_page(
+    after: Sequence[Document],
+    *,
+    workspace: str,
+    run: str,
+    before: Sequence[Document] = (),
+    summary: Document | None = None,
+) -> str:
+    """Return an HTML page with the responses of each manoeuvre beside the flight."""
+    access = access_workspace(workspace)
+    labels = [
+        access.catalogue.versions_by_id([documents[0]["version"]])[documents[0]["version"]].label
+        if documents
+        else ""
+        for documents in (after, before)
+    ]
+    earlier = {d["flight"]: flown_responses(access, d["key"]) for d in before}
+    stretches = []
+    for document in after:
+        name = access.name_of(access.catalogue.flight(document["flight"]))
+        others = earlier.get(document["flight"])
+        for number, responses in enumerate(flown_responses(access, document["key"])):
+            stretch = document["stretches"][number]
+            if "reason" not in stretch:
+                beside = others[number] if others else {}
+                stretches.append(FlownStretch(name, stretch, responses, beside))
+    return response_report(labels[0], labels[1], summary, stretches)
