@@ -15,7 +15,7 @@ along one variable. Simulated flights of a glider with logs:
    them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
    (sensors).
 
-`motion` has the equations of motion of those gliders and `linear` their linear models and modes.
+`motion` has the equations of motion of those gliders.
 """
 
 import lazy_loader as lazy

@@ -8,12 +8,13 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.simulation.engine import Simulation, initial_state, simulate
+from aerodb.simulation.engine import FlightModel, Simulation, initial_state, simulate
 from aerodb.simulation.layout import STATE, SURROUNDINGS
 from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.parameter_covariance import parameter_covariance
 from aerodb.simulation.trim import Trim, differences, load_factors, moved_points, varied
 from aerodb.support import Array
+from aerodb.tables import Relay
 
 #: Velocity along body axes, or airspeed and flow angles.
 Form = Literal["velocities", "angles"]
@@ -126,13 +127,23 @@ def linear_model(trim: Trim, form: Form = "velocities") -> LinearModel:
         **{name: "rad" if name.startswith("delta_") else "1" for name in model.inputs},
         **({thrust: "N"} if thrust.startswith("force") else {}),
     }
-    states = (*_FORMS[form], *model.extra_states)
+    states = _states(model, form)
     named = (*states, *inputs, *_OUTPUTS)
     return LinearModel(
         a, b, c, d, states, inputs, _OUTPUTS,
         {name: units.get(name, "1") for name in named},
         slopes[0], slopes[1], parameter_covariance(model) if len(steps) else None,
     )  # fmt: skip
+
+
+def _states(model: FlightModel, form: Form) -> tuple[str, ...]:
+    """Names of the states; relays and actuators without lag have no rate, and are held."""
+    held = {state.name for state in model.total.states if isinstance(state.law, Relay)} | {
+        name
+        for name, (_, _, rate, lag) in zip(model.actuated, model.numbers.actuators, strict=True)
+        if lag == 0.0 and rate == np.inf
+    }
+    return (*_FORMS[form], *(name for name in model.extra_states if name not in held))
 
 
 def _about(
@@ -151,7 +162,7 @@ def _about(
     base = initial_state(problem.model, start, rows, k)
     extra = base[len(STATE) :]
     speed = trim.problem.condition.V
-    states = (*_FORMS[form], *problem.model.extra_states)
+    states = _states(problem.model, form)
     n, m = len(states), len(inputs)
     steps = np.full(n + m, _STEP)
     for j, name in enumerate((*states, *inputs)):
@@ -198,7 +209,7 @@ def _about(
     )
     both = [
         np.array(values).reshape(-1, lanes, k)
-        for values in (_rates(run, at, form, states), _outputs(run))
+        for values in (_rates(run, at, form, states, problem.model.extra_states), _outputs(run))
     ]
     slopes = [
         (values[:, : n + m] - values[:, n + m :]) / (2 * steps)[None, :, None] for values in both
@@ -207,7 +218,11 @@ def _about(
 
 
 def _rates(
-    run: Simulation, at: Mapping[str, Array], form: Form, states: Sequence[str]
+    run: Simulation,
+    at: Mapping[str, Array],
+    form: Form,
+    states: Sequence[str],
+    extra: Sequence[str],
 ) -> list[Array]:
     """Rates of the states, each (lanes,)."""
     flat = {name: value.ravel() for name, value in at.items()}
@@ -222,8 +237,7 @@ def _rates(
         rates["V"] = (u * du + v * dv + w * dw) / np.sqrt(square)
         rates["alpha"] = (u * dw - w * du) / plane
         rates["beta"] = (dv * plane - v * (u * du + w * dw)) / (square * np.sqrt(plane))
-    for j, name in enumerate(states[8:]):
-        rates[name] = run.rates[len(STATE) + j]
+    rates |= dict(zip(extra, run.rates[len(STATE) :], strict=True))
     return [rates[name] for name in states]
 
 

@@ -13,7 +13,6 @@ from aerodb.physics.atmosphere import GRAVITY
 from aerodb.simulation.airframe_model import Airframe, MovingAir, airframe
 from aerodb.simulation.flight import Actuators, History, fly
 from aerodb.simulation.inputs import Event, superposed
-from aerodb.simulation.linear import linearise, modes
 from aerodb.simulation.motion import (
     angular_acceleration,
     derivative,
@@ -28,6 +27,7 @@ from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measur
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
 from aerodb.support.arrays import Array
 from aerodb.vehicle import Surface, parse_vehicle
+from tests.support.linearised import jacobian
 from tests.support.runge_kutta import runge_kutta_step
 
 PLAIN = """
@@ -189,7 +189,7 @@ def test_short_period_is_that_of_the_derivatives_and_the_flight_grows_at_its_rat
     def rate(states: Array) -> Array:
         return frame.state_rate(states, still, {"elevator": np.zeros(states.shape[1])})
 
-    matrix = linearise(rate, state)
+    matrix = jacobian(rate, state)
     scale = float(frame.channels(state[:, None], still, {"elevator": np.zeros(1)})["qbar"][0]) * 2.0
     # The reference point lies 0.1 m ahead of the CG: lift there pitches up.
     moment_alpha = scale * (0.02 + 4.0 * 0.1)
@@ -200,8 +200,8 @@ def test_short_period_is_that_of_the_derivatives_and_the_flight_grows_at_its_rat
         ]
     )
     assert matrix[np.ix_([2, 4], [2, 4])] == pytest.approx(by_hand, rel=1e-5)
-    fastest = modes(matrix, np.array([2, 4]))[0]
-    assert fastest.eigenvalue.real > 0
+    fastest = np.linalg.eigvals(matrix[np.ix_([2, 4], [2, 4])]).real.max()
+    assert fastest > 0
     vector = np.linalg.eig(by_hand)
     growing = vector.eigenvectors[:, np.argmax(vector.eigenvalues.real)].real
     pair = np.stack([state, state], axis=1)
@@ -209,7 +209,7 @@ def test_short_period_is_that_of_the_derivatives_and_the_flight_grows_at_its_rat
     start, steps = pair[4, 1] - pair[4, 0], 20
     pair = integrate(runge_kutta_step, lambda _, s: rate(s), pair, 0.01, steps)
     growth = np.log((pair[4, 1] - pair[4, 0]) / start) / (0.01 * steps)
-    assert np.log(2) / growth == pytest.approx(fastest.time_to_double, rel=0.05)
+    assert growth == pytest.approx(fastest, rel=0.05)
 
 
 def test_flights_side_by_side_are_each_as_if_alone_and_end_at_the_ground() -> None:

@@ -8,6 +8,7 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.physics import GRAVITY, standard_atmosphere
 from aerodb.simulation import (
+    Actuator,
     Condition,
     FlightModel,
     NoTrimError,
@@ -18,7 +19,8 @@ from aerodb.simulation import (
     sweep,
     trim,
 )
-from aerodb.tables import AeroDatabase, Increment, Reference, Term, parse
+from aerodb.tables import AeroDatabase, Increment, Reference, StateModel, Term, parse
+from aerodb.tables.state_model import GomanKhrabrov
 
 AREA, CHORD, SPAN = 16.0, 1.5, 11.0
 MASS = {"mass": 1100.0, "Ixx": 1300.0, "Iyy": 1900.0, "Izz": 2900.0, "Ixz": 60.0}
@@ -305,3 +307,32 @@ def test_the_linear_model_predicts_the_flight(model: FlightModel) -> None:
                 continue  # loads step with the surface; the model's altitude is constant
             scale = np.ptp(flown.channels[name])
             assert value == pytest.approx(change, abs=5e-3 * scale + 1e-9), (form, name)
+
+
+def test_states_of_actuators_and_of_the_stall_have_modes_of_their_own() -> None:
+    """An actuator of .1 s, and a flow that follows with 12 chords: eigenvalues -10 and -V/(12 c)
+    where neither is fed back."""
+    stalling = database(CX="0.2*(1 - flow_attachment)")
+    stalling = replace(
+        stalling,
+        states=(
+            StateModel(
+                "flow_attachment", GomanKhrabrov((0.1, 0.3), (1.0, 0.0), lag=0.0, relaxation=12.0)
+            ),
+        ),
+    )
+    lagged = {"delta_elevator": Actuator(lag=0.1), "delta_rudder": Actuator((-0.3, 0.3))}
+    linear = linear_model(trim(flight_model(stalling, actuators=lagged), CRUISE, MASS))
+    assert linear.states[8:] == ("flow_attachment", "delta_elevator")
+    named = {mode.name: mode.eigenvalue for mode in modes(linear)}
+    assert named["state delta_elevator"] == pytest.approx(-10.0, rel=1e-6)
+    assert named["state flow_attachment"] == pytest.approx(-60.0 / (12.0 * CHORD), rel=0.02)
+    assert named["short period"].imag > 0
+
+
+def test_feedback_is_part_of_the_linear_model(model: FlightModel) -> None:
+    damped = flight_model(database(), feedback={("delta_elevator", "q"): -0.3})
+    bare, closed = (linear_model(trim(m, CRUISE, MASS)) for m in (model, damped))
+    q, elevator = bare.states.index("q"), bare.inputs.index("delta_elevator")
+    assert closed.A[q, q] - bare.A[q, q] == pytest.approx(0.3 * bare.B[q, elevator], rel=1e-6)
+    assert pytest.approx(bare.B, abs=1e-6) == closed.B
