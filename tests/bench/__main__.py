@@ -22,6 +22,7 @@ from tests.bench.closed_loop import closed_loop
 from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
 from tests.bench.record import RECORD, append
 from tests.bench.running import running
+from tests.bench.simulation import simulation
 
 MEASURED = """
 import json, resource, sys, time
@@ -276,7 +277,15 @@ def consistency_step(folder: Path, seconds: float) -> dict[str, float]:
 
 
 #: What can be run by itself.
-PARTS = ("coefficients", "reconstruction", "consistency", "flight", "loop", "running")
+PARTS = (
+    "coefficients",
+    "reconstruction",
+    "consistency",
+    "flight",
+    "loop",
+    "simulation",
+    "running",
+)
 
 
 def main() -> None:
@@ -319,6 +328,8 @@ def main() -> None:
             }
         if "loop" in options.only:
             figures |= closed_loop(folder, measure)
+        if "simulation" in options.only:
+            figures |= simulation()
         if "running" in options.only:
             running(folder, tuple(options.stored))
     if figures and not options.no_record:

@@ -21,6 +21,8 @@ COLUMNS = {
     "10 flights, finding [s]": "ten flights",
     "one flight more": "one more",
     "reconstruction, installed [s]": "installed",
+    "simulation, one run": "one run",
+    "simulation, 64 runs": "64 runs",
 }
 
 
