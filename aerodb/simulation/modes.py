@@ -1,7 +1,7 @@
 """Modes of a linear model, named by the states that take part in them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,8 +11,13 @@ from aerodb.support import Array
 
 #: A real part below this share of the largest eigenvalue is rounding.
 _ROUNDING: Final = 1e-9
+#: Lateral real roots, and what is neither.
+_ROOTS: Final = ("roll", "spiral")
+_DIRECTIONAL: Final = "Dutch roll, real root"
 #: From this share on, the other motion belongs to the description of a mode.
 _COUPLED: Final = 0.25
+#: A share this close to a half belongs to both modes.
+_MERGED: Final = 0.15
 _SAME: Final = {"V": "u", "alpha": "w", "beta": "v"}
 
 
@@ -48,8 +53,8 @@ def modes(model: LinearModel) -> tuple[Mode, ...]:
     eigenvector: they do not depend on the units of the states (Perez-Arriaga, Verghese & Schweppe,
     IEEE Trans. PAS-101, 1982). Of an oscillation in the plane of symmetry, w and q make the short
     period, u and theta the phugoid; of a lateral one, v makes the Dutch roll and phi the lateral
-    phugoid (p and r take part in both). Of a lateral real root, p makes the roll mode and phi the
-    spiral.
+    phugoid (p and r take part in both). Of two lateral real roots beside a Dutch roll, the one with
+    more p is the roll mode, the other the spiral.
     """
     values, right = np.linalg.eig(model.A)
     left = np.linalg.pinv(right)
@@ -66,7 +71,8 @@ def modes(model: LinearModel) -> tuple[Mode, ...]:
         clean = complex(value.real, 0.0 if real else value.imag)
         errors = _errors(model, right[:, k], left[k], clean)
         found.append(Mode(name, clean, figures(clean), errors, participation, note))
-    return tuple(sorted(_counted(found), key=lambda mode: (_order(mode), -abs(mode.eigenvalue))))
+    found = _counted(_roll_and_spiral(found))
+    return tuple(sorted(found, key=lambda mode: (_order(mode), -abs(mode.eigenvalue))))
 
 
 def figures(value: complex) -> dict[str, float]:
@@ -123,11 +129,13 @@ def _named(participation: Mapping[str, float], real: bool, grows: bool) -> tuple
         if real:
             name += ", real root"
             notes.append("two real roots in place of an oscillation, or one merged with another")
+        if abs(get("w", "q") - 0.5 * plane) < _MERGED * plane:
+            notes.append("short period and phugoid have merged: both pairs of states take part")
     else:
         if real:
-            parts = {"roll": get("p"), "spiral": get("phi"), "Dutch roll, real root": get("v", "r")}
-            name = max(parts, key=lambda part: parts[part])
-            if name.startswith("Dutch"):
+            shares = (get("p"), get("phi"), get("v", "r"))
+            name = (*_ROOTS, _DIRECTIONAL)[int(np.argmax(shares))]
+            if name == _DIRECTIONAL:
                 notes.append("no oscillation: sideslip grows or dies out alone")
         else:
             name = "Dutch roll" if get("v") >= get("phi") else "lateral phugoid"
@@ -142,6 +150,24 @@ def _named(participation: Mapping[str, float], real: bool, grows: bool) -> tuple
     return name, "; ".join(notes)
 
 
+def _roll_and_spiral(found: list[Mode]) -> list[Mode]:
+    """Beside one Dutch roll, two lateral real roots are roll and spiral: roll is where p takes the
+    greater part."""
+    names = [mode.name for mode in found]
+    places = [k for k, name in enumerate(names) if name in (*_ROOTS, _DIRECTIONAL)]
+    if names.count("Dutch roll") != 1 or len(places) != 2:
+        return found
+    places.sort(key=lambda k: -found[k].participation.get("p", 0.0))
+    for k, name in zip(places, _ROOTS, strict=True):
+        if found[k].name != name:
+            own = "p" if name == "roll" else "phi"
+            share = 100 * found[k].participation.get(own, 0.0)
+            note = f"roll and spiral are mixed: {own} has {share:.0f} %"
+            unstable = "unstable" * (found[k].eigenvalue.real > 0)
+            found[k] = replace(found[k], name=name, note="; ".join(filter(None, (note, unstable))))
+    return found
+
+
 def _counted(found: list[Mode]) -> list[Mode]:
     """Modes of one name are told apart by a note, which says that there are several."""
     names = [mode.name for mode in found]
@@ -152,10 +178,7 @@ def _counted(found: list[Mode]) -> list[Mode]:
             result.append(mode)
             continue
         note = "; ".join(filter(None, (mode.note, f"one of {several} that move the same states")))
-        result.append(
-            Mode(mode.name, mode.eigenvalue, mode.figures, mode.standard_errors,
-                 mode.participation, note)
-        )  # fmt: skip
+        result.append(replace(mode, note=note))
     return result
 
 

@@ -477,7 +477,29 @@ def _solved(problem: Problem, begin: Trim | None) -> tuple[Array, Array]:
         if np.abs(residual).max() < TOLERANCE:
             break
     assert best is not None
-    return best
+    if np.abs(best[1]).max() < TOLERANCE:
+        return best
+    return _balanced(problem, best[0])
+
+
+def _balanced(problem: Problem, point: Array) -> tuple[Array, Array]:
+    """Where there is no trim: the moments balanced as far as the controls can, so that what is left
+    is what limits the flight."""
+    k = [problem.unknowns.index(name) for name in problem.controls]
+
+    def whole(controls: Array) -> Array:
+        moved = point.copy()
+        moved[k] = controls
+        return moved
+
+    if k:
+        low, high = problem.bounds[k].T
+        inside = np.clip(point[k], low + 1e-9, high - 1e-9)
+        found = least_squares(
+            lambda x: problem.residual(whole(x)[:, None])[3:6, 0], inside, bounds=(low, high)
+        )
+        point = whole(found.x)
+    return point, problem.residual(point[:, None])[:, 0]
 
 
 def _check(
@@ -580,5 +602,10 @@ def _errors(problem: Problem, point: Array) -> dict[str, float]:
     _, series = problem.placed(points)
     values |= {name: series[name][0] for name in _shown(problem)}
     covariance = parameter_covariance(problem.model)
-    slopes = {name: differences(value, steps) for name, value in values.items()}
-    return {name: float(np.sqrt(row @ covariance @ row)) for name, row in slopes.items()}
+    errors = {}
+    for name, value in values.items():
+        slopes = differences(value, steps)
+        error = float(np.sqrt(slopes @ covariance @ slopes))
+        # What does not move has the rounding of the differences.
+        errors[name] = error if error > 1e-11 * max(1.0, float(np.abs(value[0]))) else 0.0
+    return errors

@@ -260,7 +260,12 @@ def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -
 def _row(name: str, value: float, error: float | None, unit: str) -> list[str]:
     factor = _DEGREES if unit.startswith("deg") else 1.0
     shown = "" if error is None else f"{factor * error:.2g}"
-    return [name, f"{factor * value + 0.0:.5g}", shown, unit]
+    return [name, f"{_rounded(factor * value):.5g}", shown, unit]
+
+
+def _rounded(value: float) -> float:
+    """Without the rounding left over from a search for zero."""
+    return 0.0 if abs(value) < 1e-9 else value
 
 
 def _unit_of(name: str) -> str:
@@ -285,7 +290,7 @@ def _sweep_row(point: dict[str, Any], inputs: list[str], names: list[str]) -> li
     cells = [f"{_DEGREES * point['channels']['alpha']:.4g}"]
     for name in inputs:
         factor = _DEGREES if name.startswith("delta_") else 1.0
-        cells.append(f"{factor * point['inputs'][name] + 0.0:.4g}")
+        cells.append(f"{_rounded(factor * point['inputs'][name]):.4g}")
     for name in names:
         found = [mode["figures"] for mode in point["modes"] if mode["name"] == name]
         cells.append("; ".join(_short(figures) for figures in found))

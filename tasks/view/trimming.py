@@ -75,9 +75,7 @@ class _Flown:
         self.options = {
             "thrust": "thrust" if engines else "force_x",
             "limits": {
-                f"delta_{name}": surface.limits
-                for name, surface in vehicle.surfaces.items()
-                if f"delta_{name}" in self.model.inputs
+                name: ends for name, ends in _limits(vehicle).items() if name in self.model.inputs
             },
             "controls": dict(_control(text) for text in flight.controls),
         }
@@ -174,6 +172,16 @@ def _control(text: str) -> tuple[str, dict[str, float]]:
         if name:
             gains[name.lstrip("- ")] = -1.0 if name.startswith("-") else 1.0
     return axis, gains
+
+
+def _limits(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
+    """Limits of the surfaces [rad], and of combinations of two, each by itself."""
+    ends = {name: surface.limits for name, surface in vehicle.surfaces.items()}
+    for name, pair in vehicle.combinations.items():
+        right, left = vehicle.surfaces[pair.right].limits, vehicle.surfaces[pair.left].limits
+        other = left if pair.kind == "symmetric" else (-left[1], -left[0])
+        ends[name] = (0.5 * (right[0] + other[0]), 0.5 * (right[1] + other[1]))
+    return {f"delta_{name}": limits for name, limits in ends.items()}
 
 
 def _masses(vehicle: Vehicle, fuel: float | None, given: Mapping[str, float]) -> dict[str, float]:

@@ -185,6 +185,32 @@ def test_a_lateral_phugoid_and_a_divergence_are_called_so() -> None:
     assert next(m for m in backward.values() if m.eigenvalue.real > 0).figures["time_to_double"] > 0
 
 
+def test_mixed_roll_and_spiral_keep_their_names_beside_a_dutch_roll() -> None:
+    """A slow glider at a high angle of attack: the root with more p is the roll mode."""
+    mixed = [
+        [-0.14, 0.341, -0.94, 0.216],
+        [-9.1, -0.9, 0.5, 0.0],
+        [0.3, -0.03, -0.15, 0.0],
+        [0.0, 1.0, 0.145, 0.0],
+    ]
+    found = named(mixed, ("beta", "p", "r", "phi"))
+    assert set(found) == {"roll", "spiral", "Dutch roll"}
+    assert abs(found["roll"].eigenvalue) > abs(found["spiral"].eigenvalue)
+    assert "mixed" in found["roll"].note
+    assert found["roll"].participation["p"] > found["spiral"].participation["p"]
+
+
+def test_a_merged_short_period_and_phugoid_are_noted() -> None:
+    """Two equal oscillations, coupled in the speed's and the pitching moment's rows."""
+    merged = [
+        [-0.1, 0.5, 0.0, -9.81],
+        [-0.2, -0.1, 20.0, 0.0],
+        [0.012, -0.013, -0.1, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]
+    assert any("have merged" in mode.note for mode in named(merged, LONGITUDINAL).values())
+
+
 def test_a_model_without_states_has_no_modes() -> None:
     assert modes(model(np.zeros((0, 0)), ())) == ()
     neutral = named(np.zeros((1, 1)), ("phi",))["spiral"]
