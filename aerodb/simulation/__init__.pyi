@@ -25,7 +25,7 @@ from .replay import (
 )
 from .sensors import Instrument, Signal, at_instruments, measure
 from .stabilisation import stabilising_feedback
-from .sweep import SweepPoint, sweep
+from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
 from .trim import Condition, NoTrimError, Trim, trim
 from .turbulence import DrydenGusts
 
@@ -41,6 +41,7 @@ __all__ = [
     "Engine",
     "Event",
     "FlightModel",
+    "HeldSweep",
     "History",
     "Instrument",
     "LinearModel",
@@ -61,6 +62,7 @@ __all__ = [
     "flight_model",
     "fly",
     "fly_stretch",
+    "held_sweep",
     "linear_model",
     "measure",
     "modes",

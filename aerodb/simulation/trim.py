@@ -492,12 +492,13 @@ def _balanced(problem: Problem, point: Array) -> tuple[Array, Array]:
         moved[k] = controls
         return moved
 
+    def moments(controls: Array) -> Array:
+        return problem.residual(whole(controls)[:, None])[3:6, 0]
+
     if k:
         low, high = problem.bounds[k].T
         inside = np.clip(point[k], low + 1e-9, high - 1e-9)
-        found = least_squares(
-            lambda x: problem.residual(whole(x)[:, None])[3:6, 0], inside, bounds=(low, high)
-        )
+        found = least_squares(moments, inside, bounds=(low, high))
         point = whole(found.x)
     return point, problem.residual(point[:, None])[:, 0]
 

@@ -188,6 +188,9 @@ def sweep(
     start: Annotated[str, typer.Option("--from", help="First value, with unit or in SI.")],
     end: Annotated[str, typer.Option("--to", help="Last value.")],
     steps: Annotated[int, typer.Option(help="Number of values.")] = 11,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Hold the rest as trimmed, and give coefficients.")
+    ] = False,
     climb: Climb = None,
     glide: Glide = False,
     bank: Bank = None,
@@ -214,8 +217,22 @@ def sweep(
     session: Session = context.obj
     row, flight = _resolved(session, version, vehicle, as_of, stated)
     reach = (sweep_value(start, variable), sweep_value(end, variable))
-    document = sweep_document(session.catalogue(), row, flight, variable, reach, steps)
+    document = sweep_document(session.catalogue(), row, flight, variable, reach, steps, hold)
     points = document["points"]
+    if hold:
+        axes = list(points[0]["coefficients"])
+        rows = [
+            [
+                f"{point['value']:.6g}",
+                *(_with_error(point["coefficients"], point["standard_errors"], a) for a in axes),
+            ]
+            for point in points
+        ]
+        session.table([variable, *axes], rows, tuple(range(1 + len(axes))))
+        if document["outside_of"]:
+            session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
+        session.answer(document)
+        return
     trimmed = [point for point in points if "channels" in point]
     inputs = list(trimmed[0]["inputs"]) if trimmed else []
     names = list(dict.fromkeys(mode["name"] for point in trimmed for mode in point["modes"]))
@@ -277,6 +294,7 @@ def _unit_of(name: str) -> str:
 def _with_error(
     figures: dict[str, float | None], errors: dict[str, float] | None, name: str
 ) -> str:
+    """A figure with its standard error, as far as both are known."""
     if name not in figures:
         return ""
     value = figures[name]

@@ -15,6 +15,7 @@ from aerodb.simulation import (
     Mode,
     Trim,
     flight_model,
+    held_sweep,
     linear_model,
     modes,
     sweep,
@@ -123,11 +124,14 @@ def sweep_document(
     variable: str,
     reach: tuple[float, float],
     steps: int,
+    held: bool = False,
 ) -> dict[str, Any]:
-    """Trims and modes of a version along one variable.
+    """Trims and modes of a version along one variable; `held`: coefficients, the rest as trimmed.
 
     reach : from and to [SI]. Returns a document: version, variable, points (value, and the fields
-    of `modes_document` without the linear model, or reason where there is no trim).
+    of `modes_document` without the linear model, or reason where there is no trim). `held`: the
+    fields of `trim_document`, and points (value, coefficients, and standard_errors or None) with
+    outside_of (names of tables).
     """
     if not 2 <= steps <= MOST_SWEEP_POINTS:
         raise InputError(f"{steps} steps", "--steps", f"from 2 to {MOST_SWEEP_POINTS}")
@@ -137,6 +141,26 @@ def sweep_document(
         )
     flown = _Flown(catalogue, row, flight)
     line = np.linspace(*reach, steps)
+    if held:
+        found = flown.trim()
+        along = held_sweep(found, variable, line.tolist())
+        known = bool(found.standard_errors)
+        return {
+            "version": row.id,
+            "variable": variable,
+            **_trim_part(found),
+            "points": [
+                {
+                    "value": value,
+                    "coefficients": {a: float(c[k]) for a, c in along.coefficients.items()},
+                    "standard_errors": {a: float(e[k]) for a, e in along.standard_errors.items()}
+                    if known
+                    else None,
+                }
+                for k, value in enumerate(line.tolist())
+            ],
+            "outside_of": list(along.left),
+        }
     points = sweep(
         flown.model, flown.condition, flown.inputs, variable, line.tolist(), **flown.options
     )

@@ -61,6 +61,26 @@ def test_a_sweep_keeps_what_does_not_trim(workspace: Path) -> None:
     assert "no trim" in text
 
 
+def test_a_held_sweep_gives_the_coefficients_along_a_rate(workspace: Path) -> None:
+    """As the version evaluates there: the handbook's Cm has -12 q c/(2 V)."""
+    held = ("--variable", "q", "--from", "-10deg/s", "--to", "10deg/s", "--steps", "3", "--hold")
+    found = asked(workspace, "version", "sweep", "candidate", *AT, *held)
+    moments = [point["coefficients"]["Cm"] for point in found["points"]]
+    assert moments[1] == pytest.approx(0.0, abs=1e-7)
+    rate = 0.17453292519943295 * 0.25 / 50.0
+    assert moments[2] - moments[1] == pytest.approx(-12.0 * rate, rel=1e-6)
+    point, trimmed = found["points"][2], found["channels"]
+    at = f"alpha={trimmed['alpha']},q={point['value']},V=25,delta_elevator="
+    value = asked(
+        workspace, "version", "evaluate", "candidate",
+        "--at", f"{at}{found['inputs']['delta_elevator']}",
+    )  # fmt: skip
+    assert point["coefficients"]["CZ"] == pytest.approx(value["coefficients"]["CZ"], abs=1e-9)
+    assert point["standard_errors"]["CZ"] == pytest.approx(value["standard_errors"]["CZ"], rel=1e-3)
+    text = aerodb(workspace, "version", "sweep", "candidate", *AT, *held).stdout
+    assert "CZ" in text
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
