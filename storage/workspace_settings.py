@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
 from zoneinfo import ZoneInfo
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.quantities import Metres, Number, Radians, Seconds, in_unit
@@ -255,14 +255,24 @@ class LoopSettings(Strict):
         return self
 
 
+def _inside_the_workspace(file: str) -> str:
+    if Path(file).is_absolute() or ".." in Path(file).parts:
+        raise ValueError("must be a file inside the workspace")
+    return file
+
+
 class GateSettings(Strict):
     """Additional conditions of the gate: minimum number of flights that identified a version, and
     of flights that validated it (`held_out`); greatest relative change of a main derivative inside
-    the data that a person need not accept (`largest_change`)."""
+    the data that a person need not accept (`largest_change`); whether the responses on the held-out
+    flights must be within tolerance (`responses`), with the file `tolerances` of the workspace in
+    place of those of aerodb."""
 
     identified: int = Field(default=0, ge=0)
     held_out: int = Field(default=0, ge=0)
     largest_change: float = Field(default=0.5, gt=0.0)
+    responses: bool = False
+    tolerances: Annotated[str, AfterValidator(_inside_the_workspace)] | None = None
 
 
 class AccuracySettings(Strict):

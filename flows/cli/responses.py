@@ -151,12 +151,9 @@ def _gain(text: str) -> tuple[str, float]:
 
 
 def _text(path: Path | None) -> str:
-    if path is None:
-        return ""
-    try:
-        return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", str(path), "name a TOML file") from None
+    from aerodb.tasks.steps import read_tolerances
+
+    return "" if path is None else read_tolerances(path)
 
 
 def _write(session: Session, output: Path | None, page: str | None) -> None:

@@ -13,7 +13,7 @@ from .consistency import (
 )
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
-from .fly import default_tolerances, flown_responses, fly_version
+from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
 from .inbox import (
     files_of_inbox,
     in_quarantine,
@@ -77,6 +77,7 @@ __all__ = [
     "prove_loop",
     "publish_candidate",
     "publish_loop",
+    "read_tolerances",
     "reconstruct",
     "reconstructed_angles",
     "remaining_errors",

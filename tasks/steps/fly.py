@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib import resources
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -47,6 +48,14 @@ LONGEST: Final = 20.0
 def default_tolerances() -> str:
     """The text of the tolerances that come with aerodb."""
     return (resources.files("aerodb.simulation") / "tolerances.toml").read_text("utf-8")
+
+
+def read_tolerances(path: Path) -> str:
+    """The text of a file of tolerances; InputError where it cannot be read."""
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", str(path), "name a TOML file") from None
 
 
 def fly_version(

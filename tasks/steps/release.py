@@ -20,6 +20,8 @@ from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.steps.fly import fly_version, read_tolerances
+from aerodb.tasks.steps.validate_responses import summarise_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
@@ -48,7 +50,7 @@ def promote(
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
         return _document(current, row, moved=False)
-    verdict = _gate(access, row, current, accept) if name == RELEASED else Verdict(())
+    verdict = _gate(access, row, current, accept, run) if name == RELEASED else Verdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     if accept:
@@ -106,7 +108,11 @@ def _check_words(name: str, reason: str) -> None:
 
 
 def _gate(
-    access: WorkspaceAccess, row: VersionRow, released: NameEvent | None, accept: Sequence[str]
+    access: WorkspaceAccess,
+    row: VersionRow,
+    released: NameEvent | None,
+    accept: Sequence[str],
+    run: str,
 ) -> Verdict:
     catalogue = access.catalogue
     if released is None:
@@ -155,6 +161,7 @@ def _gate(
             derivatives,
             judge_rivals(rivals, accept),
             *_enough_flights(row, access, gate),
+            *_responses(row, access, gate, run),
         )
     )
 
@@ -176,6 +183,33 @@ def _enough_flights(
                 f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}"
             )
     return (Check("as many flights as the settings require", tuple(shortfalls)),)
+
+
+def _responses(
+    row: VersionRow, access: WorkspaceAccess, gate: GateSettings, run: str
+) -> tuple[Check, ...]:
+    """Return whether the version flies its held-out flights within tolerance; none where the
+    vehicle's settings do not demand it."""
+    if not gate.responses:
+        return ()
+    name = "responses on held-out flights within tolerance"
+    uses = access.catalogue.version_flights(row.id)
+    held = [use.flight for use in uses if use.role == "held_out"]
+    if not held:
+        return (Check(name, ("no flight was held out, so no response can be judged",)),)
+    where = {"workspace": str(access.workspace.root), "run": run}
+    text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
+    flown = [fly_version(flight, **where, version=row.id, tolerances=text) for flight in held]
+    summary = summarise_responses(flown, **where, before=(), independent=True)
+    reasons = [
+        f"{check['check']}: within tolerance in {check['passed']} of {check['manoeuvres']}"
+        " manoeuvres"
+        for check in summary["checks"]
+        if check["passed"] < check["manoeuvres"]
+    ]
+    if not summary["checks"]:
+        reasons.append("no manoeuvre of the held-out flights could be judged")
+    return (Check(name, tuple(reasons)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:

@@ -2,6 +2,7 @@
 looked at only afterwards."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -339,3 +340,25 @@ def test_what_cannot_be_flown_is_said(phoenix, more, said):
     done = fly_command(root, "candidate", "--flight", document["flights"]["held_out"][0], *more)
     assert said in done.stderr + done.stdout
     assert "Traceback" not in done.stderr
+
+
+def promote_command(root):
+    command = [str(AERODB), "--workspace", str(root), "version", "promote", "candidate"]
+    given = ["--reason", "flown"]
+    return subprocess.run([*command, *given], capture_output=True, text=True, check=False)
+
+
+def test_the_gate_demands_responses_where_the_settings_do(phoenix, tmp_path):
+    """Within the tolerances of aerodb the update passes; tolerances that nobody meets refuse it."""
+    root = tmp_path / "workspace"
+    shutil.copytree(phoenix[0], root)
+    strict = '[[check]]\nname = "alpha to 1e-9"\nbands = [{ channel = "alpha", width = 1e-9 }]\n'
+    (root / "strict.toml").write_text(strict, encoding="utf-8")
+    demanded = "[vehicles.phoenix.gate]\nresponses = true\nlargest_change = 10.0\n"
+    (root / "settings.toml").write_text(f'{demanded}tolerances = "strict.toml"\n', encoding="utf-8")
+    refused = promote_command(root)
+    assert refused.returncode == 4
+    assert "alpha to 1e-9: within tolerance in 0 of" in refused.stderr + refused.stdout
+    (root / "settings.toml").write_text(demanded, encoding="utf-8")
+    passed = promote_command(root)
+    assert passed.returncode == 0, passed.stderr
