@@ -197,10 +197,13 @@ def _responses(
     held = [use.flight for use in uses if use.role == "held_out"]
     if not held:
         return (Check(name, ("no flight was held out, so no response can be judged",)),)
-    where = {"workspace": str(access.workspace.root), "run": run}
+    folder = str(access.workspace.root)
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
-    flown = [fly_version(flight, **where, version=row.id, tolerances=text) for flight in held]
-    summary = summarise_responses(flown, **where, before=(), independent=True)
+    flown = [
+        fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)
+        for flight in held
+    ]
+    summary = summarise_responses(flown, workspace=folder, run=run, before=(), independent=True)
     reasons = [
         f"{check['check']}: within tolerance in {check['passed']} of {check['manoeuvres']}"
         " manoeuvres"
