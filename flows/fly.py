@@ -1,9 +1,9 @@
-"""Fly flow: a version over one flight, or over its held-out flights beside its baseline."""
+"""Fly flows: a version through a manoeuvre, over one flight, or over its held-out flights."""
 
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps import fly_version, response_page, summarise_responses
+from aerodb.tasks.steps import fly_manoeuvre, fly_version, response_page, summarise_responses
 
 
 def fly_flow(
@@ -24,6 +24,16 @@ def fly_flow(
     document: dict[str, Any] = steps(fly_version, flight, **where, version=version, **options)
     if page:
         document |= {"page": steps(response_page, [document], **where)}
+    return document
+
+
+def manoeuvre_flow(
+    steps: Steps, *, workspace: str, run: str, version: str, **options: Any
+) -> dict[str, Any]:
+    """Fly a version (its id) through a manoeuvre; options are those of `fly_manoeuvre`."""
+    document: dict[str, Any] = steps(
+        fly_manoeuvre, version, workspace=workspace, run=run, **options
+    )
     return document
 
 

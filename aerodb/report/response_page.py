@@ -88,13 +88,15 @@ def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
 def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figure:
     """Draw the responses of a stretch over time: flight, version, baseline."""
     names = [name for name in _DRAWN if name in stretch.after]
+    names += [name for name in stretch.after if name.startswith("delta_")]
     columns = 5
     rows = max(1, -(-len(names) // columns))
     figure, panels = panel_grid((13, 0.9 + 1.9 * rows), rows, columns, between=(0.75, 0.55))
     for panel, name in zip(panels.ravel(), names, strict=False):
         factor, label = channel_scale(name)
         time, simulated, flown = stretch.after[name]
-        panel.plot(time, factor * flown, color=FLIGHT, lw=1.6, label="flight")
+        if np.isfinite(flown).any():
+            panel.plot(time, factor * flown, color=FLIGHT, lw=1.6, label="flight")
         limits = _limits(factor * flown)
         if name in stretch.before:
             at, earlier, _ = stretch.before[name]

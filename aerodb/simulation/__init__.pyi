@@ -8,10 +8,11 @@ from .agreement import (
 )
 from .airframe_model import Airframe, MovingAir, airframe
 from .autopilot import Autopilot, ControlDerivatives, control_derivatives
-from .engine import Actuator, Engine, FlightModel, Simulation, flight_model, simulate
+from .engine import Actuator, Engine, FlightModel, Simulation, flight_model, simulate, with_feedback
 from .flight import History, fly
 from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
+from .manoeuvre import Manoeuvre, parse_manoeuvre
 from .modes import Mode, modes
 from .motion import quaternion_from_euler
 from .replay import (
@@ -45,6 +46,7 @@ __all__ = [
     "History",
     "Instrument",
     "LinearModel",
+    "Manoeuvre",
     "Mode",
     "MovingAir",
     "NoTrimError",
@@ -67,6 +69,7 @@ __all__ = [
     "measure",
     "modes",
     "moved_controls",
+    "parse_manoeuvre",
     "parse_tolerances",
     "quaternion_from_euler",
     "response_agreement",
@@ -77,5 +80,6 @@ __all__ = [
     "superposed",
     "sweep",
     "trim",
+    "with_feedback",
     "with_trim_offset",
 ]

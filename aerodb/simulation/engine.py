@@ -1,7 +1,7 @@
 """Fly any database: the model of a vehicle, its start, and runs over given inputs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -119,9 +119,6 @@ def flight_model(
                 f"database {database.name}",
                 nearest(name, inputs),
             )
-    for _, channel in feedback or {}:
-        if channel not in FEEDBACK:
-            raise InputError(f"no feedback of '{channel}'", remedy=nearest(channel, FEEDBACK))
     actuated = tuple(name for name in inputs if name in (actuators or {}))
     chord = database.reference.chord
     laws = [
@@ -138,7 +135,7 @@ def flight_model(
         if actuators
         else []
     )
-    gains = [(inputs.index(i), FEEDBACK.index(c), g) for (i, c), g in (feedback or {}).items()]
+    gains = _gains(inputs, feedback or {})
     place = (
         (0.0, 0.0, 1.0, 1.0)
         if earth is None
@@ -157,7 +154,7 @@ def flight_model(
         lines=np.array(lines, dtype=np.float64).reshape(-1, 6),
         actuated=np.array([inputs.index(name) for name in actuated], dtype=np.int64),
         actuators=np.array(moved, dtype=np.float64).reshape(-1, 4),
-        gains=np.array(gains, dtype=np.float64).reshape(-1, 3),
+        gains=gains,
         reference=np.array(
             (reference.area, reference.chord, reference.span, *reference.moment_reference)
         ),
@@ -165,6 +162,19 @@ def flight_model(
         layers=STANDARD_LAYERS,
     )
     return FlightModel(database, total, numbers, inputs, actuated, earth)
+
+
+def with_feedback(model: FlightModel, feedback: Mapping[tuple[str, str], float]) -> FlightModel:
+    """The model with other feedback; see `flight_model`."""
+    return replace(model, numbers=model.numbers._replace(gains=_gains(model.inputs, feedback)))
+
+
+def _gains(inputs: Sequence[str], feedback: Mapping[tuple[str, str], float]) -> Array:
+    for _, channel in feedback:
+        if channel not in FEEDBACK:
+            raise InputError(f"no feedback of '{channel}'", remedy=nearest(channel, FEEDBACK))
+    rows = [(inputs.index(i), FEEDBACK.index(c), g) for (i, c), g in feedback.items()]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def _slots(
@@ -211,9 +221,17 @@ class Simulation:
                 f" {angle:.0f} deg, {rates} {np.rad2deg(self.channels[rates][last, run]):.0f}"
                 " deg/s); what came before is kept"
             )
-        for table, times in sorted(self.left.items(), key=lambda item: float(item[1][run])):
-            if np.isfinite(times[run]):
-                said.append(f"table {table} was left at {times[run]:.2f} s; its edge was held")
+        left = {name: float(times[run]) for name, times in self.left.items()}
+        for time in sorted({value for value in left.values() if np.isfinite(value)})[:3]:
+            names = sorted(name for name, value in left.items() if value == time)
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            at = int(np.searchsorted(self.time, time))
+            alpha, beta = (np.rad2deg(self.channels[name][at, run]) for name in ("alpha", "beta"))
+            said.append(
+                f"at {time:.2f} s the motion left table{'s' if more or len(names) > 1 else ''}"
+                f" {', '.join(names[:3])}{more}, whose edges were held: alpha {alpha:.1f} deg, beta"
+                f" {beta:.1f} deg, V {self.channels['V'][at, run]:.1f} m/s"
+            )
         if self.unresolved:
             said.append(f"alphadot was not found at {self.unresolved} samples")
         return said

@@ -1,9 +1,9 @@
 """``aerodb version fly`` and ``validate``: versions flown over recorded flights."""
 
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from aerodb.errors import InputError
@@ -33,7 +33,10 @@ Output = Annotated[
 def fly(
     context: typer.Context,
     version: str,
-    flight: Annotated[str, typer.Option(help="The flight.")],
+    flight: Annotated[str | None, typer.Option(help="The flight.")] = None,
+    manoeuvre: Annotated[
+        Path | None, typer.Option(help="A described manoeuvre as TOML, in place of a flight.")
+    ] = None,
     since: Annotated[
         float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
     ] = None,
@@ -49,7 +52,8 @@ def fly(
     output: Output = None,
     vehicle: Vehicle = None,
 ) -> None:
-    """Fly a version from the flight's start under its inputs; each manoeuvre, or --from --to.
+    """Fly a version from the flight's start under its inputs; each manoeuvre, or --from --to. Or
+    through a described manoeuvre, from trim.
 
     Example: aerodb version fly candidate --flight 1a2b3c --output responses.html
     """
@@ -59,9 +63,14 @@ def fly(
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle)
+    if (flight is None) == (manoeuvre is None):
+        raise InputError("name a flight or a manoeuvre", remedy="--flight F, or --manoeuvre FILE")
+    if manoeuvre is not None:
+        _fly_manoeuvre(session, row, manoeuvre, stabilise, output)
+        return
     parameters: dict[str, Any] = {
         "version": row.id,
-        "flight": catalogue.flight(flight, row.vehicle).id,
+        "flight": catalogue.flight(str(flight), row.vehicle).id,
         "since": since,
         "until": until,
         "wind": wind,
@@ -75,6 +84,34 @@ def fly(
     page = document.pop("page", None)
     session.say(f"version {row.label} over flight {document['flight'][:12]}")
     _say_stretches(session, document)
+    _write(session, output, page)
+    session.answer(document)
+
+
+def _fly_manoeuvre(
+    session: Session, row: Any, file: Path, stabilise: bool, output: Path | None
+) -> None:
+    from aerodb.flows.fly import manoeuvre_flow
+    from aerodb.report import channel_scale
+
+    parameters = {
+        "version": row.id,
+        "manoeuvre": _text(file),
+        "stabilise": stabilise,
+        "page": output is not None,
+    }
+    document = session.run(manoeuvre_flow, parameters, direct=True)
+    page = document.pop("page", None)
+    session.say(
+        f"version {row.label} flown through {document['manoeuvre']}, {document['ended']:.1f} s"
+    )
+    rows = []
+    for name, (start, least, greatest) in document["responses"].items():
+        factor, label = channel_scale(name)
+        rows.append([label, *(f"{factor * value + 0.0:.4g}" for value in (start, least, greatest))])
+    session.table(["response", "trim", "least", "greatest"], rows, (1, 2, 3))
+    for note in document["notes"]:
+        session.say(note)
     _write(session, output, page)
     session.answer(document)
 
@@ -176,7 +213,7 @@ def _say_stretches(session: Session, document: dict[str, Any]) -> None:
             largest = max(stretch["correction"], key=stretch["correction"].__getitem__)
             session.say(
                 "  unstable: least stabilising feedback closed; it moved"
-                f" {largest} by up to {np.rad2deg(stretch['correction'][largest]):.2g} deg"
+                f" {largest} by up to {degrees(stretch['correction'][largest]):.2g} deg"
             )
         for check in stretch["checks"]:
             word = "within" if check["passed"] else "OUTSIDE"

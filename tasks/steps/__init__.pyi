@@ -14,6 +14,7 @@ from .consistency import (
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
 from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
+from .fly_manoeuvre import fly_manoeuvre
 from .inbox import (
     files_of_inbox,
     in_quarantine,
@@ -59,6 +60,7 @@ __all__ = [
     "find_sensor_rivals",
     "flight_page",
     "flown_responses",
+    "fly_manoeuvre",
     "fly_version",
     "freeze_library",
     "import_database",

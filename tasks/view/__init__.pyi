@@ -20,6 +20,7 @@ from .trimming import (
     sweep_document,
     sweep_value,
     trim_document,
+    trim_of,
 )
 from .version_documents import history_document, version_details, versions_document
 
@@ -57,6 +58,7 @@ __all__ = [
     "sweep_value",
     "table_document",
     "trim_document",
+    "trim_of",
     "version_details",
     "versions_document",
 ]

@@ -91,6 +91,11 @@ def glides(catalogue: Catalogue, row: VersionRow) -> bool:
     return parse_vehicle(text, f"vehicle {row.vehicle}").thrust.source == "none"
 
 
+def trim_of(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> Trim:
+    """Trim a version; a vehicle without thrust glides. Raises NoTrimError where there is none."""
+    return _Flown(catalogue, row, flight).trim()
+
+
 def trim_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
     """Trim a version.
 

@@ -60,6 +60,8 @@ COMMANDS = [
     ["version", "impact"],
     ["version", "diff"],
     ["version", "evaluate"],
+    ["version", "fly"],
+    ["version", "validate"],
     ["version", "trim"],
     ["version", "modes"],
     ["version", "sweep"],

@@ -318,7 +318,7 @@ def test_a_flight_is_flown_by_the_command(phoenix, tmp_path):
         for s in (stretch, loose)
     ]
     assert errors[1] > 20 * errors[0]
-    assert any("was left at" in note for note in loose["notes"])
+    assert any("left table" in note for note in loose["notes"])
     gain = "delta_elevator_outboard:q=-0.5"
     stated = json.loads(fly_command(root, *given, "--feedback", gain).stdout)["stretches"][0]
     assert stated["feedback"] == {"delta_elevator_outboard:q": -0.5}
@@ -362,3 +362,41 @@ def test_the_gate_demands_responses_where_the_settings_do(phoenix, tmp_path):
     (root / "settings.toml").write_text(demanded, encoding="utf-8")
     passed = promote_command(root)
     assert passed.returncode == 0, passed.stderr
+
+
+MANOEUVRE = """
+name = "elevator doublet"
+duration = "6 s"
+[trim]
+V = "90 m/s"
+altitude = "1500 m"
+glide = true
+[[input]]
+target = "delta_elevator_outboard"
+shape = "doublet"
+width = "0.5 s"
+amplitude = "1 deg"
+"""
+
+
+def test_a_described_manoeuvre_is_flown_from_trim(phoenix, tmp_path):
+    """Stabilised, the vehicle returns to its trim; without, it leaves the tables, which is said
+    with time and place."""
+    root, _ = phoenix
+    file = tmp_path / "doublet.toml"
+    file.write_text(MANOEUVRE, encoding="utf-8")
+    done = fly_command(root, "candidate", "--manoeuvre", str(file))
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["responses"]["q"][0] == 0.0
+    assert 0.01 < document["responses"]["q"][2] < 0.1
+    assert document["notes"] == []
+    loose = json.loads(
+        fly_command(root, "candidate", "--manoeuvre", str(file), "--no-stabilise").stdout
+    )
+    assert any("left tables" in note and "alpha" in note for note in loose["notes"])
+    both = fly_command(root, "candidate")
+    assert "name a flight or a manoeuvre" in both.stderr
+    file.write_text(MANOEUVRE.replace("elevator_outboard", "elevator"), encoding="utf-8")
+    wrong = fly_command(root, "candidate", "--manoeuvre", str(file))
+    assert "does not read 'delta_elevator'" in wrong.stderr

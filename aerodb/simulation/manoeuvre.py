@@ -1,0 +1,155 @@
+"""Described manoeuvres: a trimmed start and test inputs on it, from a TOML file."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.nomenclature import CHANNELS
+from aerodb.simulation.inputs import SHAPES, Event
+from aerodb.simulation.trim import Condition
+from aerodb.support import Array
+from aerodb.units import quantity
+
+_WAVES: Final = ("sweep", "multisine")
+_EVENTS: Final = (*SHAPES, "hold")
+_SHAPES: Final = (*_EVENTS, "step", *_WAVES)
+_TRIM: Final = {
+    "V": "m/s", "altitude": "m", "climb": "rad", "bank": "rad", "beta": "rad",
+    "turn_rate": "rad/s",
+}  # fmt: skip
+#: Longest manoeuvre [s].
+_LONGEST: Final = 3600.0
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A frequency sweep or a multisine on one input.
+
+    Parameters
+    ----------
+    target : input of the database.
+    start, duration : [s].
+    amplitude : of the sweep; root sum square of the multisine's components; unit of the target.
+    low, high : frequencies [Hz].
+    shape : ``sweep``, a sine whose frequency grows exponentially (Tischler & Remple, Aircraft and
+        Rotorcraft System Identification (2012), section 5.11), or ``multisine``, all harmonics of
+        1/duration in the band with Schroeder's phases (Morelli, AIAA 2003-5466).
+    """
+
+    target: str
+    start: float
+    duration: float
+    amplitude: float
+    low: float
+    high: float
+    shape: str
+
+    def __call__(self, time: Array) -> Array:
+        """Return the value at `time` [s], an array of any shape."""
+        since = np.clip(time - self.start, 0.0, self.duration)
+        inside = (time >= self.start) & (time <= self.start + self.duration)
+        if self.shape == "sweep":
+            rate = np.log(self.high / self.low) / self.duration
+            phase = 2.0 * np.pi * self.low * np.expm1(rate * since) / rate
+            return np.asarray(np.where(inside, self.amplitude * np.sin(phase), 0.0))
+        harmonics = np.arange(
+            int(np.ceil(self.low * self.duration - 1e-9)),
+            int(np.floor(self.high * self.duration + 1e-9)) + 1,
+        )
+        number = np.arange(1, len(harmonics) + 1)
+        phases = -np.pi * number * (number - 1) / max(len(harmonics), 1)
+        angles = 2.0 * np.pi * harmonics / self.duration
+        value = sum(np.cos(w * since + p) for w, p in zip(angles, phases, strict=True))
+        scale = self.amplitude / np.sqrt(max(len(harmonics), 1))
+        return np.asarray(np.where(inside, scale * value, 0.0))
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """Test inputs from a trimmed start.
+
+    condition : of the trim; `glides`: without thrust, the path angle is found. duration : [s].
+    given : inputs and mass properties held, name -> text with unit. inputs : what is added to the
+    trimmed inputs.
+    """
+
+    name: str
+    condition: Condition
+    glides: bool
+    duration: float
+    given: Mapping[str, str]
+    inputs: tuple[Event | Wave, ...]
+
+    def series(self, time: Array) -> dict[str, Array]:
+        """What is added to each input, (n,) at `time` [s]."""
+        moved: dict[str, Array] = {}
+        for each in self.inputs:
+            moved[each.target] = moved.get(each.target, np.zeros_like(time)) + each(time)
+        return moved
+
+
+def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
+    """Return a manoeuvre from TOML; docs/method/simulation.md shows the form.
+
+    Raises InputError naming the entry that is wrong.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is no TOML: {error}", where) from None
+    _known(document, ("name", "duration", "trim", "set", "input"), where)
+    stated = document.get("trim")
+    if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
+        raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
+    _known(stated, (*_TRIM, "load_factor", "pull_up", "glide"), f"{where}, [trim]")
+    values = {name: quantity(stated[name], unit) for name, unit in _TRIM.items() if name in stated}
+    others = {name: stated[name] for name in ("load_factor", "pull_up") if name in stated}
+    glides = bool(stated.get("glide", False))
+    condition = Condition(**({"climb": None} if glides else {}), **values, **others)
+    duration = quantity(document.get("duration", 20.0), "s")
+    if not 0.0 < duration <= _LONGEST:
+        raise InputError(f"lasts {duration:g} s", where, f"up to {_LONGEST:g} s")
+    inputs = tuple(
+        _input(entry, f"{where}, input {number}", duration)
+        for number, entry in enumerate(document.get("input", ()), 1)
+    )
+    given = {name: str(value) for name, value in document.get("set", {}).items()}
+    name = str(document.get("name", where))
+    return Manoeuvre(name, condition, glides, duration, given, inputs)
+
+
+def _input(entry: Mapping[str, Any], where: str, duration: float) -> Event | Wave:
+    _known(entry, ("target", "shape", "start", "width", "amplitude", "duration", "band"), where)
+    shape, target = str(entry.get("shape", "doublet")), str(entry.get("target", ""))
+    if shape not in _SHAPES:
+        raise InputError(f"unknown shape '{shape}'", where, nearest(shape, _SHAPES))
+    for name in ("target", "amplitude", *(("band",) if shape in _WAVES else ())):
+        if name not in entry:
+            raise InputError(f"has no {name}", where, f"add {name}")
+    unit = CHANNELS[target].unit if target in CHANNELS else "1"
+    amplitude = quantity(entry["amplitude"], unit)
+    start = quantity(entry.get("start", 1.0), "s")
+    if shape in _WAVES:
+        low, high = (quantity(value, "Hz") for value in entry["band"])
+        lasts = quantity(entry.get("duration", duration - start), "s")
+        if not (0.0 < low < high and lasts > 0.0):
+            raise InputError(
+                f"band {low:g} to {high:g} Hz over {lasts:g} s", where, "0 < low < high"
+            )
+        return Wave(target, start, lasts, amplitude, low, high, shape)
+    if shape == "step":
+        return Event(target, start, max(duration, 1.0), amplitude, "pulse")
+    width = quantity(entry.get("width", 1.0), "s")
+    if not width > 0.0:
+        raise InputError(f"width is {width:g} s", where, 'width = "1 s"')
+    return Event(target, start, width, amplitude, shape)
+
+
+def _known(entry: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    for name in entry:
+        if name not in names:
+            raise InputError(f"unknown key '{name}'", where, nearest(name, names))
