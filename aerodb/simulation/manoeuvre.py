@@ -106,10 +106,12 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
         raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
     _known(stated, (*_TRIM, "load_factor", "pull_up", "glide"), f"{where}, [trim]")
-    values = {name: quantity(stated[name], unit) for name, unit in _TRIM.items() if name in stated}
-    others = {name: stated[name] for name in ("load_factor", "pull_up") if name in stated}
+    values: dict[str, Any] = {
+        name: quantity(stated[name], unit) for name, unit in _TRIM.items() if name in stated
+    }
+    values |= {name: stated[name] for name in ("load_factor", "pull_up") if name in stated}
     glides = bool(stated.get("glide", False))
-    condition = Condition(**({"climb": None} if glides else {}), **values, **others)
+    condition = Condition(**({"climb": None} if glides else {}) | values)
     duration = quantity(document.get("duration", 20.0), "s")
     if not 0.0 < duration <= _LONGEST:
         raise InputError(f"lasts {duration:g} s", where, f"up to {_LONGEST:g} s")

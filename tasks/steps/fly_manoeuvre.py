@@ -17,6 +17,7 @@ from aerodb.simulation import (
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.files import read_results, write_results
+from aerodb.support import Array
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.view import SteadyFlight, trim_document, trim_of
 from aerodb.tasks.workspace_access import access_workspace
@@ -68,7 +69,7 @@ def fly_manoeuvre(
         "correction": {},
         "notes": document["notes"],
     }
-    drawn = FlownStretch(stated.name, stretch, series, {})  # type: ignore[arg-type]
+    drawn = FlownStretch(stated.name, stretch, series, {})
     return {**document, "page": response_report(row.label, "", None, [drawn])}
 
 
@@ -80,7 +81,7 @@ def _flown(
     )
     trimmed = trim_of(catalogue, row, steady)
     model = trimmed.problem.model
-    time = np.arange(round(stated.duration / STEP) + 1) * STEP
+    time: Array = np.arange(round(stated.duration / STEP) + 1, dtype=np.float64) * STEP
     moved = stated.series(time)
     for name in moved:
         if name not in model.inputs:
