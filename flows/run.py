@@ -205,6 +205,9 @@ _ROLES: Final[dict[str, UserRole]] = {
     "roll_back_flow": "release",
     "import_flow": "release",
     "report_flow": "read",
+    "fly_flow": "read",
+    "manoeuvre_flow": "read",
+    "validate_flow": "read",
     "inputs_flow": "read",
 }
 

@@ -5,6 +5,7 @@ The command line and the console both use these functions.
 
 import math
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Final
 
@@ -103,3 +104,22 @@ def node_of(text: str) -> tuple[str, tuple[int, ...]]:
             "write TABLE[i,j], counted from 0, for example CZ0[2]",
         )
     return match[1], tuple(int(k) for k in match[2].split(","))
+
+
+def flights_to_judge(
+    catalogue: Catalogue, version: VersionRow, named: Iterable[str] = ()
+) -> tuple[list[str], bool]:
+    """Flights (ids) on which a version is judged, and whether they are independent of it: those
+    named, else those held out, else those that identified it.
+
+    Raises InputError where there is none.
+    """
+    uses = catalogue.version_flights(version.id)
+    held = [use.flight for use in uses if use.role == "held_out"]
+    identified = sorted(use.flight for use in uses if use.role == "identified")
+    flights = [catalogue.flight(name, version.vehicle).id for name in named] or held or identified
+    if not flights:
+        raise InputError(
+            "no flights stand behind it", f"version {version.label}", "name flights with --flight"
+        )
+    return flights, not set(identified) & set(flights)

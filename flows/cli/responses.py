@@ -138,20 +138,12 @@ def validate(
     Example: aerodb version validate candidate --output responses.html
     """
     from aerodb.flows.fly import validate_flow
-    from aerodb.tasks.references import version_of
+    from aerodb.tasks.references import flights_to_judge, version_of
 
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle)
-    uses = catalogue.version_flights(row.id)
-    held = [use.flight for use in uses if use.role == "held_out"]
-    chosen = [catalogue.flight(name, row.vehicle).id for name in flight or []]
-    identified = {use.flight for use in uses if use.role == "identified"}
-    flights = chosen or held or sorted(identified)
-    if not flights:
-        raise InputError(
-            "no flights stand behind it", f"version {row.label}", "name flights with --flight"
-        )
+    flights, independent = flights_to_judge(catalogue, row, flight or ())
     baseline = None
     if against == "parent":
         baseline = row.parent
@@ -161,7 +153,7 @@ def validate(
         "version": row.id,
         "baseline": baseline,
         "flights": flights,
-        "independent": not identified & set(flights),
+        "independent": independent,
         "wind": wind,
         "stabilise": stabilise,
         "trimmed": trimmed,

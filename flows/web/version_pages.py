@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
 from aerodb.errors import InputError
+from aerodb.flows.fly import validate_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.web import models
 from aerodb.flows.web.console import (
@@ -31,7 +32,7 @@ from aerodb.nomenclature import AXES
 from aerodb.report import channel_scale
 from aerodb.storage.catalogue import VersionRow
 from aerodb.tables import breakpoints_over
-from aerodb.tasks.references import value_of, vehicle_of
+from aerodb.tasks.references import flights_to_judge, value_of, vehicle_of
 from aerodb.tasks.steps import FORMS, export_version
 from aerodb.tasks.view import (
     MOST_LINE_POINTS,
@@ -225,6 +226,23 @@ def version_report(request: Request, version: str, vehicle: Vehicle = None) -> R
     """The report of a version, as `aerodb report version` writes it."""
     row = version_at(access_of(request), version, vehicle)
     return report(console_of(request).run(report_flow, {"kind": "version", "about": row.id}))
+
+
+@router.get("/versions/{version}/responses", include_in_schema=False)
+def version_responses(request: Request, version: str, vehicle: Vehicle = None) -> Response:
+    """The version and its parent flown over the held-out flights, as `aerodb version validate`
+    writes it."""
+    access = access_of(request)
+    row = version_at(access, version, vehicle)
+    flights, independent = flights_to_judge(access.catalogue, row)
+    parameters = {
+        "version": row.id,
+        "baseline": row.parent,
+        "flights": flights,
+        "independent": independent,
+        "page": True,
+    }
+    return report(console_of(request).run(validate_flow, parameters)["page"])
 
 
 @router.get("/api/versions/{version}/export", summary="Export of a version")
