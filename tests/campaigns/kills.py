@@ -382,7 +382,7 @@ def _content(workspace: Workspace) -> dict[str, Any]:
         versions = [row for name in names for row in catalogue.versions(name)]
         return {
             "vehicles": [(name, catalogue.vehicle(name).sha256) for name in names],
-            "flights": sorted((r.id, r.label, r.verdict, str(r.retracted_reason)) for r in flights),
+            "flights": sorted((r.id, r.label, r.verdict, str(r.retract_reason)) for r in flights),
             "results": {
                 row.id: sorted((r.step, r.key) for r in catalogue.results_of(row.id))
                 for row in flights
