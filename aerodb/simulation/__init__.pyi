@@ -15,6 +15,7 @@ from .linear_model import LinearModel, linear_model
 from .manoeuvre import Manoeuvre, parse_manoeuvre
 from .modes import Mode, modes
 from .motion import quaternion_from_euler
+from .oscillation import Oscillation, at_rest_from, oscillation
 from .replay import (
     RESPONSES,
     Stretch,
@@ -50,6 +51,7 @@ __all__ = [
     "Mode",
     "MovingAir",
     "NoTrimError",
+    "Oscillation",
     "Response",
     "Signal",
     "Simulation",
@@ -59,6 +61,7 @@ __all__ = [
     "Trim",
     "airframe",
     "at_instruments",
+    "at_rest_from",
     "check_responses",
     "control_derivatives",
     "flight_model",
@@ -69,6 +72,7 @@ __all__ = [
     "measure",
     "modes",
     "moved_controls",
+    "oscillation",
     "parse_manoeuvre",
     "parse_tolerances",
     "quaternion_from_euler",

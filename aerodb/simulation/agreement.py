@@ -1,7 +1,7 @@
 """Agreement of a simulated response with the flight: tolerance bands and Theil's statistics."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,29 +10,50 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import Theil, rms, theil
 from aerodb.nomenclature import channel as channel_of
+from aerodb.simulation.oscillation import Oscillation
 from aerodb.simulation.replay import RESPONSES
 from aerodb.support import Array
 from aerodb.units import quantity
 
 #: Axes whose controls start manoeuvres.
 CONTROLS: Final = ("roll", "pitch", "yaw")
+#: Figures of an oscillation that a band may be about.
+_FIGURES: Final[dict[str, Callable[[Oscillation], float]]] = {
+    "period": lambda each: each.period,
+    "half_time": lambda each: each.half_time,
+    "damping": lambda each: each.zeta,
+}
+_UNITS: Final = {"period": "s", "half_time": "s", "damping": "1"}
+#: Of a response: as simulated, None where it does not oscillate, and as flown.
+Oscillations = Mapping[str, tuple[Oscillation | None, Oscillation]]
 _ANGLES: Final = ("phi", "theta", "psi", "alpha", "beta")
 
 
 @dataclass(frozen=True)
 class Band:
     """A response stays within +-`width` (SI) of the flight, or within `share` of the flight's
-    greatest excursion from its value at the start."""
+    greatest excursion from its value at the start; or, where `of` names a figure of its free
+    oscillation (``period``, ``half_time`` [s], ``damping``), this figure does, `share` being that
+    of the flight's."""
 
     channel: str
     width: float = 0.0
     share: float = 0.0
+    of: str = ""
 
     def holds(self, simulated: Array, flown: Array) -> Array:
         """Whether each sample is inside, (n,) of bool; NaN is outside."""
         known = flown[np.isfinite(flown)]
         excursion = float(np.abs(known - known[0]).max()) if known.size else 0.0
         return np.asarray(np.abs(simulated - flown) <= max(self.width, self.share * excursion))
+
+    def holds_for(self, simulated: Oscillation | None, flown: Oscillation) -> bool:
+        """Whether the figure of the oscillation is inside; a response that does not oscillate as
+        the flight does is outside."""
+        if simulated is None:
+            return False
+        theirs, ours = (_FIGURES[self.of](each) for each in (flown, simulated))
+        return abs(ours - theirs) <= max(self.width, self.share * abs(theirs))
 
 
 @dataclass(frozen=True)
@@ -98,6 +119,8 @@ def _check(entry: Mapping[str, Any], where: str) -> Check:
         if axis not in CONTROLS:
             raise InputError(f"unknown control axis '{axis}'", where, nearest(axis, CONTROLS))
     bands = tuple(_band(band, where) for band in entry.get("bands", ()))
+    if len({bool(band.of) for band in bands}) > 1:
+        raise InputError("mixes time histories with figures of an oscillation", where, "two checks")
     share = entry.get("required_share", 1.0)
     if not bands:
         raise InputError("has no bands", where, 'for example bands = [{ channel = "q", width ='
@@ -108,15 +131,18 @@ def _check(entry: Mapping[str, Any], where: str) -> Check:
 
 
 def _band(entry: Mapping[str, Any], where: str) -> Band:
-    _known(entry, ("channel", "width", "share"), where)
+    _known(entry, ("channel", "width", "share", "of"), where)
     channel = str(entry.get("channel"))
     if channel not in RESPONSES:
         raise InputError(f"unknown response '{channel}'", where, nearest(channel, RESPONSES))
     share = entry.get("share", 0.0)
-    value = quantity(entry.get("width", 0.0), channel_of(channel).unit)
+    of = str(entry.get("of", ""))
+    if of and of not in _FIGURES:
+        raise InputError(f"unknown figure '{of}'", where, nearest(of, _FIGURES))
+    value = quantity(entry.get("width", 0.0), _UNITS[of] if of else channel_of(channel).unit)
     if not (value > 0.0 or share > 0.0):
         raise InputError(f"the band of {channel} has no width", where, 'give width = "2 deg/s"')
-    return Band(channel, value, float(share))
+    return Band(channel, value, float(share), of)
 
 
 def _known(entry: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
@@ -131,6 +157,7 @@ def check_responses(
     flown: Mapping[str, Array],
     controls: Iterable[str],
     unjudged: Iterable[str] = (),
+    oscillations: Oscillations | None = None,
 ) -> tuple[CheckResult, ...]:
     """Check a manoeuvre against the tolerances that apply to it.
 
@@ -140,11 +167,18 @@ def check_responses(
         where the simulation is NaN (it diverged) are outside.
     controls : axes whose control starts the manoeuvre.
     unjudged : responses that cannot be judged; checks that need them are left out.
+    oscillations : of the flight's free response, and what the simulation has in its place.
     """
     results, axes, out = [], set(controls), set(unjudged)
     for check in tolerances.checks:
         bands = [b for b in check.bands if b.channel in flown and b.channel not in out]
         if (check.controls and not axes & set(check.controls)) or len(bands) < len(check.bands):
+            continue
+        if any(b.of for b in bands):
+            known = oscillations or {}
+            if all(b.of and b.channel in known for b in bands):
+                held = any(b.holds_for(*known[b.channel]) for b in bands)
+                results.append(CheckResult(check.name, float(held), held))
             continue
         counted = np.all([np.isfinite(flown[b.channel]) for b in bands], axis=0)
         inside = np.any(

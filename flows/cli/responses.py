@@ -215,6 +215,14 @@ def _say_stretches(session: Session, document: dict[str, Any]) -> None:
             [_row(response) for response in stretch["responses"]],
             range(1, 7),
         )
+        for name, swing in stretch["oscillations"].items():
+            told = [
+                f"{who} period {each['period']:.2f} s, zeta {each['zeta']:.3f} +-"
+                f" {each['sigma_zeta']:.3f}"
+                for who, each in (("flight", swing["flown"]), ("version", swing["simulated"]))
+                if each is not None
+            ]
+            session.say(f"  oscillation of {name}: {'; '.join(told)}")
         for note in stretch["notes"]:
             session.say(f"  {note}")
 

@@ -15,12 +15,15 @@ from aerodb.flight import Flight
 from aerodb.simulation import (
     RESPONSES,
     FlightModel,
+    Oscillation,
     Simulation,
     Stretch,
     Tolerances,
+    at_rest_from,
     check_responses,
     fly_stretch,
     moved_controls,
+    oscillation,
     parse_tolerances,
     response_agreement,
     stabilising_feedback,
@@ -40,7 +43,7 @@ from aerodb.vehicle import Vehicle
 
 #: What a manoeuvre is flown with before its start and after its end [s].
 BEFORE: Final = 1.0
-AFTER: Final = 4.0
+AFTER: Final = 8.0
 #: Longest stretch of a flight without manoeuvres [s].
 LONGEST: Final = 20.0
 
@@ -77,7 +80,7 @@ def fly_version(
     Parameters
     ----------
     since, until : [s] from the flight's first sample; without them, each manoeuvre with 1 s before
-        and 4 s after it; in a flight without manoeuvres, pieces of 20 s.
+        and 8 s after it; in a flight without manoeuvres, pieces of 20 s.
     wind : ``measured``, as reconstructed, or ``mean`` of each stretch.
     stabilise : close the least stabilising feedback where the vehicle is unstable.
     feedback : ``input:channel`` -> gain, in place of it.
@@ -86,7 +89,7 @@ def fly_version(
     tolerances : text; empty: those that come with aerodb.
 
     Returns a document: flight, version, key, tolerances, stretches (since, until, kind, controls,
-    feedback, correction, responses, checks, notes, or reason where it was not flown).
+    feedback, correction, responses, oscillations, checks, notes, or reason where it was not flown).
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -249,7 +252,8 @@ def _fly(
     flown = fly_stretch(model, stretch)
     simulated = {name: values[:, 0] for name, values in flown.channels.items()}
     controls = moved_controls(model, stretch)
-    checks = check_responses(limits, simulated, stretch.flown, controls, stretch.free)
+    swings = {} if gains else _oscillations(model, stretch, simulated)
+    checks = check_responses(limits, simulated, stretch.flown, controls, stretch.free, swings)
     document |= {
         "controls": list(controls),
         "feedback": {f"{surface}:{channel}": gain for (surface, channel), gain in gains.items()},
@@ -263,6 +267,13 @@ def _fly(
             }
             for each in response_agreement(simulated, stretch.flown)
         ],
+        "oscillations": {
+            name: {
+                "simulated": None if ours is None else asdict(ours),
+                "flown": asdict(theirs),
+            }
+            for name, (ours, theirs) in swings.items()
+        },
         "checks": [asdict(check) for check in checks],
         "notes": [*stretch.notes, *flown.notes()],
         "ended": float(stretch.time[flown.ended[0] - 1]) - first,
@@ -273,6 +284,20 @@ def _fly(
         for name in RESPONSES
         if name in stretch.flown
     }
+
+
+def _oscillations(
+    model: FlightModel, stretch: Stretch, simulated: Mapping[str, Array]
+) -> dict[str, tuple[Oscillation | None, Oscillation]]:
+    """Oscillations of the rates after the controls have come to rest, where the flight has one."""
+    inputs = np.stack([stretch.series[name] for name in model.inputs], axis=1)
+    rest = slice(at_rest_from(stretch.time, inputs), None)
+    found = {}
+    for name in "pqr":
+        flown = oscillation(stretch.time[rest], stretch.flown[name][rest])
+        if flown is not None:
+            found[name] = (oscillation(stretch.time[rest], simulated[name][rest]), flown)
+    return found
 
 
 def _corrections(flown: Simulation, stretch: Stretch, surfaces: Iterable[str]) -> dict[str, float]:

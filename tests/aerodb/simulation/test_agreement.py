@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.simulation import check_responses, parse_tolerances, response_agreement
+from aerodb.simulation import Oscillation, check_responses, parse_tolerances, response_agreement
 from aerodb.tasks.steps import default_tolerances
 
 TIME = np.linspace(0.0, 10.0, 501)
@@ -90,3 +90,24 @@ def test_theils_parts_name_the_kind_of_error() -> None:
 def test_wrong_tolerances_are_named(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         parse_tolerances(text)
+
+
+def test_figures_of_an_oscillation_have_bands_of_their_own() -> None:
+    """ "+-.5 s or 10 % of the period"; a simulation that does not oscillate fails."""
+    text = (
+        '[[check]]\nname = "Dutch roll"\nbands = [\n{ channel = "r", of = "period", share = 0.1 },\n'
+        '{ channel = "r", of = "damping", width = 0.02 },\n]'
+    )
+    tolerances = parse_tolerances(text)
+    flight = Oscillation(2.0, 0.1, 3.0, 3.5, 0.0, 0.0)
+    for simulated, passed in (
+        (Oscillation(2.0, 0.5, 3.2, 1.0, 0.0, 0.0), True),
+        (Oscillation(1.0, 0.11, 6.0, 6.0, 0.0, 0.0), True),
+        (Oscillation(1.0, 0.5, 6.0, 1.0, 0.0, 0.0), False),
+        (None, False),
+    ):
+        swings = {"r": (simulated, flight)}
+        turning = flown() | {"r": flown()["q"]}
+        found = check_responses(tolerances, turning, turning, (), oscillations=swings)
+        assert [result.passed for result in found] == [passed]
+    assert check_responses(tolerances, flown(), flown(), ()) == ()
