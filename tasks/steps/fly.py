@@ -269,8 +269,8 @@ def _fly(
         ],
         "oscillations": {
             name: {
-                "simulated": None if ours is None else asdict(ours),
-                "flown": asdict(theirs),
+                "simulated": None if ours is None else _figures(ours),
+                "flown": _figures(theirs),
             }
             for name, (ours, theirs) in swings.items()
         },
@@ -298,6 +298,17 @@ def _oscillations(
         if flown is not None:
             found[name] = (oscillation(stretch.time[rest], simulated[name][rest]), flown)
     return found
+
+
+def _figures(found: Oscillation) -> dict[str, float]:
+    return {
+        "omega": found.omega,
+        "zeta": found.zeta,
+        "period": found.period,
+        "half_time": found.half_time,
+        "sigma_omega": found.sigma_omega,
+        "sigma_zeta": found.sigma_zeta,
+    }
 
 
 def _corrections(flown: Simulation, stretch: Stretch, surfaces: Iterable[str]) -> dict[str, float]:
