@@ -52,7 +52,6 @@ def response_report(
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
     """
-    told = summary["responses"] if summary else ()
     drawn = [(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]]
     return render(
         "responses.html",
@@ -62,8 +61,14 @@ def response_report(
         summary=summary,
         drawn=drawn,
         left_out=max(0, len(stretches) - _MOST),
-        scales={r["channel"]: channel_scale(r["channel"]) for r in told},
+        scales=response_scales(summary),
     )
+
+
+def response_scales(summary: Mapping[str, Any] | None) -> dict[str, tuple[float, str]]:
+    """Factor and label of each response of a summary, for the tables of its page."""
+    told = summary["responses"] if summary else ()
+    return {r["channel"]: channel_scale(r["channel"]) for r in told}
 
 
 def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:

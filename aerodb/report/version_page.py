@@ -10,6 +10,7 @@ from aerodb.report.diff_documents import diff_document
 from aerodb.report.diff_figures import diff_figure
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Graph
 from aerodb.report.page import render
+from aerodb.report.response_page import response_scales
 from aerodb.report.style import channel_scale, picture
 from aerodb.tables import AeroDatabase, diff
 
@@ -44,7 +45,8 @@ class VersionStory:
     """What there is to tell of a version.
 
     moves : of names to it. flights : its own, not those of its ancestors. report : the document it
-    was made with; `headline` its sentence, empty for an imported one.
+    was made with; `headline` its sentence, empty for an imported one. responses : of
+    `summarise_responses`, if the version was flown.
     """
 
     id: str
@@ -60,6 +62,7 @@ class VersionStory:
     database: AeroDatabase
     parent: tuple[str, AeroDatabase] | None
     graph: Graph
+    responses: Mapping[str, Any] | None = None
 
 
 def version_report(story: VersionStory) -> str:
@@ -88,6 +91,7 @@ def version_report(story: VersionStory) -> str:
         nodes=[] if changes is None else [_table(entry) for entry in changes["nodes"]],
         slices=slices,
         curves=curves,
+        scales=response_scales(story.responses),
         box=(WIDTH, HEIGHT),
     )
 

@@ -19,6 +19,7 @@ from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.steps.validate_responses import known_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
@@ -173,6 +174,9 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             database=database,
             parent=parent,
             graph=lineage_graph(_family(access, row, names), row.id),
+            responses=known_responses(
+                access, row.id, row.parent, [u.flight for u in roles if u.role == "held_out"]
+            ),
         )
     )
 

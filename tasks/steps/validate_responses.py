@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from aerodb.report import FlownStretch, response_report
+from aerodb.storage.files import read_results
 from aerodb.tasks.steps.fly import flown_responses
-from aerodb.tasks.workspace_access import access_workspace
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 Document = Mapping[str, Any]
 
@@ -72,6 +73,32 @@ def summarise_responses(
         ],
         "passed": bool(checks) and not failed,
     }
+
+
+def known_responses(
+    access: WorkspaceAccess, version: str, parent: str | None, flights: Sequence[str]
+) -> dict[str, Any] | None:
+    """The summary of what a version (its id) was last flown with over its held-out flights, beside
+    its parent; None where it was not."""
+    after = _newest(access, version, flights)
+    if not after:
+        return None
+    flown = [document["flight"] for document in after]
+    before = _newest(access, parent, flown) if parent else []
+    where = {"workspace": str(access.workspace.root), "run": ""}
+    return summarise_responses(
+        after, **where, before=before if len(before) == len(after) else [], independent=True
+    )
+
+
+def _newest(access: WorkspaceAccess, version: str, flights: Sequence[str]) -> list[dict[str, Any]]:
+    documents = []
+    for flight in flights:
+        rows = [row for row in access.catalogue.results_of(flight, "fly") if version in row.inputs]
+        path = access.path_of(rows[-1].key) if rows else None
+        if path is not None:
+            documents.append(dict(read_results(path, ("time",))[1]["document"]))
+    return documents
 
 
 def _of_check(name: str, stretches: Sequence[Document]) -> dict[str, Any]:

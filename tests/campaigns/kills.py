@@ -214,7 +214,7 @@ BASES: Final[dict[str, tuple[str, tuple[Any, ...]]]] = {
         "none",
         (
             ("vehicle", "add", "{files}/sensors/vehicle.toml"),
-            ("flight", "ingest", "{files}/sensors/flight0.csv", "{files}/sensors/flight1.csv",
+            ("flight", "ingest", "{files}/sensors/flight0.parquet", "{files}/sensors/flight1.parquet",
              *_BESIDE, "--direct"),
         ),
     ),
