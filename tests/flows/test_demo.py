@@ -400,3 +400,14 @@ def test_a_described_manoeuvre_is_flown_from_trim(phoenix, tmp_path):
     file.write_text(MANOEUVRE.replace("elevator_outboard", "elevator"), encoding="utf-8")
     wrong = fly_command(root, "candidate", "--manoeuvre", str(file))
     assert "does not read 'delta_elevator'" in wrong.stderr
+
+
+def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
+    root, document = phoenix
+    page = tmp_path / "version.html"
+    command = [str(AERODB), "--workspace", str(root), "report", "version", "candidate"]
+    subprocess.run([*command, "--output", str(page)], check=True, capture_output=True)
+    text = page.read_text()
+    assert "<h2>Responses</h2>" in text
+    assert "short period: normal acceleration" in text
+    assert f"{document['responses']['manoeuvres']} manoeuvres of 2 flights flown" in text
