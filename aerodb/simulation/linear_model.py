@@ -12,7 +12,7 @@ from aerodb.simulation.engine import FlightModel, Simulation, initial_state, sim
 from aerodb.simulation.layout import STATE, SURROUNDINGS
 from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.parameter_covariance import parameter_covariance
-from aerodb.simulation.trim import Trim, differences, load_factors, moved_points, varied
+from aerodb.simulation.trim import Trim, differences, is_force, load_factors, moved_points, varied
 from aerodb.support import Array
 from aerodb.tables import Relay
 
@@ -125,7 +125,7 @@ def linear_model(trim: Trim, form: Form = "velocities") -> LinearModel:
     units = {
         **_UNITS,
         **{name: "rad" if name.startswith("delta_") else "1" for name in model.inputs},
-        **({thrust: "N"} if thrust.startswith("force") else {}),
+        **({thrust: "N"} if is_force(thrust) else {}),
     }
     states = _states(model, form)
     named = (*states, *inputs, *_OUTPUTS)
@@ -168,7 +168,7 @@ def _about(
     for j, name in enumerate((*states, *inputs)):
         if name in ("u", "v", "w", "V"):
             steps[j] = _STEP * speed
-        elif name.startswith("force"):
+        elif is_force(name):
             steps[j] = _STEP * problem.inputs["mass"] * 10.0
     lanes = 2 * (n + m)
     # Lane (i, j): perturbation i of the trim j.

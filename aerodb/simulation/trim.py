@@ -199,6 +199,11 @@ class Problem:
         return np.asarray((values[:, :u] - values[:, u:]) / (2 * steps))
 
 
+def is_force(name: str) -> bool:
+    """Whether a series is in newton: of force_x, or a thrust."""
+    return name.startswith(("force", "thrust"))
+
+
 def load_factors(run: Simulation) -> Array:
     """Specific force (3, k) at the CG over gravity: ny = ay/g and nz = -az/g in body axes, and
     normal to the flight path in the plane of symmetry."""
@@ -270,10 +275,17 @@ def trim(
         _errors(problem, point),
         {name: float(value[0]) for name, value in start.items()},
         {name: float(value[0, 0]) for name, value in series.items()},
-        tuple(f"table {name} is left; its edge is held" for name in sorted(run.left)),
+        _notes(model, run),
         problem,
         point,
     )
+
+
+def _notes(model: FlightModel, run: Simulation) -> tuple[str, ...]:
+    notes = [f"table {name} is left; its edge is held" for name in sorted(run.left)]
+    if any(any(increment.folded) for increment in model.database.increments):
+        notes.append("estimates that are folded into tables are taken as exact")
+    return tuple(notes)
 
 
 def _shown(problem: Problem) -> list[str]:
@@ -407,7 +419,7 @@ def _problem(
     else:
         unknowns.append(thrust)
         bounds.append(limits.get(thrust, (0.0, np.inf)))
-        scales.append(given.get("mass", 1.0) * GRAVITY if thrust.startswith("force") else 1.0)
+        scales.append(given.get("mass", 1.0) * GRAVITY if is_force(thrust) else 1.0)
     return Problem(
         model,
         condition,
@@ -557,7 +569,7 @@ def _check(
 
 
 def _shown_value(name: str, value: float) -> str:
-    if name.startswith("force"):
+    if is_force(name):
         return f"{value:.4g} N"
     angle = name in _BOUNDS or "delta_" in name
     return f"{np.rad2deg(value):.4g} deg{'/s' * (name == 'turn_rate')}" if angle else f"{value:.4g}"

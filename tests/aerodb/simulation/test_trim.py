@@ -10,6 +10,7 @@ from aerodb.physics import GRAVITY, standard_atmosphere
 from aerodb.simulation import (
     Actuator,
     Condition,
+    Engine,
     FlightModel,
     NoTrimError,
     flight_model,
@@ -116,6 +117,31 @@ def test_a_pull_up_curves_the_path_as_its_load_factor_says(model: FlightModel) -
     assert found.channels["q"] == pytest.approx(0.4 * GRAVITY / 60.0, rel=1e-9)
     # With thrust along x, part of the load is the thrust's.
     assert found.channels["load_factor"] == pytest.approx(1.4, abs=1e-6)
+
+
+def test_an_engine_trims_with_its_line_or_its_throttle() -> None:
+    """Thrust 0.2 m above the CG and 3 deg up: moment and lift that the elevator answers; a throttle
+    gives the same flight."""
+    line = ((0.5, 0.0, -0.2), (np.cos(0.05), 0.0, -np.sin(0.05)))
+    by_thrust = flight_model(database(), engines=[Engine(parse("thrust"), *line)])
+    found = trim(by_thrust, CRUISE, MASS, thrust="thrust")
+    by_throttle = flight_model(database(), engines=[Engine(parse("2500*throttle - 3*V"), *line)])
+    same = trim(by_throttle, CRUISE, MASS, thrust="throttle", limits={"throttle": (0.0, 1.0)})
+    thrust = found.deflections["thrust"]
+    assert 2500.0 * same.deflections["throttle"] - 180.0 == pytest.approx(thrust, rel=1e-6)
+    for name in ("alpha", "theta"):
+        assert same.channels[name] == pytest.approx(found.channels[name], abs=1e-8)
+    bare = trim(flight_model(database()), CRUISE, MASS)
+    moment = thrust * (-0.2 * np.cos(0.05) + 0.5 * np.sin(0.05))
+    pressure = bare.channels["qbar"] * AREA * CHORD
+    for each, arm in ((bare, 0.0), (found, moment)):
+        total = 0.02 - 0.9 * each.channels["alpha"] - 1.2 * each.deflections["delta_elevator"]
+        assert total * pressure + arm == pytest.approx(0.0, abs=1e-3)
+    drag = linear_model(same).A[0, 0] - linear_model(found).A[0, 0]
+    assert drag == pytest.approx(-3.0 * np.cos(0.05) / MASS["mass"], rel=1e-2)
+    with pytest.raises(NoTrimError, match="throttle is at its upper limit, 1"):
+        trim(by_throttle, replace(CRUISE, climb=0.3), MASS, thrust="throttle",
+             limits={"throttle": (0.0, 1.0)})  # fmt: skip
 
 
 def test_elevons_and_a_rudder_are_found_and_moved_together() -> None:
@@ -336,3 +362,11 @@ def test_feedback_is_part_of_the_linear_model(model: FlightModel) -> None:
     q, elevator = bare.states.index("q"), bare.inputs.index("delta_elevator")
     assert closed.A[q, q] - bare.A[q, q] == pytest.approx(0.3 * bare.B[q, elevator], rel=1e-6)
     assert pytest.approx(bare.B, abs=1e-6) == closed.B
+
+
+def test_estimates_folded_into_tables_are_said_to_be_exact() -> None:
+    nominal = identified()
+    folded = replace(nominal, increments=(replace(nominal.increments[0], folded=("a", "")),))
+    found = trim(flight_model(folded), CRUISE, MASS)
+    assert found.notes == ("estimates that are folded into tables are taken as exact",)
+    assert found.standard_errors["alpha"] > 0
