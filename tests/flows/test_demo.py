@@ -405,8 +405,9 @@ def test_a_described_manoeuvre_is_flown_from_trim(phoenix, tmp_path):
 def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
     root, document = phoenix
     page = tmp_path / "version.html"
-    command = [str(AERODB), "--workspace", str(root), "report", "version", "candidate"]
-    subprocess.run([*command, "--output", str(page)], check=True, capture_output=True)
+    command = [str(AERODB), "--workspace", str(root), "report", "version"]
+    given = [document["candidate"], "--output", str(page)]
+    subprocess.run([*command, *given], check=True, capture_output=True)
     text = page.read_text()
     assert "<h2>Responses</h2>" in text
     assert "short period: normal acceleration" in text
