@@ -289,11 +289,11 @@ def _fly(
 def _oscillations(
     model: FlightModel, stretch: Stretch, simulated: Mapping[str, Array]
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
-    """Oscillations of the rates after the controls have come to rest, where the flight has one."""
+    """Oscillations of the rates and the airspeed after the controls have come to rest, where the flight has one."""
     inputs = np.stack([stretch.series[name] for name in model.inputs], axis=1)
     rest = slice(at_rest_from(stretch.time, inputs), None)
     found = {}
-    for name in "pqr":
+    for name in "pqrV":
         flown = oscillation(stretch.time[rest], stretch.flown[name][rest])
         if flown is not None:
             found[name] = (oscillation(stretch.time[rest], simulated[name][rest]), flown)

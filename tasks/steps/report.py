@@ -19,7 +19,6 @@ from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.steps.validate_responses import known_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
@@ -134,6 +133,7 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 def version_page(version: str, *, workspace: str, run: str) -> str:
     """Return the report of a version (its id)."""
     from aerodb.report import NameMove, UsedFlight, VersionStory, version_report
+    from aerodb.tasks.steps.validate_responses import known_responses
 
     access = access_workspace(workspace)
     catalogue = access.catalogue

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (1, "12d4fc471188bc0d", "75ab953bf9aaf46f"),
     "gram": (11, "3e9fd9a183cec2f7", "d0b83ad7b0621ca0"),
     "close_loop": (27, "7baf77bef5afb8ee", "d3af299eab4e5a54"),
-    "fly": (2, "1ddea2c11b04b167", "c1e07fb83cde1a03"),
+    "fly": (2, "b3a543f0601e1d34", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "update": (8, "e50dd03ca1013998", "6b1983884f9e9ae7"),
 }
