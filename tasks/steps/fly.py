@@ -289,7 +289,8 @@ def _fly(
 def _oscillations(
     model: FlightModel, stretch: Stretch, simulated: Mapping[str, Array]
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
-    """Oscillations of the rates and the airspeed after the controls have come to rest, where the flight has one."""
+    """Oscillations of the rates and the airspeed once the controls rest, where the flight has
+    them."""
     inputs = np.stack([stretch.series[name] for name in model.inputs], axis=1)
     rest = slice(at_rest_from(stretch.time, inputs), None)
     found = {}
