@@ -12,6 +12,8 @@ from aerodb.support import Array
 #: Fewest periods and least share of the variance that an oscillation must explain.
 _PERIODS: Final = 1.0
 _EXPLAINED: Final = 0.9
+#: Largest standard error of the damping ratio: beyond, nothing is known of it.
+_UNKNOWN: Final = 0.05
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ def oscillation(time: Array, values: Array) -> Oscillation | None:
     time, values : (n,), uniform [s]; samples that are NaN are left out.
 
     Returns None where no oscillation of at least one period explains 90 % of the variance about a
-    straight line. Standard errors are those of white residuals.
+    straight line, or its damping ratio is not known to .05. Standard errors are those of white
+    residuals.
     """
     good = np.isfinite(values)
     if good.sum() < 20:
@@ -71,6 +74,8 @@ def oscillation(time: Array, values: Array) -> Oscillation | None:
     zeta = -s / omega
     by = np.array([[s / omega, w / omega], [-(w**2) / omega**3, s * w / omega**3]])
     errors = np.sqrt(np.maximum(np.diag(by @ covariance[:2, :2] @ by.T), 0.0))
+    if not errors[1] < _UNKNOWN:
+        return None
     half = float(np.log(2.0) / -s) if s else np.inf
     return Oscillation(
         omega, float(zeta), 2.0 * np.pi / w, half, float(errors[0]), float(errors[1])

@@ -242,6 +242,12 @@ def _row(response: dict[str, Any], *more: str) -> list[str]:
     ]
 
 
+def _swing(found: dict[str, float] | None) -> tuple[str, str]:
+    if found is None:
+        return "", ""
+    return f"{found['period']:.2f} s", f"zeta {found['zeta']:.3f} +- {found['sigma_zeta']:.3f}"
+
+
 def say_responses(session: Session, label: str, document: dict[str, Any]) -> None:
     """Print the summary of `validate_flow` for a version of this label."""
     from aerodb.report import channel_scale
@@ -280,6 +286,17 @@ def say_responses(session: Session, label: str, document: dict[str, Any]) -> Non
         shown.append(_row(response, earlier, better))
     columns = ["response", "rms of flight", "rms error", "baseline", "better in"]
     session.table([*columns, "fit", "bias", "variance", "covariance"], shown, range(1, 9))
+    if document["oscillations"]:
+        session.say()
+        session.table(
+            ["oscillation of", "flight", "", "version", "", "baseline", ""],
+            [
+                [each["channel"], *_swing(each["flown"]), *_swing(each["version"]),
+                 *_swing(each["baseline"])]
+                for each in document["oscillations"]
+            ],
+            range(1, 7),
+        )  # fmt: skip
     for failed in document["failed"][:10]:
         session.say(
             f"outside: {failed['name']}, {failed['since']:.1f} to {failed['until']:.1f} s:"

@@ -25,8 +25,8 @@ def summarise_responses(
 
     Returns a document: version, baseline, independent, flights, tolerances, manoeuvres, checks
     (check, manoeuvres, passed, share; and of the baseline), responses (channel, rms error, Theil's
-    fit and parts, improved: in how many manoeuvres; and of the baseline), failed, not_flown,
-    stabilised, passed.
+    fit and parts, improved: in how many manoeuvres; and of the baseline), oscillations (of flight,
+    version and baseline), failed, not_flown, stabilised, passed.
     """
     access = access_workspace(workspace)
     stretches = [(d["flight"], s) for d in after for s in d["stretches"]]
@@ -65,6 +65,7 @@ def summarise_responses(
         "stabilised": sum(bool(s["feedback"]) for _, s in flown),
         "checks": checks,
         "responses": responses,
+        "oscillations": _swings(after, before),
         "failed": failed,
         "not_flown": [
             {"flight": flight, "since": s["since"], "until": s["until"], "reason": s["reason"]}
@@ -129,6 +130,29 @@ def _of_response(channel: str, stretches: Sequence[Document]) -> dict[str, Any]:
         "rms_flown": float(size),
         "theil": parts,
     }
+
+
+def _swings(after: Sequence[Document], before: Sequence[Document]) -> list[dict[str, Any]]:
+    """Free oscillations of the flights beside those of the version and of its baseline."""
+    earlier = {
+        (d["flight"], s["since"], channel): swing["simulated"]
+        for d in before
+        for s in d["stretches"]
+        for channel, swing in s.get("oscillations", {}).items()
+    }
+    return [
+        {
+            "flight": d["flight"],
+            "since": s["since"],
+            "channel": channel,
+            "flown": swing["flown"],
+            "version": swing["simulated"],
+            "baseline": earlier.get((d["flight"], s["since"], channel)),
+        }
+        for d in after
+        for s in d["stretches"]
+        for channel, swing in s.get("oscillations", {}).items()
+    ]
 
 
 def _improved(channel: str, after: Sequence[Document], before: Sequence[Document]) -> int | None:
