@@ -1,6 +1,10 @@
-"""Least squares and error statistics, independent of aircraft and databases.
+"""Estimation methods of system identification, independent of aircraft and databases.
 
-The way through:
+A `DynamicModel` with named `Parameters` is fitted to `TimeHistory` records. Every method answers
+with a `Fit`: a `ParameterEstimate` per parameter with its `Standing`, the residuals, and what the
+method assumes.
+
+Least squares:
 
 1. `least_squares` fits stacked records and gives a `Regression`, whose covariance stays valid when
    residuals are correlated in time; `coloured_sum` is the sum behind it,

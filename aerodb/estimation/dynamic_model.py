@@ -1,0 +1,41 @@
+"""What the methods that integrate a model ask of it."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from aerodb.estimation.parameters import Parameters
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+#: Value of each parameter: a number, or (k,) for k runs side by side.
+Values = Mapping[str, Array]
+
+
+class DynamicModel(Protocol):
+    """``x' = f(x, u, theta)``, ``y = h(x, u, theta)`` with s states, o outputs and named parameters
+    theta. Arrays end with the runs: every method takes k sets of parameters at once."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the s states."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the o outputs, as in `TimeHistory.outputs`."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """All parameters, those of single records (initial states, biases) too."""
+
+    def initial_state(self, values: Values, record: TimeHistory) -> Array:
+        """State at the first sample of a record, (s, k)."""
+
+    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
+        """Time derivatives (s, k) of a state (s, k); inputs at `sample`, a place between samples
+        is interpolated linearly."""
+
+    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
+        """Outputs (o, k) at a state (s, k)."""
+
+    def simulated(self, values: Values, record: TimeHistory) -> Array:
+        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""

@@ -1,0 +1,93 @@
+"""The answer that every method gives: estimates with their standing, residuals, and what the method
+assumes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from aerodb.estimation.statistics import Theil
+from aerodb.support import Array
+
+#: What an estimate is worth: ``estimated``; ``fixed`` or ``tied`` by the user; ``prior``: the data
+#: add nothing to the prior; ``at bound``; ``not excited``: the record does not move what it acts
+#: on; ``not identifiable``: others take its place; ``diverged``: the search did not end.
+Standing = Literal[
+    "estimated", "fixed", "tied", "prior", "at bound", "not excited", "not identifiable", "diverged"
+]
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One estimate.
+
+    Parameters
+    ----------
+    name, unit : of the parameter.
+    value : NaN where the standing says that the data give none.
+    standard_error : corrected for coloured residuals; NaN where there is none.
+    standing : see `Standing`.
+    reason : what the standing means here, and what would help; empty for ``estimated``.
+    cramer_rao : lower bound of the standard error, as if the residuals were white; NaN where the
+        method has none.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str = "1"
+    standing: Standing = "estimated"
+    reason: str = ""
+    cramer_rao: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of one method.
+
+    Parameters
+    ----------
+    method : its name on the command line, such as ``output-error``.
+    estimates : every parameter, those that were fixed too.
+    names : of the k parameters that `covariance` belongs to.
+    covariance : (k, k), corrected for coloured residuals.
+    residuals : record -> output -> (n,), measured minus model, SI; NaN where not measured.
+    fitted : record -> output -> (n,), of the model.
+    noise : output -> estimated standard deviation of the measurement noise, SI.
+    theil : record -> output -> agreement.
+    converged : whether the search ended at an optimum.
+    iterations : of the search; 0 for a method without one.
+    log_likelihood : NaN for methods without one.
+    assumes : what the method takes for granted, one sentence each.
+    notes : what the user must know of this result, one sentence each.
+    """
+
+    method: str
+    estimates: tuple[ParameterEstimate, ...]
+    names: tuple[str, ...]
+    covariance: Array
+    residuals: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    fitted: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    theil: Mapping[str, Mapping[str, Theil]] = field(default_factory=dict)
+    converged: bool = True
+    iterations: int = 0
+    log_likelihood: float = np.nan
+    assumes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """The estimate of this name; KeyError where there is none."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(name)
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation (k, k) of the estimates."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.covariance / np.outer(deviation, deviation)
+        return np.where(np.isfinite(ratio), ratio, np.eye(len(deviation)))

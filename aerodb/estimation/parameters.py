@@ -1,0 +1,141 @@
+"""Named parameters of a model: which are free, fixed, tied to another, bounded, or known
+beforehand."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.support import Array
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter.
+
+    Parameters
+    ----------
+    name : unique in its model. A parameter of one record ends with the record's name in brackets:
+        ``bias_p[f1_017]``, ``initial_v[f1_017]``.
+    value : start value of a free parameter, or the value of a fixed one.
+    unit : SI unit, for reports.
+    free : False: held at `value`.
+    lower, upper : bounds.
+    prior, prior_error : what is known beforehand, mean and standard deviation; None: nothing.
+    tied : (other parameter, factor): the value is the factor times the other's.
+    """
+
+    name: str
+    value: float
+    unit: str = "1"
+    free: bool = True
+    lower: float = -np.inf
+    upper: float = np.inf
+    prior: float | None = None
+    prior_error: float | None = None
+    tied: tuple[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a model, in order.
+
+    Raises InputError for a name that stands twice, a tie to an unknown, tied or own name, bounds
+    that exclude the start value, and a prior without a positive standard deviation.
+    """
+
+    items: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        names = self.names
+        for item in self.items:
+            where = f"parameter {item.name}"
+            if names.count(item.name) > 1:
+                raise InputError("the name stands twice", where, "name each parameter once")
+            if not np.isfinite(item.value) or not item.lower <= item.value <= item.upper:
+                raise InputError(
+                    f"the start value {item.value:g} is outside {item.lower:g} to {item.upper:g}",
+                    where,
+                    "start inside the bounds",
+                )
+            if item.tied is not None and (
+                item.tied[0] not in names or self[item.tied[0]].tied is not None
+            ):
+                raise InputError(
+                    f"it cannot be tied to '{item.tied[0]}'",
+                    where,
+                    nearest(item.tied[0], [each.name for each in self.items if each.tied is None]),
+                )
+            if (item.prior is None) != (item.prior_error is None) or (
+                item.prior_error is not None and not item.prior_error > 0
+            ):
+                raise InputError(
+                    "a prior needs a value and a positive standard deviation", where, "state both"
+                )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return tuple(item.name for item in self.items)
+
+    @property
+    def unknown(self) -> tuple[Parameter, ...]:
+        """The f parameters that are estimated: free ones that are tied to no other."""
+        return tuple(item for item in self.items if item.free and item.tied is None)
+
+    def __getitem__(self, name: str) -> Parameter:
+        for item in self.items:
+            if item.name == name:
+                return item
+        raise InputError(f"no parameter '{name}'", "model", nearest(name, self.names))
+
+    def start(self) -> Array:
+        """Start values (f,) of the unknown parameters."""
+        return np.array([item.value for item in self.unknown])
+
+    def values(self, vector: Array) -> dict[str, Array]:
+        """Return the value of every parameter, each (k,), or a number where `vector` is (f,).
+
+        vector : the unknown parameters, (f,) or (f, k) for k runs side by side.
+        """
+        known = {item.name: np.asarray(item.value) for item in self.items if item.tied is None}
+        known |= {
+            item.name: np.asarray(value) for item, value in zip(self.unknown, vector, strict=True)
+        }
+        tied = {
+            item.name: item.tied[1] * known[item.tied[0]]
+            for item in self.items
+            if item.tied is not None
+        }
+        return {name: np.asarray({**known, **tied}[name]) for name in self.names}
+
+    def changed(self, values: Mapping[str, float]) -> "Parameters":
+        """The same parameters with other start values; unknown names raise InputError."""
+        for name in values:
+            self[name]
+        return Parameters(
+            tuple(
+                replace(item, value=float(values.get(item.name, item.value))) for item in self.items
+            )
+        )
+
+    def with_more(self, more: Iterable[Parameter]) -> "Parameters":
+        """The same parameters and `more` after them."""
+        return Parameters((*self.items, *more))
+
+
+def bounds_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Lower and upper bounds, (f,) each."""
+    return (
+        np.array([item.lower for item in unknown], dtype=np.float64),
+        np.array([item.upper for item in unknown], dtype=np.float64),
+    )
+
+
+def priors_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Mean (f,) and standard deviation (f,) of the priors; inf where there is none."""
+    return (
+        np.array([0.0 if item.prior is None else item.prior for item in unknown]),
+        np.array([np.inf if item.prior_error is None else item.prior_error for item in unknown]),
+    )
