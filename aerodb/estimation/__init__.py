@@ -13,6 +13,13 @@ Least squares:
    turns the fit back into one constant, their mean.
 3. `rms` and `theil` (`Theil`) measure how well a prediction follows a measurement.
 
+Equation error, a `LinearEquation` of several `EquationRecord`:
+
+1. `regression_fit` is least squares with fixed and tied parameters, priors and bounds. Its standard
+   errors rest on a model of the coloured residuals (`coloured_noise`), so that intervals hold the
+   truth as often as they say.
+2. `equation_error` holds what all of these methods share.
+
 `regression` holds the fit, `statistics` the error measures.
 """
 

@@ -12,9 +12,20 @@ from aerodb.support import Array
 
 #: What an estimate is worth: ``estimated``; ``fixed`` or ``tied`` by the user; ``prior``: the data
 #: add nothing to the prior; ``at bound``; ``not excited``: the record does not move what it acts
-#: on; ``not identifiable``: others take its place; ``diverged``: the search did not end.
+#: on; ``not identifiable``: others take its place; ``biased``: the method draws it towards its
+#: start value; ``left out``: the method took the term out of the model; ``diverged``: the search
+#: did not end.
 Standing = Literal[
-    "estimated", "fixed", "tied", "prior", "at bound", "not excited", "not identifiable", "diverged"
+    "estimated",
+    "fixed",
+    "tied",
+    "prior",
+    "at bound",
+    "not excited",
+    "not identifiable",
+    "biased",
+    "left out",
+    "diverged",
 ]
 
 
@@ -58,6 +69,7 @@ class Fit:
     theil : record -> output -> agreement.
     converged : whether the search ended at an optimum.
     iterations : of the search; 0 for a method without one.
+    degrees_of_freedom : independent samples less estimates, of Student's t; inf for the normal.
     log_likelihood : NaN for methods without one.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
@@ -73,6 +85,7 @@ class Fit:
     theil: Mapping[str, Mapping[str, Theil]] = field(default_factory=dict)
     converged: bool = True
     iterations: int = 0
+    degrees_of_freedom: float = np.inf
     log_likelihood: float = np.nan
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -83,6 +96,25 @@ class Fit:
             if estimate.name == name:
                 return estimate
         raise KeyError(name)
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of an estimate at `level`, by Student's t; NaN without standard
+        error."""
+        from scipy.special import stdtrit  # slow to import
+
+        each = self[name]
+        half = each.standard_error * float(stdtrit(self.degrees_of_freedom, 0.5 + level / 2.0))
+        return each.value - half, each.value + half
+
+    def p_value(self, name: str) -> float:
+        """Probability of an estimate at least this far from zero if the truth were zero, by
+        Student's t, two-sided; NaN without standard error."""
+        from scipy.special import stdtr  # slow to import
+
+        each = self[name]
+        if not each.standard_error > 0.0:
+            return float("nan")
+        return 2.0 * float(stdtr(self.degrees_of_freedom, -abs(each.value) / each.standard_error))
 
     @property
     def correlation(self) -> Array:
