@@ -142,7 +142,7 @@ def _hidden(rows: Array, told: Mask) -> Array:
     _, singular, right = np.linalg.svd(stacked, full_matrices=True)
     hidden = right[int(np.sum(singular > 1e-9)) :].copy()
     for k in range(len(hidden)):  # the echelon form: each direction has a parameter to itself
-        row, column = np.unravel_index(np.argmax(np.abs(hidden[k:])), hidden[k:].shape)
+        row, column = divmod(int(np.argmax(np.abs(hidden[k:]))), hidden.shape[1])
         hidden[[k, k + row]] = hidden[[k + row, k]]
         hidden[k] /= hidden[k, column]
         others = np.arange(len(hidden)) != k
