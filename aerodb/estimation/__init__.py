@@ -20,7 +20,16 @@ Equation error, a `LinearEquation` of several `EquationRecord`:
    truth as often as they say.
 2. `equation_error` holds what all of these methods share.
 
-`regression` holds the fit, `statistics` the error measures.
+Equation error over a band of frequencies, and sample by sample:
+
+1. `frequency_domain_regression` is least squares between finite Fourier transforms: what lies
+   beside the band does not matter.
+2. `RecursiveLeastSquares` (with forgetting, normalised or not) and `FourierRegression` take one
+   sample after the other, with constant memory. `recursive_least_squares` and
+   `normalised_recursive_least_squares` run them through records.
+
+`regression` holds the fit, `statistics` the error measures, `finite_fourier` the transforms,
+`linear_solution` what estimates are worth.
 """
 
 import lazy_loader as lazy

@@ -1,7 +1,14 @@
 from .dynamic_model import DynamicModel, Values
 from .fit import Fit, ParameterEstimate, Standing
+from .frequency_domain import frequency_domain_regression
 from .linear_equation import EquationRecord, LinearEquation
 from .parameters import Parameter, Parameters, bounds_of, priors_of
+from .recursive import (
+    FourierRegression,
+    RecursiveLeastSquares,
+    normalised_recursive_least_squares,
+    recursive_least_squares,
+)
 from .regression import (
     Regression,
     coloured_sum,
@@ -17,10 +24,12 @@ __all__ = [
     "DynamicModel",
     "EquationRecord",
     "Fit",
+    "FourierRegression",
     "LinearEquation",
     "Parameter",
     "ParameterEstimate",
     "Parameters",
+    "RecursiveLeastSquares",
     "Regression",
     "Standing",
     "Theil",
@@ -28,9 +37,12 @@ __all__ = [
     "Values",
     "bounds_of",
     "coloured_sum",
+    "frequency_domain_regression",
     "least_squares",
+    "normalised_recursive_least_squares",
     "own_constants",
     "priors_of",
+    "recursive_least_squares",
     "rms",
     "samples_per_independent",
     "theil",

@@ -99,13 +99,13 @@ def transformed(record: EquationRecord, frequencies: Array) -> BandRecord:
     n, step = len(record.time), step_of(record)
     columns = np.column_stack([record.regressors, record.response, np.ones(n), step * np.arange(n)])
     apart = frequencies[1] - frequencies[0] if len(frequencies) > 1 else 0.0
-    spectra: Transform = step * czt(
+    spectra = step * czt(
         columns,
         m=len(frequencies),
         w=np.exp(-2j * np.pi * apart * step),
         a=np.exp(2j * np.pi * frequencies[0] * step),
         axis=0,
-    )
+    ).astype(np.complex128)
     k = record.regressors.shape[1]
     return BandRecord(
         spectra[:, :k],

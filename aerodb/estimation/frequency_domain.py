@@ -1,9 +1,9 @@
 """Equation error in the frequency domain: linear equations between finite Fourier transforms.
 
 The finite Fourier transform keeps a linear equation linear. Least squares over a band of
-frequencies leaves out what lies beside it: sensor noise and
-structural modes above, drift below. A constant and a drift of each record have known transforms and
-are estimated along, so that neither leaks into the band, whatever the record's ends are.
+frequencies leaves out what lies beside it: sensor noise and structural modes above, drift below. A
+constant and a drift of each record have known transforms and are estimated along, so that neither
+leaks into the band, whatever the record's ends are.
 
 Klein & Morelli, *Aircraft System Identification*, 2006, section 7.2.
 """
@@ -73,7 +73,7 @@ class BandFit:
         return tuple(told)
 
 
-def frequency_domain(
+def frequency_domain_regression(
     equation: LinearEquation,
     *,
     lowest: float | None = None,
@@ -102,6 +102,7 @@ def frequency_domain(
         estimates=fit.estimates,
         names=fit.names,
         covariance=fit.covariance,
+        degrees_of_freedom=max(fit.free, 1.0),
         assumes=ASSUMES,
         notes=(
             f"{len(frequencies)} frequencies from {frequencies[0]:.3g} to {frequencies[-1]:.3g} Hz",

@@ -138,7 +138,13 @@ def judged(
     bare[index] = np.sqrt(np.diag(white)[index])
     known = [k for k in range(len(items)) if np.isfinite(values[k])]
     states = {
-        item.name: (standing[k], reason[k], values[k], np.sqrt(spread[k, k]), bare[k])
+        item.name: (
+            standing[k],
+            reason[k],
+            float(values[k]),
+            float(np.sqrt(spread[k, k])),
+            float(bare[k]),
+        )
         for k, item in enumerate(items)
     }
     return (

@@ -2,7 +2,7 @@
 squares with forgetting, its normalised form, and Fourier transform regression.
 
 Each has ``update`` for one sample and ``fit`` for the estimates so far, which equal those of the
-whole record at once: least squares, and `frequency_domain`.
+whole record at once: least squares, and `frequency_domain_regression`.
 
 Fourier transform regression: Morelli, "Real-Time Parameter Estimation in the Frequency Domain",
 AIAA 99-4043; Phillips et al., AIAA 2009-5723, eqs. 40-42. Recursive least squares: Ljung, *System
@@ -13,8 +13,9 @@ normalised: Ioannou & Sun, *Robust Adaptive Control*, 1996, section 4.3.
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.estimation.finite_fourier import BandRecord
 from aerodb.estimation.fit import Fit
-from aerodb.estimation.frequency_domain import ASSUMES, BandRecord, band_fit
+from aerodb.estimation.frequency_domain import ASSUMES, band_fit
 from aerodb.estimation.linear_equation import LinearEquation
 from aerodb.estimation.linear_solution import (
     judged,
@@ -128,6 +129,7 @@ class RecursiveLeastSquares:
             estimates=estimates,
             names=found,
             covariance=final,
+            degrees_of_freedom=float(max(used / (_CORRELATED + 1) - count, 1.0)),
             assumes=("the regressors are measured without error", *self._memory()),
             notes=("too short: the standard errors are known to be too small",) if short else (),
         )
@@ -197,17 +199,18 @@ class FourierRegression:
             estimates=fit.estimates,
             names=fit.names,
             covariance=fit.covariance,
+            degrees_of_freedom=max(fit.free, 1.0),
             assumes=(*ASSUMES, "the parameters do not change"),
             notes=fit.notes,
         )
 
 
-def recursive(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
+def recursive_least_squares(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
     """Recursive least squares through all records, one after the other."""
     return _through(RecursiveLeastSquares(equation.parameters, forgetting=forgetting), equation)
 
 
-def normalised_recursive(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
+def normalised_recursive_least_squares(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
     """Normalised recursive least squares (NRLS) through all records, one after the other."""
     estimator = RecursiveLeastSquares(equation.parameters, forgetting=forgetting, normalised=True)
     return _through(estimator, equation)
