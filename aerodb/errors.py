@@ -8,6 +8,7 @@ about that.
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 
 class AeroError(Exception):
@@ -25,12 +26,31 @@ class AeroError(Exception):
         first = f"{where}: {what}" if where else what
         super().__init__("\n".join(line for line in (first, remedy) if line))
 
-    def __reduce__(self) -> tuple[type["AeroError"], tuple[str, str, str]]:
+    def __reduce__(self) -> tuple[type["AeroError"], tuple[Any, ...]]:
         return type(self), (self.what, self.where, self.remedy)
 
 
 class InputError(AeroError, ValueError):
     """Unusable log, vehicle, database or model file; nothing else has been changed."""
+
+
+class OpenQuestionsError(InputError):
+    """Input that cannot be used before its user answers some questions: all of them at once.
+
+    questions : one line each, or an indented line that proposes an answer.
+    """
+
+    def __init__(
+        self, what: str, where: str = "", remedy: str = "", questions: Iterable[str] = ()
+    ) -> None:
+        super().__init__(what, where, remedy)
+        self.questions = tuple(questions)
+
+    def __str__(self) -> str:
+        return "\n".join((super().__str__(), *self.questions))
+
+    def __reduce__(self) -> tuple[type["AeroError"], tuple[Any, ...]]:
+        return type(self), (self.what, self.where, self.remedy, self.questions)
 
 
 class CalculationError(InputError):

@@ -15,8 +15,10 @@ def import_flow(
     vehicle: str,
     bindings: dict[str, str],
     accept_proposals: bool = False,
+    replace_reason: str = "",
+    accept: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Import a database file; see `aerodb.tasks.steps.publish.import_database`."""
+    """Import a database file; see `aerodb.tasks.steps.importing.import_database`."""
     result: dict[str, Any] = steps(
         import_database,
         file,
@@ -25,6 +27,8 @@ def import_flow(
         vehicle=vehicle,
         bindings=bindings,
         accept_proposals=accept_proposals,
+        replace_reason=replace_reason,
+        accept=tuple(accept or ()),
     )
     return result
 

@@ -13,6 +13,8 @@ NetCDF (arrays)    import_netcdf    export_netcdf   yes, checked on import
 Every reader takes the content of a file and returns an `aerodb.tables.AeroDatabase`; every writer
 takes an AeroDatabase and returns the content of a file. No function here opens a file.
 
+`check_file` tells whether an imported XML file gives the numbers of its own check cases.
+
 `is_daveml` tells DAVE-ML from JSBSim XML. `database_document_sha256` identifies a database with its
 expressions and texts; `database_content_sha256` covers its numbers only.
 

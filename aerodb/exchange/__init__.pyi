@@ -1,5 +1,7 @@
 from .arrays import export_csv, export_mat, export_netcdf, import_csv, import_mat, import_netcdf
 from .daveml import export_daveml, import_daveml, is_daveml
+from .file_checks import FileChecks, check_file
+from .input_names import propose_bindings, written_name
 from .jsbsim import (
     Agreement,
     check_in_jsbsim,
@@ -20,6 +22,8 @@ from .state_terms import states_for_jsbsim, without_states
 
 __all__ = [
     "Agreement",
+    "FileChecks",
+    "check_file",
     "check_in_jsbsim",
     "database_content_sha256",
     "database_document_sha256",
@@ -38,8 +42,10 @@ __all__ = [
     "is_daveml",
     "jsbsim_check_cases",
     "property_expression",
+    "propose_bindings",
     "read_native",
     "states_for_jsbsim",
     "to_document",
     "without_states",
+    "written_name",
 ]

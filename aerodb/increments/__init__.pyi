@@ -6,7 +6,16 @@ from .derivatives import (
     judge_derivatives,
 )
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
-from .gate import Check, Standing, Verdict, judge_release, judge_rivals, sign_reasons
+from .gate import (
+    FILE_CHECKS,
+    Check,
+    Standing,
+    Verdict,
+    judge_import,
+    judge_release,
+    judge_rivals,
+    sign_reasons,
+)
 from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
 from .validation import (
     UNCHANGED,
@@ -19,6 +28,7 @@ from .validation import (
 )
 
 __all__ = [
+    "FILE_CHECKS",
     "INCREMENT_AXES",
     "UNCHANGED",
     "AxisUpdate",
@@ -40,6 +50,7 @@ __all__ = [
     "derivatives_document",
     "estimate_increments",
     "judge_derivatives",
+    "judge_import",
     "judge_release",
     "judge_rivals",
     "keep_slope_signs",

@@ -18,6 +18,8 @@ from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_
 _ROUNDING: Final = 1e-9
 #: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
+#: Under this word a person accepts an import whose file fails its own check cases.
+FILE_CHECKS: Final = "file_checks"
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,37 @@ def judge_release(
     )
 
 
+def judge_import(
+    standing: Standing,
+    imported: AeroDatabase,
+    check_cases: Sequence[CheckCase],
+    file_checks: Mapping[str, Any] | None,
+    accepted: bool = False,
+) -> Verdict:
+    """Judge whether an imported database may become ``released``: as the first one, or in place of
+    another import from which nothing was flown yet, or whose successors were rolled back.
+
+    check_cases : those stored with the version. file_checks : what came of those of its file
+    (`aerodb.exchange.check_file`, as JSON); None where it was imported before they were looked at.
+    accepted : whether a person accepts that they fail.
+    """
+    found = file_checks or {}
+    reasons = tuple(
+        f"{found['failed']} numbers of the file's own check cases differ: {first}"
+        f" (if its tables are right: --accept {FILE_CHECKS}, and the --reason)"
+        for first in found.get("failures", ())[:1]
+        if not accepted
+    )
+    return Verdict(
+        (
+            Check("not stale", standing.stale),
+            Check("content as stored", _content(standing)),
+            Check("check cases", _check_cases(imported, check_cases)),
+            Check("the file's own check cases", reasons),
+        )
+    )
+
+
 def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str]) -> Check:
     """Return the gate's check of the errors of sensors that explain what an update changes.
 
@@ -129,12 +162,16 @@ def _parent(standing: Standing) -> tuple[str, ...]:
             ),
         )
     made_on = f"was made on {standing.parent}" if standing.parent else "has no parent"
-    return (
-        (
-            f"{standing.label} {made_on}, but {standing.released} is released: promoting it would"
-            " silently undo that release"
-        ),
+    what = (
+        f"{standing.label} {made_on}, but {standing.released} is released: promoting it would"
+        " silently undo that release"
     )
+    if not standing.parent:
+        what += (
+            "; an import may replace a released import: first go back to that one with aerodb"
+            " version rollback"
+        )
+    return (what,)
 
 
 def _content(standing: Standing) -> tuple[str, ...]:

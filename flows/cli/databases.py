@@ -1,5 +1,6 @@
 """``aerodb database``: import a baseline from a file, and what it needs of flights."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,9 +31,25 @@ def import_file(
             help="Hold at zero what the file needs and no flight has; the version keeps a record.",
         ),
     ] = False,
+    replace: Annotated[
+        bool,
+        typer.Option("--replace", help="Release it in place of the released import; --reason too."),
+    ] = False,
+    reason: Annotated[
+        str, typer.Option(help="Why it replaces the released import; stored with the move.")
+    ] = "",
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --replace: `file_checks` releases a file whose own check cases fail."
+        ),
+    ] = None,
 ) -> None:
-    """Import a database file as a version; a vehicle's first one becomes `released`, and so does
-    the same file imported again before anything was made of it.
+    """Import a database file as a version, and run the check cases that the file brings along.
+
+    A vehicle's first import becomes `released`, and so does the same file imported again before
+    anything was made of it; not so if check cases of the file fail. A wrong import is replaced by
+    the right one with --replace and --reason.
 
     Example: aerodb database import DHC6.xml --vehicle twin-otter --accept-proposals
     """
@@ -41,21 +58,27 @@ def import_file(
     session: Session = context.obj
     if not file.is_file():
         raise InputError("no such file", str(file), "check the path")
+    if replace and not reason.strip():
+        raise InputError("replacing the released import requires a reason", "", "--reason TEXT")
+    if accept and not replace:
+        raise InputError("--accept concerns the release", "", "add --replace and --reason")
     bindings = dict(_binding(text) for text in bind or [])
     parameters = {
         "file": str(file),
         "vehicle": vehicle,
         "bindings": bindings,
         "accept_proposals": accept_proposals,
+        "replace_reason": reason if replace else "",
+        "accept": accept or [],
     }
     document = session.run(import_flow, parameters, direct=True)
     session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
-    if not document["released"]:
-        label = document["label"]
-        session.say(f"'released' stays where it is; build on this one with --baseline {label}")
+    _say_checks(session, document)
+    _say_released(session, document, vehicle)
     _say_inputs(session, document)
     if document["lacking"]:
-        session.say("to take the proposals: import again with --accept-proposals")
+        session.say("to take all zeros: import again with --accept-proposals; to choose, copy:")
+        session.say(_command(file, vehicle, bind or [], document))
     session.answer(document)
 
 
@@ -80,9 +103,47 @@ def inputs(
     session.answer(document)
 
 
+def _say_checks(session: Session, document: dict[str, Any]) -> None:
+    checks = document["file_checks"]
+    if checks is None:
+        return
+    session.say(("" if checks["passed"] else "WARNING: ") + checks["sentence"])
+    for failure in checks["failures"][:5]:
+        session.say(f"- {failure}")
+    if checks["failed"] > 5:
+        session.say(f"- and {checks['failed'] - 5} more: aerodb --json version show")
+
+
+def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> None:
+    label, checks = document["label"], document["file_checks"]
+    if document["replaced"]:
+        session.say(f"released: {label} in place of {document['replaced']}")
+    elif document["released"]:
+        return
+    elif checks is not None and not checks["passed"]:
+        session.say(
+            f"not released: mend the file and import it again, or, if its tables are right: aerodb"
+            f" version promote {label} --vehicle {vehicle} --accept file_checks --reason TEXT"
+        )
+    else:
+        session.say(f"'released' stays where it is; build on this one with --baseline {label}")
+        session.say(
+            f"if it shall replace a released import: aerodb version promote {label} --vehicle"
+            f" {vehicle} --reason TEXT"
+        )
+
+
+def _command(file: Path, vehicle: str, bind: list[str], document: dict[str, Any]) -> str:
+    """The whole command with a binding per input that no flight has, to be edited."""
+    given = [*bind, *(texts[0] for texts in document["proposals"].values())]
+    lines = [f"aerodb database import {shlex.quote(str(file))} --vehicle {shlex.quote(vehicle)}"]
+    return " \\\n".join([*lines, *(f"  --bind {shlex.quote(text)}" for text in given)])
+
+
 def _say_inputs(session: Session, document: dict[str, Any]) -> None:
     """Print inputs, and a proposal for each that no flight has."""
-    session.say(f"needs: {', '.join(document['inputs']) or 'nothing'}")
+    written = document["written"]
+    session.say(f"needs: {', '.join(written[each] for each in document['inputs']) or 'nothing'}")
     for name in document["required"]:
         session.say(f"- no flight has {name}, which nothing can stand for: map it from the log")
     for use in document["uses"]:
@@ -90,6 +151,8 @@ def _say_inputs(session: Session, document: dict[str, Any]) -> None:
         session.say(f"- {proposed}{use['sentence']}")
         if not use["accepted"]:
             session.say(f"  proposed: {proposal(use)}")
+            for text in document["proposals"].get(use["name"], ())[:-1]:
+                session.say(f"  or, if that is meant: --bind {text}")
         for each in use["residuals"]:
             if each["with_zero"] < each["now"]:
                 session.say(f"  on {each['axis']} the flights speak for zero: {proposal(use)[6:]}")

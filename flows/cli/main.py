@@ -28,7 +28,7 @@ from aerodb.flows.cli import (
     versions,
     web,
 )
-from aerodb.flows.cli.output import Session, complaint
+from aerodb.flows.cli.output import Session, complaint, visible
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
 
@@ -113,6 +113,8 @@ def main() -> None:
         if debug:
             raise
         print(complaint(error.what, error.where, error.remedy), file=sys.stderr)
+        for line in getattr(error, "questions", ()):
+            print(visible(line), file=sys.stderr)
         code = _code(error)
     except Exception as error:
         if debug:

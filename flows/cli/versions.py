@@ -94,6 +94,8 @@ def show(
     )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")
+    if checks := document["report"].get("file_checks"):
+        session.say(("" if checks["passed"] else "WARNING: ") + checks["sentence"])
     database, folds = _consolidated(session, database) if consolidated else (database, {})
     session.table(
         ["axis", "term", "expression"],

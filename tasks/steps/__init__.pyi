@@ -15,6 +15,7 @@ from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
 from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
 from .fly_manoeuvre import fly_manoeuvre
+from .importing import import_database
 from .inbox import (
     files_of_inbox,
     in_quarantine,
@@ -28,7 +29,7 @@ from .ingest import store_log
 from .inputs import describe_inputs
 from .inspect_log import look_over
 from .notify import deliver, tell
-from .publish import import_database, publish_candidate, publish_loop
+from .publish import publish_candidate, publish_loop
 from .release import promote, roll_back
 from .report import flight_page, update_page, version_page, write_update_page
 from .runs import mark_ended

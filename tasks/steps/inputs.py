@@ -16,13 +16,15 @@ from aerodb.coefficients import (
     with_held_inputs,
 )
 from aerodb.errors import InputError
-from aerodb.exchange import property_expression
+from aerodb.exchange import property_expression, propose_bindings, written_name
 from aerodb.flight import Flight
+from aerodb.nomenclature import CHANNELS
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase, Expression, Number
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.steps.compare import compare_with_database
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.vehicle import Vehicle
 
 #: Most flights along which effects are computed: the newest.
 _MOST_FLIGHTS: Final = 10
@@ -33,7 +35,9 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
     """Describe the inputs of a version (its id) beside the vehicle's flights.
 
     Returns a document: inputs (names), flights (number looked at), lacking (inputs that no flight
-    has and that zero is proposed for), required (those that flights must give) and uses (per input
+    has and that zero is proposed for), required (those that flights must give), written (input ->
+    its name in the file), proposals (input that the file alone knows -> bindings that may be meant;
+    the last is zero) and uses (per input
     that is held or made from motion: name, source, binding, accepted, range, effects, residuals,
     sentence).
     """
@@ -98,7 +102,23 @@ def inputs_document(
         "lacking": list(lacking),
         "required": required,
         "uses": [_use(use) for use in uses],
+        "written": {
+            name: written_name(name, database.free_inputs.get(name, "")) for name in database.inputs
+        },
+        "proposals": {
+            name: list(
+                propose_bindings(name, database.free_inputs[name], _known(described, flights))
+            )
+            for name in lacking
+            if name in database.free_inputs
+        },
     }
+
+
+def _known(vehicle: Vehicle, flights: Sequence[FlightCoefficients]) -> list[str]:
+    """Channels that a vehicle has: those of its flights, its surfaces, and the common ones."""
+    logged = {name for loaded in flights for name in loaded.flight.channels}
+    return sorted(logged | {f"delta_{name}" for name in vehicle.surfaces} | set(CHANNELS))
 
 
 def input_remarks(

@@ -1,24 +1,10 @@
-"""Store versions in the catalogue: an imported baseline, or a validated candidate."""
+"""Store versions in the catalogue: a validated candidate of an update or a closed loop."""
 
-import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from aerodb.coefficients import with_held_inputs
-from aerodb.errors import InputError
-from aerodb.exchange import (
-    database_content_sha256,
-    import_csv,
-    import_daveml,
-    import_jsbsim,
-    import_mat,
-    import_netcdf,
-    is_daveml,
-    read_native,
-    to_document,
-)
+from aerodb.exchange import database_content_sha256, to_document
 from aerodb.increments import (
     AxisValidation,
     Beyond,
@@ -38,126 +24,18 @@ from aerodb.report import (
     update_document,
 )
 from aerodb.storage.catalogue import FlightRole, VersionRow
-from aerodb.storage.files import files_beside, write_document
+from aerodb.storage.files import write_document
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
 from aerodb.tasks.actors import user
-from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
+from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
-from aerodb.tasks.steps.inputs import flights_of, input_remarks, inputs_document
+from aerodb.tasks.steps.inputs import input_remarks
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
-
-#: Formats that mark their files: where, with which bytes, and what reads them.
-_BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
-    (0, b"PK\x03\x04", import_csv),
-    (0, b"CDF", import_netcdf),
-    (126, b"IM", import_mat),
-    (126, b"MI", import_mat),
-)
-
-
-def import_database(
-    file: str,
-    *,
-    workspace: str,
-    run: str,
-    vehicle: str,
-    bindings: Mapping[str, str] | None = None,
-    accept_proposals: bool = False,
-) -> dict[str, Any]:
-    """Import a database file as a version without parent; a vehicle's first one becomes
-    ``released``, and so does the same file imported again while nothing was made of the first.
-
-    accept_proposals : hold inputs that no flight has at zero. Returns a document: version, label,
-    database, inputs, released (whether it now is), held (what it holds at zero), and those of
-    `inputs_document`.
-    """
-    access, path = access_workspace(workspace), Path(file)
-    access.catalogue.vehicle(vehicle)
-    data = path.read_bytes()
-    inputs = {hashlib.sha256(data).hexdigest()}
-
-    def part(name: str) -> bytes:
-        beside = files_beside(path)(name)
-        inputs.add(
-            hashlib.sha256(beside).hexdigest()
-        )  # what a file is made of belongs to the version's identity
-        return beside
-
-    database = read_database(data, path.name, bindings or {}, part)
-    settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
-    flights = flights_of(access, vehicle, run)
-    known = inputs_document(access, vehicle, database, flights, bindings or {})
-    held = known["lacking"] if accept_proposals else []
-    if held:
-        database = with_held_inputs(database, held)
-        known = inputs_document(access, vehicle, database, flights, bindings or {})
-        settings["held"] = held
-    version = _add(
-        access,
-        database,
-        vehicle,
-        None,
-        sorted(inputs),
-        settings,
-        {"imported_from": path.name, **({"held_at_zero": held} if held else {})},
-        [],
-        run,
-    )
-    released = access.named(vehicle, RELEASED)
-    if released is None:
-        move(access, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
-    elif _is_untouched_import(access, vehicle, released, path.name):
-        move(access, vehicle, RELEASED, version.id, f"imported again ({path.name})")
-    return {
-        "version": version.id,
-        "label": version.label,
-        "database": database.name,
-        "released": access.named(vehicle, RELEASED) == version.id,
-        "held": held,
-        **known,
-    }
-
-
-def _is_untouched_import(access: WorkspaceAccess, vehicle: str, version: str, name: str) -> bool:
-    """Whether a version (its id) was imported from a file of this name, and nothing was made of
-    it."""
-    catalogue = access.catalogue
-    report = catalogue.version_documents(version).report
-    made = any(row.parent == version for row in catalogue.versions(vehicle))
-    return report.get("imported_from") == name and not made
-
-
-def read_database(
-    data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
-) -> AeroDatabase:
-    """Parse a database file by its suffix and content.
-
-    part : returns the bytes of a file that this one names. Raises InputError for a format that
-    cannot be read.
-    """
-    suffix = Path(name).suffix.lower()
-    if suffix in (".dml", ".xml") and is_daveml(data):
-        return import_daveml(data, bindings=bindings, name=Path(name).stem)
-    if suffix == ".xml":
-        return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
-    if suffix == ".toml":
-        try:
-            return read_native(data.decode("utf-8"), name)
-        except UnicodeDecodeError as error:
-            raise InputError("not UTF-8 text", name, "save it as UTF-8") from error
-    for at, mark, importer in _BY_MARK:
-        if data[at : at + len(mark)] == mark:
-            return importer(data, name)
-    remedy = (
-        "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc"
-        " (NetCDF)"
-    )
-    raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
 
 
 def publish_candidate(
@@ -201,7 +79,7 @@ def publish_candidate(
         "update": RESULT_VERSION["update"],
     }
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-    version = _add(
+    version = add_version(
         access,
         update.candidate,
         plan.vehicle,
@@ -284,7 +162,7 @@ def publish_loop(
     label = None
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-        version = _add(
+        version = add_version(
             access,
             loop.candidate,
             plan.vehicle,
@@ -376,7 +254,7 @@ def move(access: WorkspaceAccess, vehicle: str, name: str, version: str, reason:
         )
 
 
-def _add(
+def add_version(
     access: WorkspaceAccess,
     database: AeroDatabase,
     vehicle: str,
@@ -387,6 +265,7 @@ def _add(
     roles: list[FlightRole],
     run: str,
 ) -> VersionRow:
+    """Store a database as a version, with check cases of its numbers."""
     return access.catalogue.add_version(
         version_id(vehicle, parent, inputs, settings),
         vehicle=vehicle,

@@ -7,10 +7,12 @@ from typing import Any
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.increments import (
+    FILE_CHECKS,
     Check,
     Standing,
     Verdict,
     judge_derivatives,
+    judge_import,
     judge_release,
     judge_rivals,
 )
@@ -115,6 +117,9 @@ def _gate(
     run: str,
 ) -> Verdict:
     catalogue = access.catalogue
+    replaced = catalogue.version_of_id(released.version) if released is not None else None
+    if row.parent is None and (replaced is None or replaced.parent is None):
+        return _gate_of_import(access, row, accept)
     if released is None:
         raise GateRefusal(
             "no version is released yet to compare it with",
@@ -164,6 +169,31 @@ def _gate(
             *_responses(row, access, gate, run),
         )
     )
+
+
+def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[str]) -> Verdict:
+    """The gate of an import that becomes the first released version, or replaces another import."""
+    documents = access.catalogue.version_documents(row.id)
+    imported = _read(row, documents)
+    unknown = set(accept) - {FILE_CHECKS}
+    if unknown:
+        raise InputError(
+            f"nothing to accept under {', '.join(sorted(unknown))}",
+            f"version {row.label}",
+            f"of an import, {FILE_CHECKS} can be accepted",
+        )
+    standing = Standing(
+        label=row.label,
+        parent="",
+        released="",
+        below_released=False,
+        stale=access.catalogue.stale(row.id),
+        stored_sha256=row.content_sha256,
+        content_sha256=database_content_sha256(imported),
+    )
+    cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
+    checks = documents.report.get("file_checks")
+    return judge_import(standing, imported, cases, checks, FILE_CHECKS in accept)
 
 
 def _enough_flights(

@@ -4,7 +4,8 @@ A shot names its inputs and outputs by public name and unit, and its internal si
 all signals are identified by id, in the unit that their variable declares.
 """
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -38,6 +39,7 @@ from aerodb.tables import (
 #: Relative tolerance where a file states none; for values below `_SMALL` relative to `_SMALL`.
 RELATIVE: Final = 1e-12
 _SMALL: Final = 1e-3
+_LEAST_DIGITS: Final = 4  # significant: below, a value is taken as exact
 
 _PARTS: Final = ("checkInputs", "internalValues", "checkOutputs")
 _INPUT_ROLES: Final = ("isInput", "isControl", "isDisturbance")
@@ -47,12 +49,14 @@ _INPUT_ROLES: Final = ("isInput", "isControl", "isDisturbance")
 class CheckSignal:
     """Value of a signal by id, in the unit of its declaration.
 
-    tolerance : None where the file states none.
+    tolerance : None where the file states none. rounding : half a unit of the last digit to which
+    the values of the shot are written.
     """
 
     identity: str
     value: float
     tolerance: float | None = None
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -120,9 +124,11 @@ def _case(
     for part in children(shot):
         if tag(part) in _PARTS:
             location = f"{where}: check case {name}"
+            digits = _digits(part) if tag(part) != "checkInputs" else (17, 17)
             roles = {"checkInputs": _INPUT_ROLES, "checkOutputs": ("isOutput",)}.get(tag(part), ())
             parts[tag(part)] = tuple(
-                _signal(each, declared, roles, location) for each in _signals(part, location)
+                _signal(each, declared, roles, digits, location)
+                for each in _signals(part, location)
             )
         elif tag(part) not in ("description", "provenance", "provenanceRef"):
             raise unsupported(part, "<staticShot>", where)
@@ -140,6 +146,7 @@ def _signal(
     element: Any,
     declared: list[tuple[Declaration, frozenset[str]]],
     roles: tuple[str, ...],
+    digits: tuple[int, int],
     where: str,
 ) -> CheckSignal:
     text = {tag(child): own_text(child).strip() for child in children(element)}
@@ -147,11 +154,12 @@ def _signal(
         raise InputError("a <signal> without <signalValue>", where)
     value = number(text["signalValue"], where)
     tolerance = number(text["tol"], where) if "tol" in text else None
+    rounding = max(0.5 * 10.0 ** -digits[1], 0.5 * 10.0 ** (1 - digits[0]) * abs(value))
     identity = text.get("varID") or text.get("signalID")
     if identity is not None:
         if all(each.identity != identity for each, _ in declared):
             raise InputError(f"no variable '{identity}'", where)
-        return CheckSignal(identity, value, tolerance)
+        return CheckSignal(identity, value, tolerance, rounding)
     unit = text.get("signalUnits", "")
     meaning = _named(text.get("signalName", ""), unit, declared, roles, where)
     scale, offset = _between(unit, meaning.unit) if unit else (1.0, 0.0)
@@ -159,7 +167,24 @@ def _signal(
         meaning.identity,
         value * scale + offset,
         None if tolerance is None else tolerance * abs(scale),
+        rounding * abs(scale),
     )
+
+
+def _digits(part: Any) -> tuple[int, int]:
+    """Largest numbers of significant digits and of decimals to which a part of a shot is written.
+
+    Fewer than four significant digits are the numbers themselves, not rounded ones: (17, 17).
+    """
+    found = [(0, 0)]
+    for element in part.iter():
+        if isinstance(element.tag, str) and tag(element) == "signalValue":
+            mantissa, _, exponent = own_text(element).strip().lower().partition("e")
+            whole, _, decimals = mantissa.lstrip("+-").partition(".")
+            power = int(exponent) if re.fullmatch(r"[+-]?\d{1,4}", exponent) else 0
+            found.append((len((whole + decimals).lstrip("0")), max(len(decimals) - power, 0)))
+    significant, decimals_of = (max(each[k] for each in found) for k in (0, 1))
+    return (significant, decimals_of) if significant >= _LEAST_DIGITS else (17, 17)
 
 
 def _named(
@@ -205,7 +230,8 @@ def _between(unit: str, to: str) -> tuple[float, float]:
 class SignalEvaluator:
     """Evaluate all signals of a database at given values of the file's own inputs."""
 
-    def __init__(self, database: AeroDatabase) -> None:
+    def __init__(self, database: AeroDatabase, further: Sequence[Expression] = ()) -> None:
+        """further : expressions of variables, whose values `values_of` gives."""
         self._database = database
         self._identities = {
             variable.declared.get("id", name): name for name, variable in database.variables.items()
@@ -219,7 +245,7 @@ class SignalEvaluator:
         tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
         self._constants = constants
         self._program: Program = compile_program(
-            [Name(name) for name in definitions], tables, definitions, constants
+            [*(Name(name) for name in definitions), *further], tables, definitions, constants
         )
 
     def _expression_of(self, name: str) -> Expression:
@@ -241,18 +267,8 @@ class SignalEvaluator:
 
         Raises InputError that names missing inputs.
         """
-        channels: dict[str, Value] = {
-            self._input_names.get(identity, identity): value for identity, value in inputs.items()
-        }
-        values = self._database.resolved(self._program.inputs, channels)
-        run = self._program.run(values)
-        outputs = dict(
-            zip(
-                self._database.variables,
-                (float(np.ravel(value)[0]) for value in run.values),
-                strict=True,
-            )
-        )
+        values, found = self._run(inputs)
+        outputs = dict(zip(self._database.variables, found, strict=False))
         signals = {identity: outputs[name] for identity, name in self._identities.items()}
         return {
             **self._constants,
@@ -261,6 +277,18 @@ class SignalEvaluator:
             **signals,
         }
 
+    def values_of(self, inputs: Mapping[str, float]) -> list[float]:
+        """Return the values of the further expressions at an input, as `at` takes it."""
+        return self._run(inputs)[1][len(self._database.variables) :]
+
+    def _run(self, inputs: Mapping[str, float]) -> tuple[dict[str, Any], list[float]]:
+        channels: dict[str, Value] = {
+            self._input_names.get(identity, identity): value for identity, value in inputs.items()
+        }
+        values = self._database.resolved(self._program.inputs, channels)
+        run = self._program.run(values)
+        return values, [float(np.ravel(value)[0]) for value in run.values]
+
 
 def verify_cases(
     database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE
@@ -268,7 +296,7 @@ def verify_cases(
     """Compare `database`, imported from DAVE-ML, with check cases of its file.
 
     Every internal signal and output must be within its stated tolerance; where none is stated,
-    within `relative` times max(|value|, 1e-3).
+    within `relative` times max(|value|, 1e-3), or half a unit of the last digit that is written.
 
     Raises InputError for an input or signal that the database does not have.
     """
@@ -281,7 +309,7 @@ def verify_cases(
             if signal.identity not in values:
                 raise InputError(f"no signal '{signal.identity}'", f"check case {case.name}")
             tolerance = (
-                relative * max(abs(signal.value), _SMALL)
+                max(relative * max(abs(signal.value), _SMALL), signal.rounding)
                 if signal.tolerance is None
                 else signal.tolerance
             )

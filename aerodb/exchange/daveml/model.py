@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from aerodb.errors import InputError, nearest
+from aerodb.errors import InputError, OpenQuestionsError, nearest
+from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.daveml.names import (
     POSITION_SIGNS,
     POSITIONS,
@@ -18,6 +19,7 @@ from aerodb.exchange.daveml.names import (
     channel_in_unit,
     input_channel,
     output_axis,
+    read_unit,
     sign_factor,
     signed_name,
     unit_conversion,
@@ -79,6 +81,7 @@ class Model:
     _identifiers: dict[str, str] = field(default_factory=dict)
     _defined: dict[str, Expression] = field(default_factory=dict)
     _notes: dict[str, str] = field(default_factory=dict)
+    _questions: list[OpenQuestionsError] = field(default_factory=list)
     _taken: set[str] = field(default_factory=lambda: {*CHANNELS, *CONSTANTS, *FUNCTIONS})
 
     def declare(self, signal: Signal) -> str:
@@ -164,6 +167,7 @@ class Model:
             uncertainty = self.uncertainties.get(identity)
             variables[name] = Variable(value, signal.declared.unit, description, notes, uncertainty)
         self._refuse_unused(used)
+        raise_together(self._questions, self.where)
         terms = self._terms(variables)
         if repeated:
             variables, terms = _without(variables, terms, repeated)
@@ -206,7 +210,11 @@ class Model:
             used.add(key)
             raw = self._bound(key, identity)
         if raw is None and (key is None):
-            channel_and_scale = input_channel(signal.declared, self.where)
+            try:
+                channel_and_scale = input_channel(signal.declared, self.where)
+            except OpenQuestionsError as question:
+                self._questions.append(question)
+                channel_and_scale = None
             if channel_and_scale is not None:
                 raw = channel_in_unit(
                     Name(channel_and_scale[0]),
@@ -235,9 +243,19 @@ class Model:
         return expression
 
     def _bound(self, key: str, identity: str) -> Expression | None:
-        """The expression of a binding; None if it names the input itself, which remains free."""
+        """The expression of a binding; None if it names the input itself, which remains free unless
+        a channel has that name.
+
+        A binding in another unit than the file's is noted as a question.
+        """
         bound = self._parsed(key)
-        return None if bound in (Name(self._identifiers[identity]), Name(key)) else bound
+        channels = (name for name in bound.names if name in CHANNELS or is_surface(name))
+        if not any(channels) and bound in (Name(self._identifiers[identity]), Name(key)):
+            return None
+        fault = binding_fault(key, bound, read_unit(self.signals[identity].declared.unit))
+        if fault is not None:
+            self._questions.append(binding_question(key, fault, self.where))
+        return bound
 
     def _parsed(self, key: str) -> Expression:
         try:

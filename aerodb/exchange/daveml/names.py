@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, OpenQuestionsError
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
@@ -146,7 +146,8 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
     An input is identified by its standard name, by the name or id of a channel, or as
     ``<surface>Deflection`` with a stated sign.
 
-    Raises InputError if the name identifies a channel but the sign or unit does not match.
+    Raises OpenQuestionsError, with the bindings to choose from, if the name identifies a channel
+    but the sign or unit does not match.
     """
     known = _INPUTS.get(declared.name)
     if known is None:
@@ -162,14 +163,42 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
             return _surface(declared)
         known = next((row for row in _INPUTS.values() if row[0] == own), (own, *_SURFACE_SIGNS))
     sign = sign_factor(declared.sign, known[1], known[2])
-    unit = channel(known[0]).unit
-    if sign == 0 or unit_conversion(declared.unit, unit) is None:
-        what = (
-            f"input {declared.name} in '{declared.unit}' with sign '{declared.sign}' cannot be"
-            f" {known[0]} in {unit}"
-        )
-        raise InputError(what, where, f"bind it: {declared.identity}=EXPRESSION")
+    if unit_conversion(declared.unit, channel(known[0]).unit) is None:
+        raise _unit_question(declared, known[0], where)
+    if sign == 0:
+        raise _sign_question(declared, known, where)
     return known[0], sign
+
+
+def _unit_question(declared: Declaration, name: str, where: str) -> OpenQuestionsError:
+    """An input that its name identifies and whose unit is unknown, or of another dimension."""
+    what = (
+        f"input {declared.name} in '{declared.unit}' cannot be {name}, which is in"
+        f" {channel(name).unit}"
+    )
+    line = f"  --bind {declared.identity}={name}*FACTOR"
+    return OpenQuestionsError(what, where, "bind it in the unit of the file", (f"- {what}", line))
+
+
+def _sign_question(
+    declared: Declaration, known: tuple[str, str, str], where: str
+) -> OpenQuestionsError:
+    """An input that its name identifies and whose sign convention is not known."""
+    name, same, opposite = known
+    known_signs = f"positive like {name}: {same or 'none'}; opposite: {opposite or 'none'}"
+    what = (
+        f"input {declared.name} cannot be {name} without its sign convention: '{declared.sign}' is"
+        f" none that is known ({known_signs})"
+    )
+    unit = channel(name).unit
+    lines = [
+        f"  --bind {declared.identity}={channel_in_unit(Name(name), declared.unit, unit, sign)}"
+        f"   if it is positive {word} {name} ({channel(name).description})"
+        for sign, word in ((1, "like"), (-1, "against"))
+    ]
+    return OpenQuestionsError(
+        what, where, "bind it with the sign of the file", (f"- {what}", *lines)
+    )
 
 
 def _surface(declared: Declaration) -> tuple[str, int] | None:

@@ -24,7 +24,9 @@ from aerodb.support import Array
 from aerodb.tables import EFFECTS, EXTRAPOLATIONS, Bound, Call, Expression, Uncertainty
 from aerodb.tables import number as constant
 
-METADATA: Final = ("description", "provenance", "provenanceRef")
+#: Elements that say something about a table or a variable and change no value; the confidence bound
+#: of DAVE-ML 1 is one of them.
+METADATA: Final = ("description", "provenance", "provenanceRef", "confidenceBound")
 _INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")
 _SPLINES: Final = ("quadraticSpline", "cubicSpline")
 

@@ -1,10 +1,11 @@
-from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases
+from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases, read_jsbsim_cases
 from .export import export_jsbsim, input_properties
 from .properties import (
     STALL_HYSTERESIS,
     hysteresis_description,
     property_expression,
     property_identifier,
+    property_unit,
 )
 from .reader import import_jsbsim
 
@@ -19,4 +20,6 @@ __all__ = [
     "jsbsim_check_cases",
     "property_expression",
     "property_identifier",
+    "property_unit",
+    "read_jsbsim_cases",
 ]

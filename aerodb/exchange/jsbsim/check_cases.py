@@ -15,6 +15,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, INCH, SLUG_PER_FT3
+from aerodb.exchange.jsbsim.xml_elements import read_number, read_root
 from aerodb.nomenclature import AXES, is_surface
 from aerodb.support import Array
 from aerodb.tables import (
@@ -112,6 +113,25 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
         )
         for k in range(n)
     ]
+
+
+def read_jsbsim_cases(xml: bytes, name: str) -> tuple[CheckCase, ...]:
+    """Return the check cases that an export wrote to a JSBSim file; empty if it has none.
+
+    name : shown in errors. Raises InputError for XML that cannot be read, or a case without one
+    number per axis.
+    """
+    cases: list[CheckCase] = []
+    for element in read_root(xml, name).iterfind("check_cases/case"):
+        where = f"{name}: check case {len(cases) + 1}"
+        given, found = (
+            {e.get(key, ""): read_number(e.text or "", where) for e in element.iterfind(tag)}
+            for tag, key in (("input", "name"), ("output", "axis"))
+        )
+        if set(found) != set(AXES):
+            raise InputError("not one output per axis", where, "export the database again")
+        cases.append(CheckCase(given, found))
+    return tuple(cases)
 
 
 def _ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:

@@ -180,6 +180,30 @@ def property_expression(name: str) -> Expression | None:
     return parse(PROPERTIES[name]) if name in PROPERTIES else None
 
 
+def property_unit(name: str) -> str:
+    """Return the unit that the end of a property's name states, in pint's spelling; '' where it
+    states none.
+
+    >>> property_unit("fcs/flap-pos-deg"), property_unit("velocities/vt-fps")
+    ('deg', 'ft/s')
+    """
+    return _UNIT_ENDINGS.get(name.rsplit("/", 1)[-1].rpartition("-")[2], "")
+
+
+_UNIT_ENDINGS: Final = {
+    **{unit: unit for unit in ("rad", "deg", "ft", "m", "psf", "lbs")},
+    "rad_sec": "rad/s",
+    "deg_sec": "deg/s",
+    "fps": "ft/s",
+    "mps": "m/s",
+    "kts": "knot",
+    "in": "inch",
+    "sqft": "ft^2",
+    "slugs": "slug",
+    "slugs_ft3": "slug/ft^3",
+}
+
+
 def property_identifier(name: str) -> str:
     """Return the identifier of a property that becomes a free input.
 

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import reduce
 from typing import Any, Final
 
-from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.errors import InputError, OpenQuestionsError, UnknownNameError, nearest
+from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, axis_shares, body_forces, check_systems
 from aerodb.exchange.jsbsim.functions import TEXT, Functions
 from aerodb.exchange.jsbsim.properties import (
@@ -23,6 +24,7 @@ from aerodb.exchange.jsbsim.properties import (
     height_of_reference_point,
     hysteresis_description,
     hysteresis_limits,
+    property_unit,
 )
 from aerodb.exchange.jsbsim.xml_elements import (
     read_constants,
@@ -108,6 +110,7 @@ class _AircraftReader:
         self._shift = ""  # property of the function that shifts the reference point
         self._hysteresis = ""
         self._notes: list[str] = []
+        self._questions: list[OpenQuestionsError] = []
 
     def read(self, aerodynamics: Any) -> None:
         """Read everything below ``<aerodynamics>``."""
@@ -161,11 +164,18 @@ class _AircraftReader:
             terms += shift
             variables |= totals
         free: dict[str, str] = {}
+        # A binding may also name the input as the database does: fcs_flap_pos_norm.
+        written = {known: name for name, known in self._functions.identifiers.items()}
+        self._bindings = {
+            name if name in self._functions.identifiers else written.get(name, name): text
+            for name, text in self._bindings.items()
+        }
         self._resolve(reference, terms, variables, free)
         unused = sorted(set(self._bindings) - set(self._functions.identifiers))
         if unused:
             what = f"binding of '{unused[0]}', which the aerodynamics do not use"
             raise InputError(what, self._where, nearest(unused[0], self._functions.identifiers))
+        raise_together(self._questions, self._where)
         for tree in [term.expression for term in terms] + [
             variable.expression for variable in variables.values()
         ]:
@@ -287,11 +297,13 @@ class _AircraftReader:
                 raise InputError(
                     error.what, f"{self._where}: binding of {name}", error.remedy
                 ) from None
-            return (
-                None
-                if bound == Name(self._functions.identifiers[name])
-                else Variable(bound, "", note)
-            )
+            if bound == Name(self._functions.identifiers[name]):
+                return None
+            unit = property_unit(name)
+            fault = binding_fault(name, bound, unit) if unit else None
+            if fault is not None:
+                self._questions.append(binding_question(name, fault, self._where))
+            return Variable(bound, "", note)
         if name in self._functions.defined:
             expression, description = self._functions.defined[name]
             return Variable(expression, "", f"{note}: {description}" if description else note)

@@ -12,7 +12,7 @@ from aerodb.exchange.daveml.xml_elements import is_daveml
 from aerodb.exchange.native import from_document, to_document
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.uncertainty import Uncertainty
-from aerodb.tasks.steps.publish import read_database
+from aerodb.tasks.steps.importing import read_database
 from tests.support.daveml_samples import FRAME, pitch, small, variable
 
 DEGREES = np.pi / 180

@@ -28,7 +28,7 @@ from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
-from aerodb.tasks.steps.publish import read_database
+from aerodb.tasks.steps.importing import read_database
 from tests.support.generated_databases import equal, generated, points
 
 Exporter, Importer = Callable[..., bytes], Callable[..., AeroDatabase]

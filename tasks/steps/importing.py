@@ -1,0 +1,178 @@
+"""Import a database file as a version: read it by its content, run its own check cases, and say
+what its inputs still need."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.coefficients import with_held_inputs
+from aerodb.errors import InputError
+from aerodb.exchange import (
+    FileChecks,
+    check_file,
+    import_csv,
+    import_daveml,
+    import_jsbsim,
+    import_mat,
+    import_netcdf,
+    is_daveml,
+    read_native,
+)
+from aerodb.storage.catalogue import VersionRow
+from aerodb.storage.files import files_beside
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.result_versions import RELEASED, RESULT_VERSION
+from aerodb.tasks.steps.inputs import flights_of, inputs_document
+from aerodb.tasks.steps.publish import add_version, move
+from aerodb.tasks.steps.release import promote
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+
+#: Formats that mark their files: where, with which bytes, and what reads them.
+_BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
+    (0, b"PK\x03\x04", import_csv),
+    (0, b"CDF", import_netcdf),
+    (126, b"IM", import_mat),
+    (126, b"MI", import_mat),
+)
+
+
+def import_database(
+    file: str,
+    *,
+    workspace: str,
+    run: str,
+    vehicle: str,
+    bindings: Mapping[str, str] | None = None,
+    accept_proposals: bool = False,
+    replace_reason: str = "",
+    accept: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Import a database file as a version without parent.
+
+    A vehicle's first import becomes ``released``, and so does the same file imported again while
+    nothing was made of the first; neither does if the check cases of the file fail.
+
+    accept_proposals : hold inputs that no flight has at zero. replace_reason : why this import
+    replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
+    leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
+    replaced (label of the import that it replaced, or None), held (what it holds at zero),
+    file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
+    """
+    access, path = access_workspace(workspace), Path(file)
+    access.catalogue.vehicle(vehicle)
+    data = path.read_bytes()
+    inputs = {hashlib.sha256(data).hexdigest()}
+
+    def part(name: str) -> bytes:
+        beside = files_beside(path)(name)
+        inputs.add(
+            hashlib.sha256(beside).hexdigest()
+        )  # what a file is made of belongs to the version's identity
+        return beside
+
+    database = read_database(data, path.name, bindings or {}, part)
+    checks = _file_checks(data, path.name, database)
+    settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
+    flights = flights_of(access, vehicle, run)
+    known = inputs_document(access, vehicle, database, flights, bindings or {})
+    held = known["lacking"] if accept_proposals else []
+    if held:
+        database = with_held_inputs(database, held)
+        known = inputs_document(access, vehicle, database, flights, bindings or {})
+        settings["held"] = held
+    outcome = _outcome(checks)
+    report = {
+        "imported_from": path.name,
+        **({"held_at_zero": held} if held else {}),
+        **({"file_checks": outcome} if outcome else {}),
+    }
+    version = add_version(
+        access, database, vehicle, None, sorted(inputs), settings, report, [], run
+    )
+    released = access.named(vehicle, RELEASED)
+    if replace_reason:
+        promote(
+            version.id,
+            workspace=workspace,
+            run=run,
+            name=RELEASED,
+            reason=replace_reason,
+            accept=accept,
+        )
+    elif checks is None or checks.passed:
+        _release(access, version, released, path.name)
+    replaced = access.catalogue.version_of_id(released).label if released else None
+    now = access.named(vehicle, RELEASED)
+    return {
+        "version": version.id,
+        "label": version.label,
+        "database": database.name,
+        "released": now == version.id,
+        "replaced": replaced if now == version.id and released != version.id else None,
+        "held": held,
+        "file_checks": outcome,
+        **known,
+    }
+
+
+def _release(access: WorkspaceAccess, version: VersionRow, released: str | None, name: str) -> None:
+    """Point ``released`` at an import where there is none, or an untouched import of this file."""
+    if released is None:
+        move(access, version.vehicle, RELEASED, version.id, f"first imported database ({name})")
+    elif _is_untouched_import(access, version.vehicle, released, name):
+        move(access, version.vehicle, RELEASED, version.id, f"imported again ({name})")
+
+
+def _is_untouched_import(access: WorkspaceAccess, vehicle: str, version: str, name: str) -> bool:
+    """Whether a version (its id) was imported from a file of this name, and nothing was made of
+    it."""
+    catalogue = access.catalogue
+    report = catalogue.version_documents(version).report
+    made = any(row.parent == version for row in catalogue.versions(vehicle))
+    return report.get("imported_from") == name and not made
+
+
+def _file_checks(data: bytes, name: str, database: AeroDatabase) -> FileChecks | None:
+    """Return what came of the check cases of a file; None for formats that refuse a file which
+    fails them, or that have none."""
+    return check_file(data, name, database) if Path(name).suffix.lower() in _XML else None
+
+
+_XML: Final = (".dml", ".xml")
+
+
+def _outcome(checks: FileChecks | None) -> dict[str, Any] | None:
+    """The outcome as JSON: its fields, whether it passed, and a sentence."""
+    if checks is None:
+        return None
+    return {**asdict(checks), "passed": checks.passed, "sentence": str(checks)}
+
+
+def read_database(
+    data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
+) -> AeroDatabase:
+    """Parse a database file by its suffix and content.
+
+    part : returns the bytes of a file that this one names. Raises InputError for a format that
+    cannot be read.
+    """
+    suffix = Path(name).suffix.lower()
+    if suffix in _XML and is_daveml(data):
+        return import_daveml(data, bindings=bindings, name=Path(name).stem)
+    if suffix == ".xml":
+        return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
+    if suffix == ".toml":
+        try:
+            return read_native(data.decode("utf-8"), name)
+        except UnicodeDecodeError as error:
+            raise InputError("not UTF-8 text", name, "save it as UTF-8") from error
+    for at, mark, importer in _BY_MARK:
+        if data[at : at + len(mark)] == mark:
+            return importer(data, name)
+    remedy = (
+        "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc"
+        " (NetCDF)"
+    )
+    raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
