@@ -28,6 +28,15 @@ Equation error over a band of frequencies, and sample by sample:
    sample after the other, with constant memory. `recursive_least_squares` and
    `normalised_recursive_least_squares` run them through records.
 
+Models that are integrated:
+
+1. `state_space` makes a linear `StateSpace` model of named entries (`affine`), each a sum of
+   parameters, simulated exactly (`recursion` is its compiled loop); `stabilised` feeds measured
+   outputs back into an unstable one.
+2. `output_error` finds the parameters whose outputs are most likely (`likelihood`,
+   `gauss_newton`), with `sensitivities` of the model itself or by runs side by side; `standing`
+   says what each estimate is worth.
+
 `regression` holds the fit, `statistics` the error measures, `finite_fourier` the transforms,
 `linear_solution` what estimates are worth.
 """

@@ -2,6 +2,7 @@ from .dynamic_model import DynamicModel, Values
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .linear_equation import EquationRecord, LinearEquation
+from .output_error import output_error
 from .parameters import Parameter, Parameters, bounds_of, priors_of
 from .recursive import (
     FourierRegression,
@@ -17,6 +18,7 @@ from .regression import (
     samples_per_independent,
     with_mean_constant,
 )
+from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
 
@@ -32,6 +34,7 @@ __all__ = [
     "RecursiveLeastSquares",
     "Regression",
     "Standing",
+    "StateSpace",
     "Theil",
     "TimeHistory",
     "Values",
@@ -40,11 +43,14 @@ __all__ = [
     "frequency_domain_regression",
     "least_squares",
     "normalised_recursive_least_squares",
+    "output_error",
     "own_constants",
     "priors_of",
     "recursive_least_squares",
     "rms",
     "samples_per_independent",
+    "stabilised",
+    "state_space",
     "theil",
     "with_mean_constant",
 ]

@@ -110,6 +110,16 @@ class Parameters:
         }
         return {name: np.asarray({**known, **tied}[name]) for name in self.names}
 
+    def jacobian(self) -> Array:
+        """Derivatives (p, f) of all p parameters with respect to the f unknown ones."""
+        column = {item.name: j for j, item in enumerate(self.unknown)}
+        matrix = np.zeros((len(self.items), len(column)))
+        for row, item in enumerate(self.items):
+            source, factor = item.tied or (item.name, 1.0)
+            if source in column:
+                matrix[row, column[source]] = factor
+        return matrix
+
     def changed(self, values: Mapping[str, float]) -> "Parameters":
         """The same parameters with other start values; unknown names raise InputError."""
         for name in values:

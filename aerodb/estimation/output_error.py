@@ -1,0 +1,204 @@
+"""Output error: the parameters whose simulated outputs are most likely, given what was measured."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.estimation.dynamic_model import DynamicModel
+from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
+from aerodb.estimation.gauss_newton import SINGULAR, Solution, projected, search
+from aerodb.estimation.likelihood import Covariance, coloured_information
+from aerodb.estimation.parameters import Parameters
+from aerodb.estimation.standing import standings
+from aerodb.estimation.statistics import theil
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+_ASSUMES = (
+    "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
+    "The noise of the outputs has no mean and is the same in every record.",
+)
+_UNCORRELATED = "The noise of different outputs is uncorrelated."
+
+#: The model explains nothing of an output whose residual is this many times what a constant leaves.
+_WORSE = 2.0
+
+
+def output_error(
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    *,
+    covariance: Covariance = "diagonal",
+    most_iterations: int = 50,
+) -> Fit:
+    """Estimate a model's parameters from what it predicts for several records at once.
+
+    Maximises ``-1/2 sum_i v_i' R^-1 v_i - N/2 ln det R`` with ``v = z - y`` and the measurement
+    covariance R estimated in turn, by Gauss-Newton steps with Levenberg-Marquardt damping within
+    bounds. Priors are added to the likelihood.
+
+    Parameters
+    ----------
+    records : with the model's outputs; a sample that is NaN is left out.
+    covariance : of the measurement noise: diagonal, or full with correlation between outputs.
+
+    Standard errors count the correlation of the residuals in time and between outputs; the
+    Cramer-Rao bound is for white ones. Where the search does not end, or the model explains an
+    output worse than a constant, all estimates are ``diverged``.
+
+    Raises InputError for records of one name, and for a model without records or outputs.
+
+    References
+    ----------
+    Jategaonkar, Flight Vehicle System Identification, 2015, chapter 4.
+    Klein & Morelli, Aircraft System Identification, 2016, chapter 6.
+    Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997.
+    """
+    names = [record.name for record in records]
+    if not records or len(set(names)) < len(names):
+        raise InputError(
+            "records must be at least one, with unique names", "output error", "name them apart"
+        )
+    for record in records:
+        if lacking := [name for name in model.outputs if name not in record.outputs]:
+            raise InputError(
+                f"it has no {', '.join(lacking)}",
+                f"record {record.name}",
+                "leave these outputs out of the model, or give NaN where they were not measured",
+            )
+    solution = search(model, records, covariance, most_iterations)
+    assumes = (*_ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
+    return fit_of("output-error", model, records, solution, assumes)
+
+
+def fit_of(
+    method: str,
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    solution: Solution,
+    assumes: tuple[str, ...],
+) -> Fit:
+    """The answer that belongs to where a search ended."""
+    unknown, vector = model.parameters.unknown, solution.vector
+    why = _divergence(model, records, solution)
+    white, coloured = _covariances(model.parameters, solution)
+    judged: Mapping[str, tuple[Standing, str]] = {}
+    if why:
+        judged = {item.name: ("diverged", why) for item in unknown}
+    else:
+        judged = standings(unknown, vector, solution.information, white, SINGULAR)
+    residuals, fitted, agreement = {}, {}, {}
+    for record, measured, response in zip(
+        records, solution.records, solution.responses, strict=True
+    ):
+        left = np.where(measured.mask, measured.values - response.outputs, np.nan)
+        residuals[record.name] = dict(zip(model.outputs, left.T, strict=True))
+        fitted[record.name] = dict(zip(model.outputs, response.outputs.T, strict=True))
+        agreement[record.name] = {
+            name: theil(response.outputs[mask, j], measured.values[mask, j])
+            for j, (name, mask) in enumerate(zip(model.outputs, measured.mask.T, strict=True))
+            if mask.any() and np.isfinite(response.outputs[mask, j]).all()
+        }
+    deviation = np.sqrt(np.diag(solution.noise.covariance))
+    return Fit(
+        method=method,
+        estimates=_estimates(model.parameters, vector, white, coloured, judged),
+        names=tuple(item.name for item in unknown),
+        covariance=coloured,
+        residuals=residuals,
+        fitted=fitted,
+        noise=dict(zip(model.outputs, deviation.tolist(), strict=True)),
+        theil=agreement,
+        converged=solution.converged and not why,
+        iterations=solution.iterations,
+        log_likelihood=solution.noise.log_likelihood,
+        assumes=assumes,
+        notes=_notes(model, solution, why, white, coloured),
+    )
+
+
+def _divergence(model: DynamicModel, records: Sequence[TimeHistory], solution: Solution) -> str:
+    """Why there is no estimate; empty where there is one."""
+    remedy = "start closer; an unstable motion needs stabilised output error or multiple shooting"
+    for record, response in zip(records, solution.responses, strict=True):
+        lost = ~np.isfinite(response.outputs).all(axis=1)
+        if lost.any():
+            at = float(record.time[int(np.argmax(lost))] - record.time[0])
+            return f"the model's motion in {record.name} diverges after {at:.2f} s: {remedy}"
+    for record, measured, response in zip(
+        records, solution.records, solution.responses, strict=True
+    ):
+        for j, name in enumerate(model.outputs):
+            values = measured.values[measured.mask[:, j], j]
+            left = values - response.outputs[measured.mask[:, j], j]
+            if len(values) and np.sqrt(np.mean(left**2)) > _WORSE * values.std() > 0:
+                return f"the model explains {name} in {record.name} worse than a constant: {remedy}"
+    if not solution.converged:
+        return f"the search did not end within {solution.iterations} steps: {remedy}"
+    return ""
+
+
+def _covariances(parameters: Parameters, solution: Solution) -> tuple[Array, Array]:
+    """(f, f) as if the residuals were white, and corrected for coloured ones."""
+    f = len(solution.vector)
+    lower, upper = (np.array([getattr(u, side) for u in parameters.unknown]) for side in _SIDES)
+    inside = (solution.vector > lower) & (solution.vector < upper)
+    if not solution.information.any():
+        return np.full((f, f), np.nan), np.full((f, f), np.nan)
+    directions = projected(solution.information, solution.normal, inside)
+    samples = float(solution.noise.count.sum())
+    # residuals are smaller than the noise by what the parameters take up
+    larger = samples / max(samples - directions.shape[1], 1.0)
+    white = directions @ directions.T
+    data = coloured_information(solution.records, solution.responses, solution.noise, f)
+    prior = solution.information - solution.normal.information
+    whole = white @ (larger * data + prior) @ white
+    return larger * white, whole
+
+
+_SIDES = ("lower", "upper")
+
+
+def _estimates(
+    parameters: Parameters,
+    vector: Array,
+    white: Array,
+    coloured: Array,
+    judged: Mapping[str, tuple[Standing, str]],
+) -> tuple[ParameterEstimate, ...]:
+    number = {item.name: j for j, item in enumerate(parameters.unknown)}
+    values = parameters.values(vector)
+    made = []
+    for item in parameters.items:
+        source, factor = item.tied or (item.name, 1.0)
+        standing, reason = judged.get(source, ("estimated", ""))
+        value, error, bound = float(values[item.name]), np.nan, np.nan
+        if source in number and standing not in ("diverged", "at bound"):
+            j = number[source]
+            error = abs(factor) * float(np.sqrt(coloured[j, j]))
+            bound = abs(factor) * float(np.sqrt(white[j, j]))
+        if standing in ("not excited", "not identifiable"):
+            value = error = bound = np.nan
+        if source not in number:
+            standing, reason = "fixed", "not estimated"
+        elif item.tied is not None and standing == "estimated":
+            standing, reason = "tied", f"{factor:g} times {source}"
+        made.append(ParameterEstimate(item.name, value, error, item.unit, standing, reason, bound))
+    return tuple(made)
+
+
+def _notes(
+    model: DynamicModel, solution: Solution, why: str, white: Array, coloured: Array
+) -> tuple[str, ...]:
+    notes = [f"The search diverged: {why}."] if why else []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(np.diag(coloured) / np.diag(white))
+    ratio = ratio[np.isfinite(ratio)]
+    if not why and len(ratio) and float(np.median(ratio)) > 1.5:
+        notes.append(
+            "The residuals are coloured: standard errors are"
+            f" {float(np.median(ratio)):.1f} times the Cramer-Rao bounds (median); the model lacks"
+            " something, or the noise is not white."
+        )
+    return tuple(notes)
