@@ -19,6 +19,7 @@ from .regression import (
     with_mean_constant,
 )
 from .state_space import StateSpace, stabilised, state_space
+from .splines import SplineKind, piecewise_polynomials
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
 
@@ -33,6 +34,7 @@ __all__ = [
     "Parameters",
     "RecursiveLeastSquares",
     "Regression",
+    "SplineKind",
     "Standing",
     "StateSpace",
     "Theil",
@@ -45,6 +47,7 @@ __all__ = [
     "normalised_recursive_least_squares",
     "output_error",
     "own_constants",
+    "piecewise_polynomials",
     "priors_of",
     "recursive_least_squares",
     "rms",

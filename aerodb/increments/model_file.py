@@ -5,6 +5,8 @@
 axis = "CZ"
 terms = ["1", "alpha", "q_hat", "delta_body_flap"]
 breaks = {alpha = [0.175]}          # one slope per interval, continuous unless jump = true
+knots = {q_hat = "-0.02, 0, 0.02", "delta_body_flap over alpha" = "1, 5, 9 deg"}
+spline = "cubic"                    # or "linear"
 prior = {q_hat = [-5.0, 2.0]}       # value, one sigma
 bounds = {alpha = [-1.0, 1.0]}
 fixed = {delta_body_flap = 0.0}
@@ -12,6 +14,10 @@ own_constants = true                # one constant per flight; the estimate of "
 ```
 
 A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``.
+A term with knots is a spline: ``alpha = [...]`` makes the term alpha any function of alpha, whose
+estimates ``alpha at 0.0873`` are its values at the knots; ``delta over alpha`` makes the slope of
+delta one. Beside the constant "1" the first knot has no estimate of its own: "1" is the value there
+and the others are differences from it. Knots are in SI units, or text with a unit.
 With one constant for all flights, differences between flights (trim, CG, loading) bias the slopes;
 `own_constants` prevents that.
 """
@@ -19,10 +25,18 @@ With one constant for all flights, differences between flights (trim, CG, loadin
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from aerodb.errors import InputError, nearest
+from aerodb.estimation import SplineKind
+from aerodb.increments.spline_terms import (
+    increasing,
+    knots_from_text,
+    spline_expressions,
+    split_key,
+)
 from aerodb.nomenclature import AXES
 from aerodb.support import Strict, validated_toml
 from aerodb.tables import Expression, parse
@@ -41,10 +55,19 @@ class DeclaredIncrement(Strict):
     terms: tuple[str, ...] = Field(min_length=1)
     breaks: dict[str, tuple[float, ...]] = {}
     jump: bool = False
+    knots: dict[str, tuple[float, ...]] = {}
+    spline: SplineKind = "linear"
     prior: dict[str, tuple[float, float]] = {}
     bounds: dict[str, tuple[float, float]] = {}
     fixed: dict[str, float] = {}
     own_constants: bool = False
+
+    @field_validator("knots", mode="before")
+    @classmethod
+    def _in_si(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        return {key: knots_from_text(str(key), value) for key, value in given.items()}
 
     @model_validator(mode="after")
     def _consistent(self) -> "DeclaredIncrement":
@@ -61,6 +84,7 @@ class DeclaredIncrement(Strict):
                 )
             if any(b <= a for a, b in pairwise(points)):
                 raise ValueError(f"breaks of '{name}' must increase")
+        self._check_knots()
         names = [regressor.name for regressor in expand(self)]
         for label, entries in (
             ("prior", self.prior),
@@ -79,6 +103,24 @@ class DeclaredIncrement(Strict):
             if sigma <= 0:
                 raise ValueError(f"prior of '{name}' needs a positive sigma")
         return self
+
+    def _check_knots(self) -> None:
+        seen = set()
+        for key, points in self.knots.items():
+            term, variable = split_key(key)
+            if term not in self.terms:
+                raise ValueError(
+                    f"knots of '{term}', which is not a term; {nearest(term, self.terms)}"
+                )
+            if term in seen or term in self.breaks:
+                raise ValueError(f"'{term}' has knots or breaks twice")
+            if term == CONSTANT and variable == CONSTANT:
+                raise ValueError("knots of '1' need a variable, such as '1 over alpha'")
+            if term == CONSTANT and self.own_constants:
+                raise ValueError("own_constants with knots of '1'")
+            if not increasing(points):
+                raise ValueError(f"knots of '{key}' must be at least two and increase")
+            seen.add(term)
 
 
 class ModelFile(Strict):
@@ -104,14 +146,27 @@ class Regressor:
 
 def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
     """Regressors of a declared increment: each term, split into one slope per interval where breaks
-    are given.
+    are given, and into one function per knot where knots are.
 
     >>> lift = DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)})
     >>> [regressor.name for regressor in expand(lift)]
     ['1', 'alpha', 'alpha > 0.175']
     """
     regressors: list[Regressor] = []
+    splines = {
+        split_key(key)[0]: (split_key(key)[1], knots) for key, knots in declared.knots.items()
+    }
+    constant = CONSTANT in declared.terms and CONSTANT not in splines
     for term in declared.terms:
+        if term in splines:
+            variable, knots = splines[term]
+            regressors.extend(
+                Regressor(name, parse(text))
+                for name, text in spline_expressions(
+                    term, variable, knots, declared.spline, constant and term == variable
+                )
+            )
+            continue
         edges = declared.breaks.get(term, ())
         if not edges:
             regressors.append(Regressor(term, parse(term)))
