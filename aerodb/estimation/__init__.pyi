@@ -18,8 +18,8 @@ from .regression import (
     samples_per_independent,
     with_mean_constant,
 )
-from .state_space import StateSpace, stabilised, state_space
 from .splines import SplineKind, piecewise_polynomials
+from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
 
