@@ -28,13 +28,14 @@ def update_flow(
     flights: list[str],
     model: str,
     hold_out: list[str] | None = None,
+    method: str = "regression",
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) on version `baseline` (its
     id).
 
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
-    None for the default rule. Returns the update's document with ``label`` and ``page``, the file
-    of its report.
+    None for the default rule. method : by which to estimate (`aerodb.identification.METHODS`).
+    Returns the update's document with ``label`` and ``page``, the file of its report.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
@@ -46,6 +47,7 @@ def update_flow(
         baseline=baseline,
         model=model,
         hold_out=hold_out,
+        method=method,
     )
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)

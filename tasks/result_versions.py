@@ -14,6 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 2,
     "fly": 2,
+    "estimate": 1,
     "update": 8,
     "gram": 11,
     "close_loop": 27,

@@ -15,7 +15,7 @@ Least squares:
 
 Equation error, a `LinearEquation` of several `EquationRecord`:
 
-1. `regression_fit` is least squares with fixed and tied parameters, priors and bounds. Its standard
+1. `regression` is least squares with fixed and tied parameters, priors and bounds. Its standard
    errors rest on a model of the coloured residuals (`coloured_noise`), so that intervals hold the
    truth as often as they say.
 2. `equation_error` holds what all of these methods share.
@@ -37,8 +37,8 @@ Models that are integrated:
    `gauss_newton`), with `sensitivities` of the model itself or by runs side by side; `standing`
    says what each estimate is worth.
 
-`regression` holds the fit, `statistics` the error measures, `finite_fourier` the transforms,
-`linear_solution` what estimates are worth.
+`ordinary_least_squares` holds the fit, `statistics` the error measures, `finite_fourier` the
+transforms, `linear_solution` what estimates are worth.
 """
 
 import lazy_loader as lazy

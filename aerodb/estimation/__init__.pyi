@@ -2,6 +2,14 @@ from .dynamic_model import DynamicModel, Values
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .linear_equation import EquationRecord, LinearEquation
+from .ordinary_least_squares import (
+    Regression,
+    coloured_sum,
+    least_squares,
+    own_constants,
+    samples_per_independent,
+    with_mean_constant,
+)
 from .output_error import output_error
 from .parameters import Parameter, Parameters, bounds_of, priors_of
 from .recursive import (
@@ -10,14 +18,7 @@ from .recursive import (
     normalised_recursive_least_squares,
     recursive_least_squares,
 )
-from .regression import (
-    Regression,
-    coloured_sum,
-    least_squares,
-    own_constants,
-    samples_per_independent,
-    with_mean_constant,
-)
+from .regression_fit import regression
 from .splines import SplineKind, piecewise_polynomials
 from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
@@ -50,6 +51,7 @@ __all__ = [
     "piecewise_polynomials",
     "priors_of",
     "recursive_least_squares",
+    "regression",
     "rms",
     "samples_per_independent",
     "stabilised",

@@ -1,7 +1,20 @@
-"""Models of aircraft that estimation methods are fitted to.
+"""Every estimation method on the same flights, with answers in the same format.
 
-`conversion`: dimensional derivatives of linear models (`matrix_derivatives`) and coefficients, each
-from the other, with covariance (`coefficient_derivatives`, `dimensional_derivatives`).
+The way through:
+
+1. A model file declares increments on a version, or on `no_database`, which makes the increments
+   whole derivatives. `axis_equations` states them as one `LinearEquation` per axis, for methods of
+   equation error.
+2. `METHODS` lists the methods by their names on the command line, each a `Method`.
+3. `compare_methods` puts the answers beside each other (`Agreement` per parameter) and says which
+   to believe and why; `fit_report` writes one of them out.
+4. `with_fitted_estimates` makes the answer of a method a candidate database.
+
+`equations` states the increments, `methods` lists the methods, `agreement` compares them,
+`fit_report` writes them, `candidate` turns them into a database.
+
+Beside it: `conversion` turns dimensional derivatives of linear models (`matrix_derivatives`) into
+coefficients and back, with covariance (`coefficient_derivatives`, `dimensional_derivatives`).
 """
 
 import lazy_loader as lazy

@@ -1,3 +1,5 @@
+from .agreement import Agreement, MethodComparison, compare_methods
+from .candidate import update_by
 from .conversion import (
     Derivatives,
     SteadyFlight,
@@ -6,12 +8,28 @@ from .conversion import (
     exact,
     matrix_derivatives,
 )
+from .equations import no_database
+from .fit_report import fit_report
+from .methods import METHODS, REGRESSION, Method, chosen_methods
+from .problem import IdentificationFlight, fits_of
 
 __all__ = [
+    "METHODS",
+    "REGRESSION",
+    "Agreement",
     "Derivatives",
+    "IdentificationFlight",
+    "Method",
+    "MethodComparison",
     "SteadyFlight",
+    "chosen_methods",
     "coefficient_derivatives",
+    "compare_methods",
     "dimensional_derivatives",
     "exact",
+    "fit_report",
+    "fits_of",
     "matrix_derivatives",
+    "no_database",
+    "update_by",
 ]

@@ -16,7 +16,15 @@ from .gate import (
     judge_rivals,
     sign_reasons,
 )
-from .model_file import INCREMENT_AXES, DeclaredIncrement, ModelFile, parse_model_file
+from .model_file import (
+    CONSTANT,
+    INCREMENT_AXES,
+    DeclaredIncrement,
+    ModelFile,
+    expand,
+    parse_model_file,
+)
+from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
 from .validation import (
     UNCHANGED,
     AxisValidation,
@@ -28,9 +36,11 @@ from .validation import (
 )
 
 __all__ = [
+    "CONSTANT",
     "FILE_CHECKS",
     "INCREMENT_AXES",
     "UNCHANGED",
+    "AxisSamples",
     "AxisUpdate",
     "AxisValidation",
     "Beyond",
@@ -44,11 +54,14 @@ __all__ = [
     "Standing",
     "Update",
     "Verdict",
+    "axis_samples",
     "beyond_envelopes",
+    "channels_of",
     "choose_hold_out",
     "derivative_changes",
     "derivatives_document",
     "estimate_increments",
+    "expand",
     "judge_derivatives",
     "judge_import",
     "judge_release",
@@ -59,5 +72,6 @@ __all__ = [
     "validate_by_leaving_one_out",
     "validate_on_held_out",
     "with_extrapolated_slopes",
+    "with_model_rates",
     "worse_axes",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from aerodb.coefficients import DEFAULT_BANDWIDTH, Comparison, band_limited, with_flow_rates
+from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
 from aerodb.estimation import (
     Regression,
@@ -22,21 +22,23 @@ from aerodb.increments.model_file import (
     CONSTANT,
     DeclaredIncrement,
     ModelFile,
-    Regressor,
-    check_channels,
     expand,
+)
+from aerodb.increments.samples import (
+    AxisSamples,
+    axis_samples,
+    channels_of,
+    excited,
+    with_model_rates,
 )
 from aerodb.nomenclature import MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import (
-    HAT_RATES,
     QUANTITIES,
     AeroDatabase,
     Increment,
     Interval,
-    evaluate,
     flown_envelope,
-    hat_rate,
     new_sign_changes,
 )
 
@@ -49,24 +51,6 @@ _DRAG = frozenset({"C_drag", "CX"})
 
 #: How often a fade may be doubled in length to keep the sign of a slope.
 LENGTHENINGS = 4
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """One flight's contribution to the fit on one axis.
-
-    channels : name -> (n,). good : (n,) samples that are used. comparison : measured and
-    predicted coefficients.
-    """
-
-    channels: Mapping[str, Array]
-    good: np.ndarray
-    comparison: Comparison
-
-    @property
-    def count(self) -> int:
-        """Number of samples that are used."""
-        return int(self.good.sum())
 
 
 @dataclass(frozen=True)
@@ -148,13 +132,8 @@ def estimate_increments(
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
-    flights = [
-        _with_declared_rates(flight, comparison, model)
-        for flight, comparison in zip(flights, comparisons, strict=True)
-    ]
-    channels = [_with_hat_rates(flight.channels, database) for flight in flights]
-    shared = set.intersection(*(set(c) for c in channels)) if channels else set()
-    check_channels(model, shared)
+    flights = with_model_rates(flights, comparisons, model)
+    channels = channels_of(flights, model, database)
     results = [
         _axis(declared, flights, channels, comparisons, database, consider or {})
         for declared in model.increment
@@ -212,25 +191,17 @@ def _axis(
     consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
-    records = zip(flights, channels, comparisons, strict=True)
-    used = [
-        _Samples(c, k.usable[axis] & _clean(f, regressors), k)
-        for f, c, k in records
-        if axis in k.usable
-    ]
-    used = [samples for samples in used if samples.good.any()]
+    used = axis_samples(declared, flights, channels, comparisons)
     if not used:
         raise InputError(
             f"no flight gives a usable sample on {axis}",
             "update",
             "remove the axis from the model file",
         )
-    matrix = np.concatenate(
-        [_columns(axis, regressors, s.channels, s.comparison)[s.good] for s in used]
-    )
+    matrix = np.concatenate([s.columns[s.good] for s in used])
     response = np.concatenate([s.comparison.residual(axis)[s.good] for s in used])
-    excited = _excited(matrix, regressors)
-    chosen = [regressor for regressor, moves in zip(regressors, excited, strict=True) if moves]
+    moved = excited(matrix, regressors)
+    chosen = [regressor for regressor, moves in zip(regressors, moved, strict=True) if moves]
     names = [regressor.name for regressor in chosen]
     if not chosen:
         raise InputError(
@@ -238,11 +209,11 @@ def _axis(
             "update",
             "fly a manoeuvre that excites one",
         )
-    fit = _fitted(declared, matrix[:, excited], response, names, used, consider)
+    fit = _fitted(declared, matrix[:, moved], response, names, used, consider)
     constrained = _constrained(fit, declared)
     estimates, covariance = constrained.estimates, constrained.covariance
     measured = np.concatenate([s.comparison.measured[axis][s.good] for s in used])
-    predicted = measured - response + matrix[:, excited] @ estimates
+    predicted = measured - response + matrix[:, moved] @ estimates
     ids = tuple(s.comparison.flight for s in used)
     names_used = frozenset[str]().union(*(regressor.expression.names for regressor in chosen))
     increment = Increment(
@@ -266,9 +237,7 @@ def _axis(
         r_squared=fit.r_squared,
         theil=theil(predicted, measured),
         at_bound=constrained.at_bound,
-        not_excited=tuple(
-            r.name for r, moves in zip(regressors, excited, strict=True) if not moves
-        ),
+        not_excited=tuple(r.name for r, moves in zip(regressors, moved, strict=True) if not moves),
         aliases=_aliases(names, correlation),
     )
     return result, increment
@@ -279,7 +248,7 @@ def _fitted(
     matrix: Array,
     response: Array,
     names: Sequence[str],
-    used: Sequence[_Samples],
+    used: Sequence[AxisSamples],
     consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Regression:
     """Least squares on the samples `used`, in order, with one constant for all flights or one
@@ -306,7 +275,7 @@ def _fitted(
 def _consider_covariance(
     axis: str,
     matrix: Array,
-    used: Sequence[_Samples],
+    used: Sequence[AxisSamples],
     consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Array:
     """Covariance (k, k) of least-squares estimates due to constant sensor errors.
@@ -346,66 +315,6 @@ def _correlation(covariance: Array) -> Array:
     return np.asarray(
         covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
     )
-
-
-def _with_declared_rates(flight: Flight, comparison: Comparison, model: ModelFile) -> Flight:
-    """The flight with the rates of its flow angles that the model declares and the log lacks."""
-    names = {
-        name
-        for declared in model.increment
-        for regressor in expand(declared)
-        for name in regressor.expression.names
-    }
-    wanted = {HAT_RATES[name][0] if name in HAT_RATES else name for name in names}
-    bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    return with_flow_rates(flight, bandwidth, wanted)[0]
-
-
-def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:
-    """The channels, and the dimensionless rates computed from them with the database's lengths."""
-    hats = {
-        name: hat_rate(name, channels, database.reference)
-        for name, (rate, _) in HAT_RATES.items()
-        if {rate, "V"} <= set(channels)
-    }
-    return {**channels, **{name: values for name, values in hats.items() if name not in channels}}
-
-
-def _clean(flight: Flight, regressors: Sequence[Regressor]) -> np.ndarray:
-    """(n,) where all channels of the declared terms are usable; a comparison covers only the
-    channels that the database needs."""
-    names = {name for regressor in regressors for name in regressor.expression.names}
-    logged = {
-        part
-        for name in names
-        for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))
-    }
-    return flight.usable(sorted(name for name in logged | names if name in flight))
-
-
-def _columns(
-    axis: str,
-    regressors: Sequence[Regressor],
-    channels: Mapping[str, Array],
-    comparison: Comparison,
-) -> Array:
-    """Regressors (n, k) of one flight, band-limited like the residual that they explain."""
-    n = len(comparison.time)
-    columns = [
-        np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors
-    ]
-    if axis in MOMENT_AXES and comparison.bandwidth is not None:
-        step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
-        columns = [band_limited(column, step, comparison.bandwidth) for column in columns]
-    return np.column_stack(columns)
-
-
-def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
-    """(k,) which columns are excited: a constant always is; others must vary about their mean by
-    more than rounding."""
-    constant = np.array([not regressor.expression.names for regressor in regressors])
-    spread = matrix.std(axis=0)
-    return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))
 
 
 @dataclass(frozen=True)

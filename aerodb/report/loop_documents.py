@@ -111,7 +111,7 @@ def rival_remarks(rivals: Sequence[SensorRival]) -> list[str]:
     """A remark on each error of a sensor that the loop finds where increments are declared."""
     return [
         f"The gate will refuse this version: {rival.hypothesis} is a rival of what was declared:"
-        f" {rival.because} Its effect is "
+        f" {rival.because}. Its effect is "
         + ", ".join(f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items())
         + ". Mend the sensor (correct it in the vehicle file, or recalibrate), or promote with"
         f" --accept {rival.hypothesis}."

@@ -13,6 +13,7 @@ from aerodb.flows.cli import (
     closing,
     databases,
     demonstration,
+    estimating,
     flights,
     keeping,
     lineage,
@@ -66,6 +67,7 @@ for group in (
 ):
     app.add_typer(group)
 app.command("update")(updates.update)
+app.command("estimate")(estimating.estimate)
 app.command("close-loop")(closing.close_loop)
 app.command("recalibrate")(calibrations.recalibrate)
 for command in (serving.serve, serving.nightly, serving.status, serving.retry):

@@ -32,6 +32,12 @@ def update(
         list[str] | None,
         typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
     ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="Method by which to estimate, one of `aerodb estimate`; default: regression."
+        ),
+    ] = None,
     direct: Annotated[
         bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
@@ -42,9 +48,14 @@ def update(
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
     from aerodb.flows.update import update_flow
+    from aerodb.identification import chosen_methods
     from aerodb.increments import parse_model_file
 
     session: Session = context.obj
+    if method is not None and chosen_methods([method])[0].display:
+        raise InputError(
+            f"{method} is a display: it makes no candidate", "update", "use another method"
+        )
     if (model is None) == (like is None):
         raise InputError(
             "which increments?", "update", "give either --model FILE or --like VERSION"
@@ -52,7 +63,7 @@ def update(
     catalogue = session.catalogue()
     if like is not None:
         earlier = _as_before(catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like))
-        text = earlier.model
+        text, method = earlier.model, method or earlier.method
         flights, hold_out = flights or earlier.flights, hold_out or earlier.held_out
     elif model is not None:
         text = read_text(model)
@@ -76,6 +87,7 @@ def update(
         "flights": chosen,
         "model": text,
         "hold_out": held,
+        **({} if method is None else {"method": method}),
     }
     document = session.run(update_flow, parameters, direct)
     print_update(session, document)
@@ -84,9 +96,10 @@ def update(
 
 @dataclass(frozen=True)
 class _EarlierUpdate:
-    """Model file, flights and held-out flights of the update that made a version."""
+    """Model file, method, flights and held-out flights of the update that made a version."""
 
     model: str
+    method: str | None
     flights: list[str]
     held_out: list[str] | None
 
@@ -104,7 +117,9 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     rows = catalogue.flights_by_id(use.flight for use in used)
     standing = [use for use in used if rows[use.flight].retracted_utc is None]
     held = [use.flight for use in standing if use.role == "held_out"]
-    return _EarlierUpdate(settings["model"], [use.flight for use in standing], held or None)
+    return _EarlierUpdate(
+        settings["model"], settings.get("method"), [use.flight for use in standing], held or None
+    )
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:

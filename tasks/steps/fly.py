@@ -96,7 +96,7 @@ def fly_version(
     text = tolerances or default_tolerances()
     limits = parse_tolerances(text)
     loaded = load_coefficients(access, row, run)
-    windows = _windows(access, row, loaded.flight, run, since, until)
+    windows = flown_windows(access, row, loaded.flight, run, since, until)
     settings: dict[str, Any] = {
         "windows": [list(window) for window in windows],
         "wind": wind,
@@ -176,13 +176,13 @@ def _gain_name(text: str) -> tuple[str, str]:
 Window = tuple[float, float, str]
 
 
-def _windows(
+def flown_windows(
     access: WorkspaceAccess,
     row: FlightRow,
     flight: Flight,
     run: str,
-    since: float | None,
-    until: float | None,
+    since: float | None = None,
+    until: float | None = None,
 ) -> list[Window]:
     """Stretches to fly: from and to [s] from the first sample, and what is flown there."""
     if since is not None or until is not None:

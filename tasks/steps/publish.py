@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from aerodb.exchange import database_content_sha256, to_document
+from aerodb.identification import REGRESSION
 from aerodb.increments import (
     AxisValidation,
     Beyond,
@@ -77,7 +78,9 @@ def publish_candidate(
         "identified": list(plan.hold_out.identified),
         "held_out": list(plan.hold_out.held_out),
         "update": RESULT_VERSION["update"],
+        **({} if plan.method == REGRESSION else {"method": plan.method}),
     }
+    document["method"] = plan.method
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
     version = add_version(
         access,

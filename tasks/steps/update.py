@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, Final
@@ -11,6 +11,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import with_attenuation
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.identification import METHODS, REGRESSION, update_by
 from aerodb.increments import (
     AxisValidation,
     Beyond,
@@ -32,6 +33,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
+from aerodb.tasks.steps.methods import identification_flights
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import TracingSettings
 
@@ -45,6 +47,7 @@ class Plan:
     comparisons.
 
     left_out : flight -> its axes that contain a thrust that it lacks.
+    method : by which an update estimates.
     """
 
     vehicle: str
@@ -54,6 +57,7 @@ class Plan:
     excluded: tuple[tuple[str, str], ...]
     keys: tuple[str, ...]
     left_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    method: str = REGRESSION
 
     @property
     def flights(self) -> tuple[str, ...]:
@@ -69,6 +73,7 @@ def plan_update(
     baseline: str,
     model: str,
     hold_out: list[str] | None,
+    method: str = REGRESSION,
 ) -> Plan:
     """Split flights into identification and validation flights; list those excluded, with reasons.
 
@@ -110,7 +115,7 @@ def plan_update(
         for entry in compared
         if entry["flight"] not in out and entry.get("left_out")
     }
-    return Plan(vehicle, baseline, model, split, tuple(excluded), keys, left_out)
+    return Plan(vehicle, baseline, model, split, tuple(excluded), keys, left_out, method)
 
 
 def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputError:
@@ -176,7 +181,7 @@ def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
-    """Estimate the plan's declared increments on its identification flights."""
+    """Estimate the plan's declared increments on its identification flights, by its method."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.hold_out.identified, run)
     database = access.database(plan.baseline)
@@ -185,6 +190,10 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     reconstructions = {flight.id: source.reconstruction(flight.id) for flight in flights}
     doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
+    if plan.method != REGRESSION:
+        method = METHODS[plan.method]
+        these = identification_flights(access, plan.hold_out.identified, database, run)
+        return keep_slope_signs(update_by(method, these, model, database, doubtful), database)
     again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
     noisier = [
         estimate_increments([f for f, _ in each], [c for _, c in each], model, database)
@@ -216,9 +225,17 @@ def validate(
 
     def without(left_out: str) -> Comparison:
         others = [k for k, flight in enumerate(flights) if flight.id != left_out]
-        candidate = _estimated_where_possible(
-            [flights[k] for k in others], [comparisons[k] for k in others], model, baseline
-        )
+
+        def estimated(declared: ModelFile) -> Update:
+            if plan.method != REGRESSION:
+                ids = [flights[k].id for k in others]
+                these = identification_flights(access, ids, baseline, run)
+                return update_by(METHODS[plan.method], these, declared, baseline)
+            return estimate_increments(
+                [flights[k] for k in others], [comparisons[k] for k in others], declared, baseline
+            )
+
+        candidate = _estimated_where_possible(estimated, model, baseline)
         predictors[left_out] = candidate
         return compare_with_database(access, left_out, candidate, run).comparison
 
@@ -242,18 +259,16 @@ def outside_envelopes(
 
 
 def _estimated_where_possible(
-    flights: list[Flight], comparisons: list[Comparison], model: ModelFile, baseline: AeroDatabase
+    estimated: Callable[[ModelFile], Update], model: ModelFile, baseline: AeroDatabase
 ) -> AeroDatabase:
-    """Return the candidate with increments on the axes that these flights can identify.
+    """Return the candidate with increments on the axes that flights can identify.
 
     An axis that they cannot identify stays as in the baseline.
     """
     candidate = baseline
     for declared in model.increment:
         try:
-            one = estimate_increments(
-                flights, comparisons, ModelFile(increment=(declared,)), baseline
-            )
+            one = estimated(ModelFile(increment=(declared,)))
         except InputError:
             continue
         added = one.candidate.increments[len(baseline.increments) :]

@@ -42,6 +42,7 @@ COMMANDS = [
     ["calibration", "list"],
     ["calibration", "show"],
     ["recalibrate"],
+    ["estimate"],
     ["update"],
     ["close-loop"],
     ["demo"],

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from aerodb.flows.close_loop import close_loop_flow
+from aerodb.flows.estimate import estimate_flow
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.fly import fly_flow
 from aerodb.flows.importing import import_flow
@@ -37,6 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (27, "7baf77bef5afb8ee", "d3af299eab4e5a54"),
     "fly": (2, "b3a543f0601e1d34", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
+    "estimate": (1, "17100406400abbbd", "be09817f5df27dda"),
     "update": (8, "e50dd03ca1013998", "6b1983884f9e9ae7"),
 }
 
@@ -144,6 +146,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]
         flown = run_flow(fly_flow, given, workspace, "direct")  # says what the log lacks
         reasons = [stretch["reason"] for stretch in flown["stretches"]]
         found["fly"] = (flown["key"], _digest({"reasons": np.array(reasons)}))
+        estimating = {"flights": flights, "model": MODEL, "methods": ["regression"]}
+        answer = run_flow(estimate_flow, {**estimating, "version": baseline}, workspace, "direct")
+        values = {e["name"]: np.array(e["value"]) for e in answer["methods"][0]["estimates"]}
+        found["estimate"] = (answer["key"], _digest(values))
         for step, version in (("import", baseline), ("update", candidate)):
             found[step] = (
                 version,

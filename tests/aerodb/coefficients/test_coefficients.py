@@ -8,7 +8,7 @@ import scipy.io
 from aerodb.coefficients.total import inertial_moment, specific_force_at_cg, total_coefficients
 from aerodb.conditioning.differentiation import smooth
 from aerodb.errors import InputError
-from aerodb.estimation.regression import least_squares
+from aerodb.estimation.ordinary_least_squares import least_squares
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import AXES
@@ -16,7 +16,7 @@ from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.any_format import read_log
 from aerodb.tables.reference import Reference, hat_rate
 from aerodb.vehicle import parse_vehicle
-from tests.aerodb.estimation.test_regression import PUBLISHED
+from tests.aerodb.estimation.test_ordinary_least_squares import PUBLISHED
 from tests.support.paths import VEHICLES
 
 VEHICLE = VEHICLES / "twin_otter.toml"

@@ -19,7 +19,7 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.records import air_data_from_probe
-from aerodb.estimation.regression import least_squares
+from aerodb.estimation.ordinary_least_squares import least_squares
 from aerodb.tables.reference import hat_rate
 from aerodb.vehicle import parse_vehicle
 from tests.support.consistency_records import ATTAS_BIASES, BOOM, attas

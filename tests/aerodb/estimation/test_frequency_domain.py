@@ -10,8 +10,8 @@ from aerodb.errors import InputError
 from aerodb.estimation import EquationRecord, LinearEquation, Parameter, Parameters
 from aerodb.estimation.finite_fourier import transformed
 from aerodb.estimation.frequency_domain import frequency_domain_regression
-from tests.aerodb.estimation.test_regression import COLUMN
-from tests.aerodb.estimation.test_regression import PUBLISHED as TIME_DOMAIN
+from tests.aerodb.estimation.test_ordinary_least_squares import COLUMN
+from tests.aerodb.estimation.test_ordinary_least_squares import PUBLISHED as TIME_DOMAIN
 from tests.support.equations import coloured, equation
 
 # Klein & Morelli, SIDPAC v2.0, Twin Otter f1_017, over frequencies from .1 to 1.5 Hz by .02 Hz:

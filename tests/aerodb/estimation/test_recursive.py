@@ -16,7 +16,7 @@ from aerodb.estimation.recursive import (
     recursive_least_squares,
 )
 from tests.aerodb.estimation.test_frequency_domain import TRUTH, short_period
-from tests.aerodb.estimation.test_regression import PUBLISHED
+from tests.aerodb.estimation.test_ordinary_least_squares import PUBLISHED
 from tests.support.equations import coloured, equation
 
 NAMES = ("alpha", "q", "de", "1")

@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.estimation import Parameter
 from aerodb.estimation.coloured_noise import autoregressive_noise
 from aerodb.estimation.regression_fit import regression
-from tests.aerodb.estimation.test_regression import COLUMN, PUBLISHED
+from tests.aerodb.estimation.test_ordinary_least_squares import COLUMN, PUBLISHED
 from tests.support.equations import coloured, equation, manoeuvre
 
 

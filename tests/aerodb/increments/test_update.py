@@ -134,7 +134,7 @@ def test_intervals_of_95_percent_cover_the_truth_in_95_percent_of_runs(lag: floa
 def test_white_standard_errors_would_not_have_covered() -> None:
     """What the coloured covariance is for: the same residuals taken as white give intervals that
     are far too short."""
-    from aerodb.estimation.regression import least_squares
+    from aerodb.estimation.ordinary_least_squares import least_squares
 
     flown, compared = campaign(0, lift, lag=0.3)
     columns = np.concatenate(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from aerodb.estimation.regression import least_squares
+from aerodb.estimation.ordinary_least_squares import least_squares
 from aerodb.estimation.statistics import theil
 
 # Klein & Morelli, SIDPAC v2.0, Twin Otter f1_017: estimates and coloured standard errors, [beta p r

@@ -1,0 +1,102 @@
+"""Answers of several methods beside each other: do they agree, and which one to believe."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.estimation import Fit, ParameterEstimate
+
+#: Methods agree where their estimates differ by no more than this many standard errors.
+_AGREE: Final = 2.0
+#: Least share of the estimates of a method with the standing ``estimated`` for it to be believed
+#: before another one.
+_STANDING: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One parameter by several methods.
+
+    estimates : method -> estimate. spread : largest difference between two methods in standard
+    errors; NaN with fewer than two. furthest : those two methods.
+    """
+
+    name: str
+    estimates: Mapping[str, ParameterEstimate]
+    spread: float
+    furthest: tuple[str, str] | None
+
+    @property
+    def agree(self) -> bool:
+        """Whether all methods agree within two standard errors, or only one gives an estimate."""
+        return not self.spread > _AGREE
+
+
+@dataclass(frozen=True)
+class MethodComparison:
+    """Parameters by several methods; the method to believe here, and why in sentences."""
+
+    parameters: tuple[Agreement, ...]
+    believe: str | None
+    reasons: tuple[str, ...]
+
+
+def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
+    """Compare the fits of several methods, each method's fits over all axes.
+
+    The difference of two estimates is measured by the root sum of squares of their standard errors:
+    methods share the flights, so that this overstates the scatter of the difference where their
+    errors are alike, and what disagrees by more than two does so in earnest.
+    """
+    by_method = {
+        method: {e.name: e for fit in each for e in fit.estimates} for method, each in fits.items()
+    }
+    names = dict.fromkeys(name for found in by_method.values() for name in found)
+    parameters = tuple(
+        _agreement(name, {m: found[name] for m, found in by_method.items() if name in found})
+        for name in names
+    )
+    believe, reasons = _believe(fits)
+    apart = [each for each in parameters if not each.agree]
+    if apart:
+        worst = max(apart, key=lambda each: each.spread)
+        pair = " and ".join(worst.furthest or ())
+        reasons += (
+            f"{len(apart)} of {len(parameters)} parameters differ by more than {_AGREE:g} standard"
+            f" errors between methods, most {worst.name}, by {worst.spread:.1f} ({pair})",
+        )
+    return MethodComparison(parameters, believe, reasons)
+
+
+def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreement:
+    usable = {m: e for m, e in estimates.items() if np.isfinite(e.value) and e.standard_error > 0}
+    spread, furthest = float("nan"), None
+    methods = list(usable)
+    for i, one in enumerate(methods):
+        for other in methods[i + 1 :]:
+            a, b = usable[one], usable[other]
+            distance = abs(a.value - b.value) / np.hypot(a.standard_error, b.standard_error)
+            if not distance <= spread:
+                spread, furthest = float(distance), (one, other)
+    return Agreement(name, estimates, spread, furthest)
+
+
+def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, ...]]:
+    """The method to believe: converged, with most of its parameters estimated; of those a fit says
+    is preferred to another, the preferred one; else the first."""
+    reasons: list[str] = []
+    standing: list[str] = []
+    for method, each in fits.items():
+        estimates = [e for fit in each for e in fit.estimates]
+        good = sum(e.standing in ("estimated", "fixed", "tied", "prior") for e in estimates)
+        if not all(fit.converged for fit in each):
+            reasons.append(f"{method} did not converge")
+        elif not estimates or good < _STANDING * len(estimates):
+            reasons.append(f"{method} determines {good} of {len(estimates)} parameters")
+        else:
+            standing.append(method)
+    if not standing:
+        return None, (*reasons, "no method gives an answer to believe")
+    return standing[0], tuple(reasons)

@@ -1,0 +1,109 @@
+"""A fit as text: statistics, estimates with their standing, correlations, whiteness of the
+residuals."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from aerodb.estimation import Fit, samples_per_independent
+
+#: Correlations below this are not listed.
+LEAST_CORRELATION: Final = 0.5
+#: Most correlations that are listed.
+_MOST: Final = 12
+
+
+def fit_report(fit: Fit, least_correlation: float = LEAST_CORRELATION) -> str:
+    """Return the report of a fit as text.
+
+    Estimates with standard errors (corrected for coloured residuals), 95 % intervals, p-values of
+    a value of zero and Cramer-Rao bounds where the method has them; correlations of at least
+    `least_correlation`; fit and Theil's parts per output; how coloured the residuals are.
+    """
+    return "\n".join(
+        line
+        for part in (_head(fit), _estimates(fit), _correlations(fit, least_correlation), _tail(fit))
+        for line in part
+    )
+
+
+def _head(fit: Fit) -> Iterator[str]:
+    yield f"[[{fit.method}]]"
+    samples = sum(
+        int(np.isfinite(values).sum())
+        for each in fit.residuals.values()
+        for values in each.values()
+    )
+    state = "converged" if fit.converged else "NOT CONVERGED"
+    searched = f", {fit.iterations} iterations" if fit.iterations else ""
+    yield (
+        f"    {len(fit.names)} parameters, {len(fit.residuals)} records, {samples} samples;"
+        f" {state}{searched}"
+    )
+    if np.isfinite(fit.log_likelihood):
+        yield f"    log-likelihood {fit.log_likelihood:.6g}"
+
+
+def _estimates(fit: Fit) -> Iterator[str]:
+    yield "[[estimates]]"
+    width = max((len(e.name) for e in fit.estimates), default=0)
+    for e in fit.estimates:
+        text = f"    {e.name:<{width}}  {e.value: .6g}"
+        if np.isfinite(e.standard_error) and e.standard_error > 0:
+            low, high = fit.interval(e.name)
+            text += f" +- {e.standard_error:.3g}"
+            if e.value:
+                text += f" ({abs(e.standard_error / e.value):.1%})"
+            text += f"  95 % [{low:.4g}, {high:.4g}]"
+            text += f"  p {fit.p_value(e.name):.2g}"
+        if np.isfinite(e.cramer_rao):
+            text += f"  Cramer-Rao {e.cramer_rao:.3g}"
+        if e.unit != "1":
+            text += f"  {e.unit}"
+        if e.standing != "estimated":
+            text += f"  ({e.standing}{': ' + e.reason if e.reason else ''})"
+        yield text
+
+
+def _correlations(fit: Fit, least: float) -> Iterator[str]:
+    correlation, names = fit.correlation, fit.names
+    pairs = sorted(
+        (
+            (float(correlation[i, j]), names[i], names[j])
+            for i in range(len(names))
+            for j in range(i)
+            if abs(correlation[i, j]) >= least
+        ),
+        key=lambda pair: -abs(pair[0]),
+    )
+    if pairs:
+        more = f", {len(pairs) - _MOST} more" if len(pairs) > _MOST else ""
+        yield f"[[correlations of at least {least:g}{more}]]"
+        for value, one, other in pairs[:_MOST]:
+            yield f"    {other}, {one}: {value:+.3f}"
+
+
+def _tail(fit: Fit) -> Iterator[str]:
+    rows = [
+        (record, output, theil)
+        for record, each in fit.theil.items()
+        for output, theil in each.items()
+    ]
+    if rows:
+        yield "[[fit]]"
+        for record, output, theil in rows:
+            residual = fit.residuals.get(record, {}).get(output)
+            colour = ""
+            if residual is not None and np.isfinite(residual).sum() > 2:
+                count = samples_per_independent(residual[np.isfinite(residual)])
+                colour = f"; {count:.1f} samples of its residual count as one"
+            yield (
+                f"    {record[:12]} {output}: fit {theil.fit_percent:.1f} %, error: bias"
+                f" {theil.bias:.2f}, variance {theil.variance:.2f}, covariance"
+                f" {theil.covariance:.2f}{colour}"
+            )
+    for title, lines in (("assumes", fit.assumes), ("notes", fit.notes)):
+        if lines:
+            yield f"[[{title}]]"
+            yield from (f"    {line}" for line in lines)

@@ -1,0 +1,58 @@
+"""The estimation methods by their names on the command line."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Final, Literal
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation import Fit
+
+#: The method of `aerodb.increments.estimate_increments`.
+REGRESSION: Final = "regression"
+#: What a method solves: a linear equation per axis, or a model that is flown.
+Kind = Literal["equation error", "dynamic"]
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method.
+
+    Parameters
+    ----------
+    name : on the command line.
+    kind : ``equation error``: called with a `LinearEquation`; ``dynamic``: called with a
+        `DynamicModel` and its `TimeHistory` records.
+    function : module and name of the function; it is imported when it is first called.
+    display : a help for judgement, never a candidate.
+    """
+
+    name: str
+    kind: Kind
+    function: tuple[str, str]
+    display: bool = False
+
+    def load(self) -> Callable[..., Fit]:
+        """The function that estimates."""
+        module, name = self.function
+        found: Callable[..., Fit] = getattr(import_module(module), name)
+        return found
+
+
+_METHODS = (Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),)
+
+#: Name -> method, in the order in which they are tried and printed.
+METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
+
+
+def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
+    """Methods by name; ``all`` for every one that is no display.
+
+    Raises InputError with the nearest name for an unknown one.
+    """
+    if list(names) == ["all"]:
+        return tuple(method for method in METHODS.values() if not method.display)
+    for name in names:
+        if name not in METHODS:
+            raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS))
+    return tuple(METHODS[name] for name in dict.fromkeys(names))

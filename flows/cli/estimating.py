@@ -1,0 +1,117 @@
+"""``aerodb estimate``: declared increments by one method or by all, beside each other."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.errors import InputError
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.vehicles import read_text
+
+
+def estimate(
+    context: typer.Context,
+    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
+    model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", "--methods", help="Methods by name, or `all`; repeat the option."),
+    ] = None,
+    baseline: Annotated[
+        str, typer.Option(help="Version to build on; `none`: whole derivatives.")
+    ] = "released",
+    flights: Annotated[
+        list[str] | None,
+        typer.Option(help="Flights to use; default: all of the vehicle that are not rejected."),
+    ] = None,
+    report: Annotated[bool, typer.Option(help="Print the whole report of each method.")] = False,
+) -> None:
+    """Estimate declared increments by one or several methods, and say which to believe and why.
+    Nothing is added to the database: `aerodb update --method` does that.
+
+    Example: aerodb estimate --vehicle my-glider --model increments.toml --methods all
+    """
+    from aerodb.flows.estimate import estimate_flow
+    from aerodb.identification import chosen_methods
+    from aerodb.increments import parse_model_file
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    name = catalogue.vehicle(vehicle).name
+    text = read_text(model)
+    parse_model_file(text, str(model))
+    chosen = chosen_methods(method or ["regression"])
+    rows = (
+        [catalogue.flight(ref, name) for ref in flights]
+        if flights
+        else [row for row in catalogue.flights(name) if row.verdict != "rejected"]
+    )
+    if not rows:
+        raise InputError(
+            "no flight can be used", f"vehicle {name}", f"aerodb flight list --vehicle {name}"
+        )
+    document = session.run(
+        estimate_flow,
+        {
+            "flights": [row.id for row in rows],
+            "model": text,
+            "methods": [each.name for each in chosen],
+            "version": None if baseline == "none" else catalogue.version(name, baseline).id,
+        },
+        direct=True,
+    )
+    _print(session, document, report)
+    session.answer(document)
+
+
+def _print(session: Session, document: dict[str, Any], report: bool) -> None:
+    for entry in document["methods"]:
+        if "reason" in entry:
+            session.say(f"{entry['method']} gave no estimate: {entry['reason']}")
+        elif report:
+            session.say(entry["report"])
+            session.say()
+    given = [entry for entry in document["methods"] if "reason" not in entry]
+    if not given:
+        return
+    names = [entry["method"] for entry in given]
+    several = len(names) > 1
+    session.table(
+        ["parameter", *names, *(["spread"] if several else [])],
+        [
+            [
+                row["parameter"],
+                *(_cell(row["estimates"].get(name)) for name in names),
+                *([_spread(row)] if several else []),
+            ]
+            for row in document["parameters"]
+        ],
+        numbers=tuple(range(1, len(names) + 1 + several)),
+    )
+    session.say("value +- standard error; spread: largest difference in standard errors")
+    session.say()
+    for entry in given:
+        session.say(f"{entry['method']} assumes that {'; that '.join(entry['assumes'])}")
+        for note in entry["notes"]:
+            session.say(f"- {note}")
+    session.say()
+    for reason in document["reasons"]:
+        session.say(f"- {reason}")
+    if several and document["believe"]:
+        session.say(f"believe here: {document['believe']}")
+
+
+def _cell(entry: dict[str, Any] | None) -> str:
+    if entry is None:
+        return "-"
+    if entry["value"] is None:
+        return str(entry["standing"])
+    text = f"{entry['value']:.4g}"
+    if entry["standard_error"]:
+        text += f" +- {entry['standard_error']:.2g}"
+    return text if entry["standing"] == "estimated" else f"{text} ({entry['standing']})"
+
+
+def _spread(row: dict[str, Any]) -> str:
+    return "-" if row["spread"] is None else f"{row['spread']:.1f}"

@@ -1,0 +1,30 @@
+"""Estimate flow: declared increments by several methods, beside each other."""
+
+from typing import Any
+
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps import estimate_by_methods
+
+
+def estimate_flow(
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    flights: list[str],
+    model: str,
+    methods: list[str],
+    version: str | None = None,
+) -> dict[str, Any]:
+    """Estimate the increments declared in `model` (text of a model file) from `flights` (ids) on a
+    version (its id), or on none. Returns the document of `estimate_by_methods`."""
+    document: dict[str, Any] = steps(
+        estimate_by_methods,
+        flights,
+        workspace=workspace,
+        run=run,
+        model=model,
+        methods=methods,
+        version=version,
+    )
+    return document

@@ -1,0 +1,202 @@
+"""Estimates of declared increments by several methods, on the same samples of the same flights."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.estimation import Fit
+from aerodb.identification import (
+    Agreement,
+    IdentificationFlight,
+    Method,
+    chosen_methods,
+    compare_methods,
+    fit_report,
+    fits_of,
+    no_database,
+)
+from aerodb.increments import ModelFile, parse_model_file
+from aerodb.storage.files import read_results, write_results
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, Reference
+from aerodb.tasks.steps.coefficients import load_coefficients
+from aerodb.tasks.steps.compare import compare_loaded
+from aerodb.tasks.steps.fly import flown_windows
+from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+
+
+def estimate_by_methods(
+    flights: Sequence[str],
+    *,
+    workspace: str,
+    run: str,
+    model: str,
+    methods: Sequence[str],
+    version: str | None = None,
+) -> dict[str, Any]:
+    """Estimate the increments declared in `model` (text) by several methods, and store the answers.
+
+    flights : their ids. version : its id; None: on no database, which gives whole derivatives.
+    methods : names, or ``["all"]``.
+
+    Returns a document: key, version, flights, methods (method, kind, assumes, converged,
+    iterations, log_likelihood, notes, estimates, correlations, report; or reason where it gave
+    none), parameters (parameter, estimates by method, spread, furthest, agree), believe, reasons.
+    """
+    access = access_workspace(workspace)
+    chosen = chosen_methods(methods)
+    database = (
+        _no_database(access, flights[0], run) if version is None else access.database(version)
+    )
+    loaded = [load_coefficients(access, access.catalogue.flight(flight), run) for flight in flights]
+    result = StoredResult(
+        access,
+        "estimate",
+        "estimates",
+        {f"coefficients {k}": each.key for k, each in enumerate(loaded)}
+        | ({} if version is None else {"version": version}),
+        {"model": model, "methods": [method.name for method in chosen]},
+    )
+    path = result.stored()
+    if path is not None:
+        return dict(read_results(path, ("sample",))[1]["document"])
+    fits, reasons = _fits(
+        chosen, identification_flights(access, flights, database, run), model, database
+    )
+    comparison = compare_methods({name: each for name, each in fits.items() if each})
+    document = {
+        "key": result.key,
+        "version": version,
+        "flights": list(flights),
+        "methods": [
+            {"method": method.name, "kind": method.kind}
+            | (
+                _answer(fits[method.name])
+                if fits[method.name]
+                else {"reason": reasons[method.name]}
+            )
+            for method in chosen
+        ],
+        "parameters": [_parameter(each) for each in comparison.parameters],
+        "believe": comparison.believe,
+        "reasons": list(comparison.reasons),
+    }
+    table = _long([fit for each in fits.values() for fit in each])
+    result.keep(run, lambda path: write_results(path, table, {"document": document}))
+    return document
+
+
+def identification_flights(
+    access: WorkspaceAccess, flights: Sequence[str], database: AeroDatabase, run: str
+) -> list[IdentificationFlight]:
+    """Flights (ids) with their comparison with a database, and the manoeuvres to fly."""
+    found = []
+    for flight in flights:
+        row = access.catalogue.flight(flight)
+        loaded = load_coefficients(access, row, run)
+        vehicle = access.vehicle(row.vehicle)[0]
+        windows = flown_windows(access, row, loaded.flight, run)
+        found.append(
+            IdentificationFlight(
+                loaded.flight,
+                compare_loaded(loaded, database, vehicle),
+                loaded.coefficients,
+                vehicle,
+                tuple((since, until) for since, until, _ in windows),
+            )
+        )
+    return found
+
+
+def _fits(
+    methods: Sequence[Method],
+    flights: Sequence[IdentificationFlight],
+    text: str,
+    database: AeroDatabase,
+) -> tuple[dict[str, list[Fit]], dict[str, str]]:
+    """Fits of each method over all axes, empty where it gave none; and then the reason."""
+    model: ModelFile = parse_model_file(text)
+    fits: dict[str, list[Fit]] = {}
+    reasons: dict[str, str] = {}
+    for method in methods:
+        try:
+            fits[method.name] = fits_of(method, flights, model, database)
+        except InputError as error:
+            fits[method.name], reasons[method.name] = [], str(error)
+    return fits, reasons
+
+
+def _no_database(access: WorkspaceAccess, flight: str, run: str) -> AeroDatabase:
+    """A database of zeros in the vehicle's reference geometry, about the moment reference of the
+    flight's coefficients, or its mean where that is the moving CG."""
+    row = access.catalogue.flight(flight)
+    own = access.vehicle(row.vehicle)[0].reference
+    point = load_coefficients(access, row, run).coefficients.moment_reference.mean(axis=0)
+    x, y, z = (float(value) for value in point)
+    return no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
+
+
+def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
+    """What a document says of the fits of a method."""
+    return {
+        "assumes": list(dict.fromkeys(text for fit in fits for text in fit.assumes)),
+        "converged": all(fit.converged for fit in fits),
+        "iterations": max(fit.iterations for fit in fits),
+        "log_likelihood": _finite(sum(fit.log_likelihood for fit in fits)),
+        "notes": list(dict.fromkeys(note for fit in fits for note in fit.notes)),
+        "estimates": [
+            {key: _finite(value) for key, value in asdict(estimate).items()}
+            for fit in fits
+            for estimate in fit.estimates
+        ],
+        "correlations": [
+            {"names": list(fit.names), "correlation": fit.correlation.tolist()} for fit in fits
+        ],
+        "report": "\n".join(fit_report(fit) for fit in fits),
+    }
+
+
+def _parameter(agreement: Agreement) -> dict[str, Any]:
+    return {
+        "parameter": agreement.name,
+        "estimates": {
+            method: {
+                "value": _finite(e.value),
+                "standard_error": _finite(e.standard_error),
+                "standing": e.standing,
+            }
+            for method, e in agreement.estimates.items()
+        },
+        "spread": _finite(agreement.spread),
+        "furthest": list(agreement.furthest or ()),
+        "agree": agreement.agree,
+    }
+
+
+def _finite(value: Any) -> Any:
+    """None for a number that JSON does not have."""
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _long(fits: Sequence[Fit]) -> dict[str, Array]:
+    """Fitted responses, one row per method, record, response and sample."""
+    columns: dict[str, list[Any]] = {
+        name: [] for name in ("method", "record", "response", "sample", "fitted", "residual")
+    }
+    for fit in fits:
+        for record, outputs in fit.fitted.items():
+            for response, fitted in outputs.items():
+                n = len(fitted)
+                columns["method"].append(np.repeat(fit.method, n))
+                columns["record"].append(np.repeat(record, n))
+                columns["response"].append(np.repeat(response, n))
+                columns["sample"].append(np.arange(n))
+                columns["fitted"].append(fitted)
+                columns["residual"].append(fit.residuals[record][response])
+    return {
+        name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()
+    }

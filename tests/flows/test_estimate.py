@@ -1,0 +1,86 @@
+"""``aerodb estimate`` and ``aerodb update --method``: methods beside each other, by command."""
+
+from pathlib import Path
+
+import pytest
+
+from aerodb.identification import METHODS
+from tests.support.command import aerodb, asked
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import MODEL, NAME, TRUTH
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
+    root = tmp_path_factory.mktemp("estimate") / "w"
+    shared.ingested(root)
+    (root.parent / "model.toml").write_text(MODEL)
+    return root
+
+
+def _estimated(root: Path, *options: str) -> dict:
+    model = str(root.parent / "model.toml")
+    return asked(root, "estimate", "--vehicle", NAME, "--model", model, *options)
+
+
+@pytest.mark.parametrize("method", [m.name for m in METHODS.values() if not m.display])
+def test_each_method_finds_what_was_planted(root: Path, method: str) -> None:
+    """The slopes of the increments lie within four standard errors of what was flown, or the
+    method says why it gives none."""
+    document = _estimated(root, "--method", method)
+    (answer,) = document["methods"]
+    if "reason" in answer:
+        # The glider's logs have no attitude: nothing can be flown, and the answer says so.
+        assert METHODS[method].kind == "dynamic"
+        assert "phi" in answer["reason"]
+        assert "theta" in answer["reason"]
+        return
+    found = {each["name"]: each for each in answer["estimates"]}
+    for axis, terms in TRUTH.items():
+        for term, truth in terms.items():
+            if term != "1":
+                each = found[f"{axis}_{term}"]
+                assert each["standing"] == "estimated", each
+                assert abs(each["value"] - truth) < 4 * each["standard_error"], each
+
+
+def test_all_methods_stand_beside_each_other(root: Path) -> None:
+    document = _estimated(root, "--methods", "all")
+    given = [each["method"] for each in document["methods"] if "reason" not in each]
+    assert document["believe"] in given
+    for row in document["parameters"]:
+        assert set(row["estimates"]) <= set(given)
+        if len(row["estimates"]) > 1:
+            assert row["agree"] == (row["spread"] <= 2.0)
+            assert set(row["furthest"]) <= set(given)
+    again = _estimated(root, "--methods", "all")
+    assert again == document  # stored under its key
+
+
+def test_without_a_database_the_derivatives_are_whole(root: Path) -> None:
+    increments, whole = (
+        {e["name"]: e["value"] for e in _estimated(root, *given)["methods"][0]["estimates"]}
+        for given in ((), ("--baseline", "none"))
+    )
+    assert increments["CX_alpha"] + 0.4 == pytest.approx(whole["CX_alpha"], abs=1e-9)
+    assert whole["CX_0"] == pytest.approx(increments["CX_0"] - 0.03, abs=1e-9)
+
+
+def test_an_unknown_method_is_refused_with_the_nearest_name(root: Path) -> None:
+    model = str(root.parent / "model.toml")
+    given = ("estimate", "--vehicle", NAME, "--model", model, "--method", "regresion")
+    refused = aerodb(root, *given)
+    assert refused.returncode == 3
+    assert "did you mean 'regression'?" in refused.stderr
+
+
+def test_the_report_names_estimates_and_what_the_method_assumes(root: Path) -> None:
+    model = str(root.parent / "model.toml")
+    told = aerodb(root, "estimate", "--vehicle", NAME, "--model", model, "--report")
+    assert told.returncode == 0, told.stderr
+    assert "[[estimates]]" in told.stdout
+    assert "[[assumes]]" in told.stdout
+    for line in ("CZ_alpha", "CX_alpha"):
+        assert any(
+            text.strip().startswith(line) and "+-" in text for text in told.stdout.splitlines()
+        )
