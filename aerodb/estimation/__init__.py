@@ -18,7 +18,10 @@ Equation error, a `LinearEquation` of several `EquationRecord`:
 1. `regression` is least squares with fixed and tied parameters, priors and bounds. Its standard
    errors rest on a model of the coloured residuals (`coloured_noise`), so that intervals hold the
    truth as often as they say.
-2. `equation_error` holds what all of these methods share.
+2. `principal_components` estimates the combinations that the records determine, and says which
+   they do not; `total_least_squares` and `instrumental_variables` are for noisy regressors.
+3. `splines` are regressors: a function by its values at knots, given or `chosen_knots`.
+4. `equation_error` holds what all of these methods share.
 
 Equation error over a band of frequencies, and sample by sample:
 

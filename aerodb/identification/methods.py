@@ -39,7 +39,24 @@ class Method:
         return found
 
 
-_METHODS = (Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),)
+_METHODS = (
+    Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),
+    Method(
+        "principal-components",
+        "equation error",
+        ("aerodb.estimation.principal_components", "principal_components"),
+    ),
+    Method(
+        "total-least-squares",
+        "equation error",
+        ("aerodb.estimation.total_least_squares", "total_least_squares"),
+    ),
+    Method(
+        "instrumental-variables",
+        "equation error",
+        ("aerodb.estimation.instrumental_variables", "instrumental_variables"),
+    ),
+)
 
 #: Name -> method, in the order in which they are tried and printed.
 METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
