@@ -1,4 +1,4 @@
-from .isolated import parsed_log, start_reader
+from .isolated import Parsed, parsed_log, start_reader
 from .worker import prepare_reader
 
-__all__ = ["parsed_log", "prepare_reader", "start_reader"]
+__all__ = ["Parsed", "parsed_log", "prepare_reader", "start_reader"]
