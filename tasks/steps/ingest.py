@@ -19,7 +19,6 @@ from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space
-from aerodb.storage.encoding import FLIGHT_NAME, checked
 from aerodb.storage.files import (
     INDEX,
     is_recording_available,
@@ -30,12 +29,13 @@ from aerodb.storage.files import (
     write_flight,
 )
 from aerodb.storage.inbox import open_log
-from aerodb.storage.mappings import builtin_mappings, load_mapping
+from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers import Parsed, parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
 from aerodb.tasks.confined import confined
 from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
+from aerodb.tasks.steps.admission import inadmissible, usable_mapping
 from aerodb.tasks.steps.conditioning import (
     clocks_of,
     examined,
@@ -76,7 +76,7 @@ def store_log(
     outcome |= {"damage": [], "suspicions": [], "repeats": []}
     sha256 = ""
     limits = load_settings(access.workspace.root).limits
-    chosen = _usable_mapping(access, vehicle, mapping)
+    chosen = usable_mapping(access, vehicle, mapping)
     try:
         with open_log(path, access.workspace.inbox) as file:
             limits.check_size(os.fstat(file.fileno()).st_size, log)
@@ -85,7 +85,7 @@ def store_log(
         if known is not None:
             outcome |= {"status": "duplicate", "flight": known}
             return outcome | _findings(access, known, run, log)
-        refused = _inadmissible(access, sha256, vehicle, name)
+        refused = inadmissible(access, sha256, vehicle, name)
         if refused is not None:
             return outcome | _refusal(refused, log)
         topics = access.workspace.recording_path(sha256)
@@ -175,15 +175,6 @@ def _take_in(given: _Given) -> dict[str, Any]:
     }
 
 
-def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -> Mapping | None:
-    """Return the requested mapping; SettingsError if it or the vehicle's file cannot be used."""
-    try:
-        access.vehicle(vehicle)
-        return load_mapping(mapping) if mapping else None
-    except InputError as error:
-        raise SettingsError(error.what, error.where, error.remedy) from error
-
-
 def _findings(access: WorkspaceAccess, flight: str, run: str, log: str) -> dict[str, Any]:
     """Return the findings on a flight (its id) that is already stored; without suspicions, but with
     what and remedy, if it cannot be read any more: the log stays stored."""
@@ -229,38 +220,6 @@ def _refusal(error: InputError, log: str) -> dict[str, str]:
         "where": error.where or log,
         "remedy": error.remedy or "aerodb log inspect shows its contents",
     }
-
-
-def _inadmissible(
-    access: WorkspaceAccess, sha256: str, vehicle: str, name: str | None
-) -> InputError | None:
-    """Return why the catalogue would refuse these bytes as a flight of this name.
-
-    The log is not at fault, so it is not quarantined.
-    """
-    for row in access.catalogue.flights(log_sha256=sha256):
-        if row.vehicle != vehicle or name not in (None, row.name):
-            return InputError(
-                f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one"
-            )
-    if name is None:
-        return None
-    try:
-        checked(name, FLIGHT_NAME, "the name of a flight")
-    except InputError as error:
-        return error
-    taken = [
-        row
-        for row in access.catalogue.flights(vehicle)
-        if row.name == name and row.log_sha256 != sha256
-    ]
-    return (
-        InputError(
-            f"'{name}' is already the name of flight {taken[0].id[:12]}", "", "choose another name"
-        )
-        if taken
-        else None
-    )
 
 
 def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flight, str]:

@@ -167,9 +167,7 @@ def check_batch(outcomes: list[dict[str, Any]], said: str) -> dict[str, Any]:
     return hostile
 
 
-@pytest.mark.parametrize(
-    "how", ["direct", pytest.param("auto", marks=pytest.mark.campaign)]
-)
+@pytest.mark.parametrize("how", ["direct", pytest.param("auto", marks=pytest.mark.campaign)])
 def test_log_whose_flight_takes_too_much_memory_is_refused_and_the_others_complete(
     workspace: Workspace, tmp_path: Path, shared: SharedWorkspaces, how: How
 ) -> None:
