@@ -20,7 +20,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from aerodb.errors import CalculationError, StoreError, failing_alone
+from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_alone
 from aerodb.storage.confinement import how_it_ended
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
@@ -104,18 +104,26 @@ def confined(
             result: Result = content
             return result
         raise _broken_limit(worker.end(), kind, job)
-    raise StoreError(
+    raise _ended(where)
+
+
+def _ended(where: str) -> StoreBusyError:
+    """Return the error where processes are ended from outside: no log is at fault."""
+    return StoreBusyError(
         "the processes for flights end unexpectedly",
         where,
         "check the free memory of this machine, then run again",
     )
 
 
-def _broken_limit(code: int, kind: str, job: Job) -> OverLimitError:
+def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | StoreBusyError:
     """Return the error of a job that broke a limit.
 
-    kind : ``memory``, ``late`` or ``dead``. code : exit code of its worker.
+    kind : ``memory``, ``late`` or ``dead``. code : exit code of its worker, None if all workers
+    ended with their server.
     """
+    if code is None:
+        return _ended(job.where)
     if kind == "memory":
         ended = f"{job.what} needs more than {job.limits.memory / 1e6:.0f} MB of memory"
     else:
@@ -155,15 +163,16 @@ class _Server:
             pid = self._control.recv()
         return _Worker(self, pid, Connection(ours.detach()))
 
-    def end(self, pid: int) -> int:
-        """End a worker if it has not ended, and return its exit code, negative for a signal."""
+    def end(self, pid: int) -> int | None:
+        """End a worker if it has not ended, and return its exit code, negative for a signal; None
+        if this server has ended, and its workers with it."""
         try:
             with self._lock:
                 self._control.send(pid)
                 code: int = self._control.recv()
                 return code
-        except (OSError, EOFError):  # the server ended, and its workers with it
-            return -9
+        except (OSError, EOFError):
+            return None
 
     def close(self) -> None:
         """End the server, and all workers with it."""
@@ -196,8 +205,8 @@ class _Worker:
             return "dead", None
         return answer
 
-    def end(self) -> int:
-        """End the worker, and return its exit code."""
+    def end(self) -> int | None:
+        """End the worker, and return its exit code; None if its server has ended."""
         self._connection.close()
         return self.server.end(self._pid)
 

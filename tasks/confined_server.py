@@ -38,7 +38,10 @@ _IMPORTED: Final = (
 
 def main() -> None:
     """Serve requests until the connection is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Who ends a group of processes means the run: a flight whose worker ended first would be taken
+    # for the cause.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     control = Connection(int(sys.argv[1]))
     for name in _IMPORTED:
         import_module(name)

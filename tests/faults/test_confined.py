@@ -150,6 +150,26 @@ def test_worker_that_died_while_it_waited_is_replaced(workspace: Workspace) -> N
     assert call(workspace, os.getpid) not in (worker, os.getpid())
 
 
+def test_end_of_all_workers_is_no_fault_of_a_log(workspace: Workspace) -> None:
+    """Their server is killed while one works: the step may be tried again, and is done then."""
+    server = psutil.Process(call(workspace, os.getppid))
+    assert "aerodb.tasks.confined_server" in server.cmdline()
+    killer = threading.Timer(0.3, server.kill)
+    killer.start()
+    with pytest.raises(StoreBusyError, match="log a: the processes for flights end unexpectedly"):
+        call(workspace, time.sleep, 600.0)
+    killer.join()
+    assert call(workspace, os.getppid) != server.pid
+
+
+def test_termination_is_left_to_the_run(workspace: Workspace) -> None:
+    """A service manager ends all processes of a service at once; a worker is not to end first."""
+    worker = call(workspace, os.getpid)
+    for process in (worker, call(workspace, os.getppid)):
+        os.kill(process, signal.SIGTERM)
+    assert call(workspace, os.getpid) == worker
+
+
 # A log that costs too much
 
 
