@@ -136,6 +136,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     'known names: alpha, beta'
     """
     names = sorted(set(known))
+    if not names:
+        return "there is none to name"
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.6) or difflib.get_close_matches(
         name.lower(), [n.lower() for n in names], n=1, cutoff=0.6
     )
