@@ -18,6 +18,8 @@ from aerodb.support import Array, Mask
 
 Transform = NDArray[np.complex128]
 
+#: Variation, as a share of the largest value, below which a regressor is a constant.
+STILL = 1e-9
 #: The band begins at this many cycles in the longest record and ends where this share of the
 #: motion of every regressor is inside, at most at this share of the Nyquist frequency.
 CYCLES, MOTION, NYQUIST_SHARE = 2.0, 0.95, 0.8
@@ -84,7 +86,7 @@ def _motion_ends(equation: LinearEquation, low: float, limit: float) -> float:
         moved = record.regressors - line @ np.linalg.lstsq(line, record.regressors, rcond=None)[0]
         frequency = np.fft.rfftfreq(n, step)
         power = np.abs(np.fft.rfft(moved, axis=0)) ** 2 * (frequency >= low)[:, None]
-        moves = np.ptp(record.regressors, axis=0) > 0.0
+        moves = np.ptp(record.regressors, axis=0) > STILL * np.abs(record.regressors).max(axis=0)
         for share in np.cumsum(power[:, moves], axis=0).T:
             if share[-1] > 0.0:
                 ends = max(ends, frequency[np.searchsorted(share, MOTION * share[-1])])
@@ -113,6 +115,6 @@ def transformed(record: EquationRecord, frequencies: Array) -> BandRecord:
         spectra[:, k + 1 :],
         record.regressors.mean(axis=0),
         float(record.response.mean()),
-        np.ptp(record.regressors, axis=0) > 0.0,
+        np.ptp(record.regressors, axis=0) > STILL * np.abs(record.regressors).max(axis=0),
         n * step,
     )

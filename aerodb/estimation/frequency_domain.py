@@ -132,7 +132,9 @@ def band_fit(parameters: Parameters, records: Sequence[BandRecord], frequencies:
             for record, q in zip(records, drifts, strict=True)
         ]
     )
-    sizes = np.linalg.norm(np.concatenate(whole), axis=0)
+    sizes = np.linalg.norm(np.concatenate(whole), axis=0) + sum(
+        record.duration * np.abs(record.mean_regressors @ matrix) for record in records
+    )
     slope = solved(design, response, sizes, list(names[slopes]))
     if free < 1.0:
         slope = undetermined(int(slopes.sum()), "the record is too short for this band")
@@ -195,7 +197,7 @@ def _power_law(power: Array, left: Array, frequencies: Array) -> Array:
     power : (m,), whose expectation is the spectrum times `left`, the independent values there.
     """
     mean = power.sum() / max(float(left.sum()), 1e-9)
-    if len(frequencies) < 4 or mean <= 0.0:
+    if len(frequencies) < 4 or mean <= 0.0 or left.sum() < 1.0:
         return np.full(len(frequencies), max(mean, np.finfo(float).tiny))
     place = np.log(frequencies / frequencies[0])
     place = 2.0 * place / place[-1] - 1.0

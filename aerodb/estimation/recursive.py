@@ -13,7 +13,7 @@ normalised: Ioannou & Sun, *Robust Adaptive Control*, 1996, section 4.3.
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.estimation.finite_fourier import BandRecord
+from aerodb.estimation.finite_fourier import STILL, BandRecord
 from aerodb.estimation.fit import Fit
 from aerodb.estimation.frequency_domain import ASSUMES, band_fit
 from aerodb.estimation.linear_equation import LinearEquation
@@ -30,6 +30,8 @@ from aerodb.support import Array
 #: Sums are kept for this many stretches of the record; two neighbours become one when all are in
 #: use. With forgetting, a stretch lasts at most this part of the memory.
 _STRETCHES, _OF_MEMORY = 64, 8.0
+#: Rows that wait until they enter the triangular factor together.
+_ROWS = 16
 #: Neighbouring stretches whose sums are taken as correlated.
 _CORRELATED = 3
 #: Stretches below which standard errors are known to be too small.
@@ -62,6 +64,7 @@ class RecursiveLeastSquares:
         self._forgetting, self._normalised = forgetting, normalised
         f = self._unknowns.matrix.shape[1]
         self._factor = np.zeros((f + 1, f + 1))
+        self._rows, self._waiting = np.zeros((_ROWS, f + 1)), 0
         self._products = np.zeros((_STRETCHES, f, f + 1))
         self._lengths = np.zeros(_STRETCHES, dtype=np.int64)
         self._used, self._longest = 0, 1
@@ -73,16 +76,26 @@ class RecursiveLeastSquares:
     def update(self, regressors: Array, response: float) -> None:
         """Add one sample: regressors (k,) and their response."""
         x = regressors @ self._unknowns.matrix
-        row = np.append(x, response - regressors @ self._unknowns.offset)
+        row = np.empty(len(x) + 1)
+        row[:-1], row[-1] = x, response - regressors @ self._unknowns.offset
         if self._normalised:
             row /= np.sqrt(1.0 + x @ x)
         if self._forgetting < 1.0:
             self._factor *= np.sqrt(self._forgetting)
+            self._rows[: self._waiting] *= np.sqrt(self._forgetting)
             self._products[: self._used] *= self._forgetting
-        self._factor = np.asarray(np.linalg.qr(np.vstack([self._factor, row]), mode="r"))
+        self._rows[self._waiting] = row
+        self._waiting += 1
+        if self._waiting == _ROWS:
+            self._absorb()
         self._weight = self._forgetting * self._weight + 1.0
         self.samples += 1
-        self._add(np.outer(row[:-1], row))
+        self._add(row[:-1, None] * row)
+
+    def _absorb(self) -> None:
+        """Bring the rows that wait into the triangular factor."""
+        stacked = np.vstack([self._factor, self._rows[: self._waiting]])
+        self._factor, self._waiting = np.asarray(np.linalg.qr(stacked, mode="r")), 0
 
     def _add(self, product: Array) -> None:
         """Add the products of one sample to the last stretch, or begin another."""
@@ -104,6 +117,7 @@ class RecursiveLeastSquares:
 
     def fit(self) -> Fit:
         """The estimates so far."""
+        self._absorb()
         f = len(self._factor) - 1
         used = self._used
         design, response = self._factor[:f, :f], self._factor[:f, f]
@@ -167,13 +181,15 @@ class FourierRegression:
         """Add one sample at `time` [s]: regressors (k,) and their response."""
         if self._first is None:
             self._start, self._first = time, np.array(regressors, dtype=np.float64)
+        elif time <= self._last:
+            raise InputError(f"time does not increase at {time:g} s", remedy="leave the sample out")
         k = len(self._first)
         elapsed = time - self._start
         row = self._row
         row[:k], row[k], row[k + 1], row[k + 2] = regressors, response, 1.0, elapsed
         self._transforms += np.exp(self._turn * elapsed)[:, None] * row
         self._sum += row
-        self._varies |= regressors != self._first
+        self._varies |= np.abs(regressors - self._first) > STILL * np.abs(self._first)
         self._last = time
         self.samples += 1
 

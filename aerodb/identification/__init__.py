@@ -13,6 +13,9 @@ The way through:
 `equations` states the increments, `methods` lists the methods, `agreement` compares them,
 `fit_report` writes them, `candidate` turns them into a database.
 
+While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
+(`online`).
+
 Beside it: `conversion` turns dimensional derivatives of linear models (`matrix_derivatives`) into
 coefficients and back, with covariance (`coefficient_derivatives`, `dimensional_derivatives`).
 """

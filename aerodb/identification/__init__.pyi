@@ -11,16 +11,20 @@ from .conversion import (
 from .equations import no_database
 from .fit_report import fit_report
 from .methods import METHODS, REGRESSION, Method, chosen_methods
+from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
 from .problem import IdentificationFlight, fits_of
 
 __all__ = [
     "METHODS",
+    "ONLINE_METHODS",
     "REGRESSION",
     "Agreement",
     "Derivatives",
     "IdentificationFlight",
     "Method",
     "MethodComparison",
+    "OnlineEstimation",
+    "OnlineSettings",
     "SteadyFlight",
     "chosen_methods",
     "coefficient_derivatives",

@@ -42,6 +42,15 @@ class Method:
 _METHODS = (
     Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),
     Method(
+        "frequency-domain", "equation error", ("aerodb.estimation", "frequency_domain_regression")
+    ),
+    Method("recursive", "equation error", ("aerodb.estimation", "recursive_least_squares")),
+    Method(
+        "normalised-recursive",
+        "equation error",
+        ("aerodb.estimation", "normalised_recursive_least_squares"),
+    ),
+    Method(
         "principal-components",
         "equation error",
         ("aerodb.estimation.principal_components", "principal_components"),

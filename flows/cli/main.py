@@ -14,6 +14,7 @@ from aerodb.flows.cli import (
     databases,
     demonstration,
     estimating,
+    estimating_online,
     flights,
     keeping,
     lineage,
@@ -68,6 +69,7 @@ for group in (
     app.add_typer(group)
 app.command("update")(updates.update)
 app.command("estimate")(estimating.estimate)
+app.command("estimate-online")(estimating_online.estimate_online)
 app.command("close-loop")(closing.close_loop)
 app.command("recalibrate")(calibrations.recalibrate)
 for command in (serving.serve, serving.nightly, serving.status, serving.retry):

@@ -5,10 +5,11 @@ folder of its topics; `start_reader` starts that process in advance,
 `prepare_reader` compiles what it needs. Inside the process,
 `any_format.read_log` selects the reader: `ulog`, `mcap`, or `tabular` (CSV, MAT, Parquet, text).
 Which field is which channel is decided afterwards by a mapping file (`aerodb.storage.mappings`).
+`UlogStream` reads a ULog while it is being written, of which `following` gives the bytes.
 
 Modules: `isolated` and `worker` (the other process); `ulog`, `ulog_framing`, `ulog_kernels`,
-`ulog_definitions`, `ulog_topics`; `mcap`, `mcap_framing`, `mcap_messages`, `mcap_protobuf`;
-`tabular`, `mat`, `text`.
+`ulog_definitions`, `ulog_topics`, `ulog_stream`; `mcap`, `mcap_framing`, `mcap_messages`,
+`mcap_protobuf`; `tabular`, `mat`, `text`.
 """
 
 import lazy_loader as lazy

@@ -64,13 +64,13 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
     size = path.stat().st_size
     with path.open("rb") as handle:
         head = handle.read(4096)
-        _check_header(head, size, path)
+        check_header(head, size, path)
         appended = _appended_offsets(head)
         survey_of_file = survey(handle, size, appended)
-        definitions = _parse_definitions(head, survey_of_file, path)
+        definitions = parse_definitions(head, survey_of_file, path)
         handle.seek(0)
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
-    places = _places(definitions, survey_of_file, topics)
+    places = places_of(definitions, survey_of_file, topics)
     if not places and topics is None:
         raise InputError("the log contains no data", str(path), _NO_LOG)
     read = LoggedTopics(path, survey_of_file, places)
@@ -82,13 +82,14 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
         *_backwards(survey_of_file, places),
     ]
     damage += missing_by_topic(read, damage)
-    metadata = _metadata(definitions)
+    metadata = metadata_of(definitions)
     start = _start_utc(definitions, read)
     layout = "px4" if metadata.get("sys_name") == "PX4" or "sensor_combined" in read else ""
     return Recording(str(path), "ulog", sha256, size, read, metadata, tuple(damage), start, layout)
 
 
-def _check_header(head: bytes, size: int, path: Path) -> None:
+def check_header(head: bytes, size: int, path: Path) -> None:
+    """Raise InputError for a file of `size` bytes that does not begin as a ULog file."""
     if size == 0:
         raise InputError("the file is empty", str(path), _NO_LOG)
     if head[: len(MAGIC)] != MAGIC:
@@ -112,7 +113,7 @@ def _appended_offsets(head: bytes) -> list[int]:
     return used if used == sorted(set(used)) and used[0] > HEADER_BYTES else []
 
 
-def _parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
+def parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
     """Let pyulog parse the definitions: all messages except data, with one blank data message per
     topic."""
     skeleton = io.BytesIO()
@@ -143,7 +144,7 @@ def _parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
         ) from error
 
 
-def _places(
+def places_of(
     definitions: ULog, survey: Survey, topics: Collection[str] | None
 ) -> dict[str, TopicRecords]:
     """Location of the data of each topic, by topic name."""
@@ -223,7 +224,7 @@ def _backwards(survey: Survey, places: Mapping[str, TopicRecords]) -> Iterable[D
             )
 
 
-def _metadata(definitions: ULog) -> dict[str, str | int | float]:
+def metadata_of(definitions: ULog) -> dict[str, str | int | float]:
     """Single-value information, initial parameters as ``param:NAME``, and parameters changed later
     as ``param_last:NAME``."""
     values: dict[str, Any] = dict(definitions.msg_info_dict)

@@ -11,6 +11,7 @@ from .lineage_documents import (
     prov_of,
     rebuilds,
 )
+from .online_estimates import online_estimates
 from .status import status_of
 from .table_documents import table_document
 from .trimming import (
@@ -46,6 +47,7 @@ __all__ = [
     "labels_of",
     "lineage_document",
     "modes_document",
+    "online_estimates",
     "origins_document",
     "prov_of",
     "rebuilds",
