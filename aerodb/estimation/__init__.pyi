@@ -2,6 +2,7 @@ from .dynamic_model import DynamicModel, Values
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .linear_equation import EquationRecord, LinearEquation
+from .multiple_shooting import multiple_shooting
 from .ordinary_least_squares import (
     Regression,
     coloured_sum,
@@ -45,6 +46,7 @@ __all__ = [
     "coloured_sum",
     "frequency_domain_regression",
     "least_squares",
+    "multiple_shooting",
     "normalised_recursive_least_squares",
     "output_error",
     "own_constants",

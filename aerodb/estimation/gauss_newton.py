@@ -19,9 +19,9 @@ from aerodb.estimation.likelihood import (
     normal_equations,
 )
 from aerodb.estimation.parameters import Parameters, bounds_of, priors_of
-from aerodb.estimation.sensitivities import Response, first_steps, respond
+from aerodb.estimation.sensitivities import Differentiable, Response, first_steps, respond
 from aerodb.estimation.time_history import TimeHistory
-from aerodb.support import Array, Mask
+from aerodb.support import Array, Mask, in_threads
 
 #: Directions in which the information, scaled to a unit diagonal, is below this are not moved.
 SINGULAR = 1e-10
@@ -76,10 +76,12 @@ class _Search:
         self.records = tuple(measured(record.stacked(model.outputs)) for record in records)
 
     def at(self, vector: Array, steps: Array) -> _State:
-        responses = tuple(
-            respond(self.model, self.parameters, vector, history, steps)
-            for history in self.histories
-        )
+        def one(history: TimeHistory) -> Response:
+            return respond(self.model, self.parameters, vector, history, steps)
+
+        quick = isinstance(self.model, Differentiable)  # threads would take longer to start
+        each = map(one, self.histories) if quick else in_threads(one, self.histories)
+        responses = tuple(each)
         o = len(self.model.outputs)
         if not all(np.isfinite(r.outputs[m.mask]).all() for r, m in self._pairs(responses)):
             return _State(

@@ -8,6 +8,7 @@ from aerodb.errors import InputError
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.gauss_newton import SINGULAR, Solution, projected, search
+from aerodb.estimation.instability import instability
 from aerodb.estimation.likelihood import Covariance, coloured_information
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.standing import standings
@@ -15,7 +16,7 @@ from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
-_ASSUMES = (
+ASSUMES = (
     "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
     "The noise of the outputs has no mean and is the same in every record.",
 )
@@ -23,6 +24,8 @@ _UNCORRELATED = "The noise of different outputs is uncorrelated."
 
 #: The model explains nothing of an output whose residual is this many times what a constant leaves.
 _WORSE = 2.0
+#: And nothing at all where this share of what a constant leaves remains of every output.
+_NOTHING = 0.9
 
 
 def output_error(
@@ -55,10 +58,19 @@ def output_error(
     Klein & Morelli, Aircraft System Identification, 2016, chapter 6.
     Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997.
     """
+    checked_records(model, records, "output error")
+    solution = search(model, records, covariance, most_iterations)
+    assumes = (*ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
+    unstable = instability(model, records, solution.vector, SINGULAR**-0.5)
+    return fit_of("output-error", model, records, solution, assumes, unstable)
+
+
+def checked_records(model: DynamicModel, records: Sequence[TimeHistory], where: str) -> None:
+    """Raise InputError for no record, records of one name, and a record without an output."""
     names = [record.name for record in records]
     if not records or len(set(names)) < len(names):
         raise InputError(
-            "records must be at least one, with unique names", "output error", "name them apart"
+            "records must be at least one, with unique names", where, "name them apart"
         )
     for record in records:
         if lacking := [name for name in model.outputs if name not in record.outputs]:
@@ -67,9 +79,6 @@ def output_error(
                 f"record {record.name}",
                 "leave these outputs out of the model, or give NaN where they were not measured",
             )
-    solution = search(model, records, covariance, most_iterations)
-    assumes = (*_ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
-    return fit_of("output-error", model, records, solution, assumes)
 
 
 def fit_of(
@@ -78,10 +87,14 @@ def fit_of(
     records: Sequence[TimeHistory],
     solution: Solution,
     assumes: tuple[str, ...],
+    unstable: str = "",
 ) -> Fit:
-    """The answer that belongs to where a search ended."""
+    """The answer that belongs to where a search ended.
+
+    unstable : why the motion has no answer at all; empty where it has one.
+    """
     unknown, vector = model.parameters.unknown, solution.vector
-    why = _divergence(model, records, solution)
+    why = unstable or _divergence(model, records, solution)
     white, coloured = _covariances(model.parameters, solution)
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
@@ -126,14 +139,20 @@ def _divergence(model: DynamicModel, records: Sequence[TimeHistory], solution: S
         if lost.any():
             at = float(record.time[int(np.argmax(lost))] - record.time[0])
             return f"the model's motion in {record.name} diverges after {at:.2f} s: {remedy}"
+    shares = list[float]()
     for record, measured, response in zip(
         records, solution.records, solution.responses, strict=True
     ):
         for j, name in enumerate(model.outputs):
             values = measured.values[measured.mask[:, j], j]
             left = values - response.outputs[measured.mask[:, j], j]
-            if len(values) and np.sqrt(np.mean(left**2)) > _WORSE * values.std() > 0:
+            if not len(values) or not values.std() > 0:
+                continue
+            shares.append(float(np.sqrt(np.mean(left**2)) / values.std()))
+            if shares[-1] > _WORSE:
                 return f"the model explains {name} in {record.name} worse than a constant: {remedy}"
+    if shares and min(shares) > _NOTHING:
+        return f"the model explains no output better than a constant: {remedy}"
     if not solution.converged:
         return f"the search did not end within {solution.iterations} steps: {remedy}"
     return ""

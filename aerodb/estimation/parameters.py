@@ -108,7 +108,8 @@ class Parameters:
             for item in self.items
             if item.tied is not None
         }
-        return {name: np.asarray({**known, **tied}[name]) for name in self.names}
+        whole = {**known, **tied}
+        return {name: np.asarray(whole[name]) for name in self.names}
 
     def jacobian(self) -> Array:
         """Derivatives (p, f) of all p parameters with respect to the f unknown ones."""

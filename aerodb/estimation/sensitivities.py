@@ -13,6 +13,9 @@ from aerodb.support import Array, Integers
 
 #: First difference of a parameter, as a share of its size, and the size of one that starts near 0.
 _SHARE, _LEAST = 1e-4, 0.1
+#: Share of an output's deviation by which a cheaper rule may be wrong: its derivatives then turn a
+#: step a little, while the optimum is that of the accurate rule.
+_CLOSE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,14 @@ class Differentiable(Protocol):
 
 
 @runtime_checkable
+class Approximated(Protocol):
+    """A model with a cheaper rule of integration, from which derivatives are taken."""
+
+    def approximated(self, values: Values, record: TimeHistory) -> Array:
+        """As `simulated`, less accurate."""
+
+
+@runtime_checkable
 class Constrained(Protocol):
     """A model whose parameters are bound by equations (see `multiple_shooting`)."""
 
@@ -74,7 +85,7 @@ def respond(
 ) -> Response:
     """Outputs of a record and their derivatives at the unknowns `vector` (f,).
 
-    Derivatives are the model's own, or central differences of `steps` (f,), all runs side by side.
+    Derivatives are the model's own, or differences over `steps` (f,), all runs side by side.
     """
     if isinstance(model, Constrained):
         return model.responded(parameters, vector, record, steps)
@@ -85,8 +96,16 @@ def respond(
             outputs, slopes = model.derivatives(parameters.values(vector), record, parameters.names)
             slopes = slopes @ parameters.jacobian()[:, columns]
         return Response(outputs, slopes, columns, *none)
-    run: Callable[[Values], Array] = lambda values: model.simulated(values, record)  # noqa: E731
-    outputs, slopes = differences(run, parameters, vector, columns, steps)
+    if isinstance(model, Approximated):
+        accurate = model.simulated(parameters.values(vector[:, None]), record)[:, :, 0]
+        outputs, slopes = differences(
+            lambda values: model.approximated(values, record), parameters, vector, columns, steps
+        )
+        if _agree(outputs, accurate):
+            return Response(accurate, slopes, columns, *none)
+    outputs, slopes = differences(
+        lambda values: model.simulated(values, record), parameters, vector, columns, steps
+    )
     return Response(outputs, slopes, columns, *none)
 
 
@@ -95,6 +114,12 @@ def acting(parameters: Parameters, record: str) -> Integers:
     matrix = parameters.jacobian()
     on = np.array([acts_on(name, record) for name in parameters.names], dtype=bool)
     return np.flatnonzero((matrix[on] != 0.0).any(axis=0))
+
+
+def _agree(outputs: Array, accurate: Array) -> bool:
+    """Whether outputs (n, o) are close enough for derivatives."""
+    apart = np.sqrt(np.mean((outputs - accurate) ** 2, axis=0))
+    return bool(np.all(apart <= _CLOSE * accurate.std(axis=0)))
 
 
 def differences(
@@ -106,19 +131,15 @@ def differences(
 ) -> tuple[Array, Array]:
     """Result (..., ) of `run`, whose arrays end with the runs, and its derivatives (..., g).
 
-    Twice as many runs as unknowns, and one. Where one side has no result, the other is used.
+    One run more than there are unknowns, side by side: differences that noise hides are so small
+    that a second-order rule would only cost as many runs again. Where a run has no result, the
+    derivative is 0.
     """
     g = len(columns)
-    lanes = np.repeat(vector[:, None], 2 * g + 1, axis=1)
+    lanes = np.repeat(vector[:, None], g + 1, axis=1)
     lanes[columns, np.arange(1, g + 1)] += steps[columns]
-    lanes[columns, np.arange(g + 1, 2 * g + 1)] -= steps[columns]
     results = run(parameters.values(lanes))
     if results.shape[-1] == 1:  # nothing that is varied acts
-        results = np.repeat(results, 2 * g + 1, axis=-1)
-    middle, up, down = results[..., :1], results[..., 1 : g + 1], results[..., g + 1 :]
-    slopes = (up - down) / (2.0 * steps[columns])
-    bad = ~np.isfinite(slopes)
-    if bad.any():
-        one = np.where(np.isfinite(up), up - middle, middle - down) / steps[columns]
-        slopes = np.where(bad, one, slopes)
-    return results[..., 0], slopes
+        results = np.repeat(results, g + 1, axis=-1)
+    slopes = (results[..., 1:] - results[..., :1]) / steps[columns]
+    return results[..., 0], np.where(np.isfinite(slopes), slopes, 0.0)

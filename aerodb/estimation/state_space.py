@@ -61,13 +61,13 @@ class StateSpace:
         low = min(int(sample), len(record.time) - 2)
         pair = self._driving(record)[low : low + 2]
         driving = pair[0] + (sample - low) * (pair[1] - pair[0])
-        inner = np.concatenate([self.b.at(own), self.state_bias.at(own)], axis=2) @ driving
+        inner = _beside(self.b.at(own), self.state_bias.at(own)) @ driving
         return np.asarray(np.einsum("kab,bk->ak", self.a.at(own), state) + inner.T)
 
     def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
         """Outputs (o, k)."""
         own = self._local(values, record)
-        direct = np.concatenate([self.d.at(own), self.output_bias.at(own)], axis=2)
+        direct = _beside(self.d.at(own), self.output_bias.at(own))
         inner = direct @ self._driving(record)[sample]
         return np.asarray(np.einsum("kab,bk->ak", self.c.at(own), state) + inner.T)
 
@@ -79,8 +79,8 @@ class StateSpace:
         """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
         own, driving = self._local(values, record), self._driving(record)
         a = self.a.at(own)
-        b = np.concatenate([self.b.at(own), self.state_bias.at(own)], axis=2)
-        d = np.concatenate([self.d.at(own), self.output_bias.at(own)], axis=2)
+        b = _beside(self.b.at(own), self.state_bias.at(own))
+        d = _beside(self.d.at(own), self.output_bias.at(own))
         c = self.c.at(own)
         k = max(len(a), len(b), len(c), len(d), start.shape[1])
         with np.errstate(all="ignore"):
@@ -96,8 +96,8 @@ class StateSpace:
         """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`:
         those of the discrete model, exact."""
         own, driving = self._local(values, record), self._driving(record)
-        b = np.concatenate([self.b.at(own), self.state_bias.at(own)], axis=2)
-        d = np.concatenate([self.d.at(own), self.output_bias.at(own)], axis=2)[0]
+        b = _beside(self.b.at(own), self.state_bias.at(own))
+        d = _beside(self.d.at(own), self.output_bias.at(own))[0]
         a, c = self.a.at(own), self.c.at(own)[0]
         local = {self._own(name, record): name for name in self._entries()}
         inside = [local.get(name, "") for name in names]
@@ -247,6 +247,14 @@ def stabilised(model: StateSpace, gains: Mapping[tuple[str, str], float]) -> Sta
             },
         ),
         state_bias=_minus(model.state_bias, gain, model.output_bias),
+    )
+
+
+def _beside(left: Array, right: Array) -> Array:
+    """Matrices (k, r, c) and (k, r, e) as (k, r, c + e); k may be 1."""
+    k = max(len(left), len(right))
+    return np.concatenate(
+        [np.broadcast_to(part, (k, *part.shape[1:])) for part in (left, right)], axis=2
     )
 
 

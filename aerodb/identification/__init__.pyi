@@ -10,6 +10,7 @@ from .conversion import (
 )
 from .equations import no_database
 from .fit_report import fit_report
+from .flight_dynamics import FlightDynamics, flight_dynamics
 from .methods import METHODS, REGRESSION, Method, chosen_methods
 from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
 from .problem import IdentificationFlight, fits_of
@@ -20,6 +21,7 @@ __all__ = [
     "REGRESSION",
     "Agreement",
     "Derivatives",
+    "FlightDynamics",
     "IdentificationFlight",
     "Method",
     "MethodComparison",
@@ -33,6 +35,7 @@ __all__ = [
     "exact",
     "fit_report",
     "fits_of",
+    "flight_dynamics",
     "matrix_derivatives",
     "no_database",
     "update_by",

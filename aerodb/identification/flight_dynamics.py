@@ -1,0 +1,335 @@
+"""A vehicle that flies on a database, as a model with unknown parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation import Parameter, Parameters, TimeHistory, Values
+from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
+from aerodb.support import Array, Triple, cross
+
+#: States of the motion that a model may start from, and that it is compared with.
+MOTION: Final = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta")
+#: Outputs by default: the motion and the specific force at the CG.
+OUTPUTS: Final = (*MOTION, "ax", "ay", "az")
+_UNITS: Final = {
+    "V": "m/s", "alpha": "rad", "beta": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s",
+    "phi": "rad", "theta": "rad", "ax": "m/s2", "ay": "m/s2", "az": "m/s2",
+}  # fmt: skip
+#: Longest integration step [s].
+_LONGEST_STEP: Final = 0.04
+#: Largest delay [s] and scale error that are believable.
+_MOST_DELAY, _MOST_SCALE = 0.5, 0.5
+#: Place of a record that is no state: given by its inputs, or by its start.
+_PLACE: Final = ("psi", "altitude")
+
+
+@dataclass(frozen=True, eq=False)
+class FlightDynamics:
+    """The six-degree-of-freedom equations of the simulation as a `DynamicModel`.
+
+    Unknowns by name: increments' estimates and factors of the flight model; ``initial_<state>``;
+    ``bias_<output>`` and ``scale_<output>``, with ``measured = (1 + scale) true + bias``;
+    ``delay_<output>`` or ``delay_<input>`` [s], by which it is late; each of all records or, with
+    ``[record]`` behind it, of one.
+
+    Parameters
+    ----------
+    flight : what flies.
+    parameters : all parameters.
+    outputs : among `OUTPUTS` and other channels of a `Simulation`.
+    starts : record -> start of the run, as `simulate` takes it, in place of initial states.
+    accelerometer, vane : positions from the CG [m], body axes, at which ax, ay, az and V, alpha,
+        beta are measured.
+    """
+
+    flight: FlightModel
+    parameters: Parameters
+    outputs: tuple[str, ...]
+    starts: Mapping[str, Mapping[str, float]]
+    accelerometer: Triple | None = None
+    vane: Triple | None = None
+    states: tuple[str, ...] = field(init=False)
+    _flying: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        own = tuple(state.name for state in self.flight.total.states)
+        object.__setattr__(self, "states", (*MOTION, *own))
+        flying = (*self.flight.parameters, *_factors(self.flight))
+        object.__setattr__(self, "_flying", flying)
+
+    def initial_state(self, values: Values, record: TimeHistory) -> Array:
+        """State at the first sample, (s, k)."""
+        own, start = _own(values, record.name), self.starts[record.name]
+        rows = [np.atleast_1d(own.get(f"initial_{s}", start.get(s, 0.0))) for s in self.states]
+        return np.stack(np.broadcast_arrays(*rows))
+
+    def simulated(self, values: Values, record: TimeHistory) -> Array:
+        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""
+        return self.propagated(values, record, self.initial_state(values, record))[0]
+
+    def approximated(self, values: Values, record: TimeHistory) -> Array:
+        """As `simulated`, by Adams and Bashforth's second-order rule."""
+        own, start = _own(values, record.name), self.initial_state(values, record)
+        run = self._flown(own, record, self._series(own, record), record.time, start, method=2)
+        return self._measured(own, record, run)
+
+    def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
+        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
+        own = _own(values, record.name)
+        run = self._flown(own, record, self._series(own, record), record.time, start)
+        last = np.stack([run.channels[name][-1] for name in self.states])
+        return self._measured(own, record, run), last
+
+    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
+        """Time derivatives (s, k) of a state (s, k), in steady wind."""
+        own = _own(values, record.name)
+        run = self._instant(own, record, sample, state)
+        quaternion = np.stack([run.state[j] for j in range(6, 10)])
+        spin = _spin(quaternion, run.rates[6:10])
+        sine, cosine = np.sin(state[6]), np.cos(state[6])
+        alpha, beta, speed = state[1], state[2], state[0]
+        direction = np.stack(
+            [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
+        )
+        wind = run.state[:3] - speed * direction  # of the air, in body axes that turn
+        turned = np.stack(cross(tuple(spin), tuple(wind)))
+        rows = [
+            np.sum(direction * (run.rates[:3] + turned), axis=0),
+            run.channels["alphadot"][0],
+            run.channels["betadot"][0],
+            *run.rates[3:6],
+            spin[0] + np.tan(state[7]) * (spin[1] * sine + spin[2] * cosine),
+            spin[1] * cosine - spin[2] * sine,
+            *run.rates[13 : 13 + len(self.states) - len(MOTION)],
+        ]
+        return np.stack(rows)
+
+    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
+        """Outputs (o, k) at a state (s, k), without delays of outputs."""
+        own = _own(values, record.name)
+        run = self._instant(own, record, sample, state)
+        return self._measured(own, record, run, delayed=False)[0]
+
+    def _instant(
+        self, own: Mapping[str, Array], record: TimeHistory, sample: float, state: Array
+    ) -> Simulation:
+        low = min(int(sample), len(record.time) - 2)
+        share = sample - low
+        series = {
+            name: (values[low] + share * (values[low + 1] - values[low]))
+            for name, values in self._series(own, record).items()
+        }
+        return self._flown(
+            own, record, {name: np.atleast_1d(v)[None] for name, v in series.items()},
+            record.time[:1], state, low,
+        )  # fmt: skip
+
+    def _flown(
+        self,
+        own: Mapping[str, Array],
+        record: TimeHistory,
+        series: Mapping[str, Array],
+        time: Array,
+        start: Array,
+        sample: int = 0,
+        method: int = 4,
+    ) -> Simulation:
+        k = start.shape[1]
+        place: dict[str, Any] = {
+            name: np.full(k, record.inputs[name][sample])
+            if name in record.inputs
+            else self.starts[record.name].get(name, 0.0)
+            for name in _PLACE
+        }
+        first = dict(zip(self.states, start, strict=True)) | place
+        parts = max(1, int(np.ceil(record.step / _LONGEST_STEP - 1e-9)))
+        return simulate(
+            self.flight,
+            time,
+            first,
+            series,
+            parts=parts,
+            method=method,
+            parameters=_factors(self.flight)
+            | {name: own[name] for name in self._flying if name in own},
+        )
+
+    def _series(self, own: Mapping[str, Array], record: TimeHistory) -> dict[str, Array]:
+        """What acts on a run: (n,), or (n, k) where it is delayed."""
+        taken = {name: v for name, v in record.inputs.items() if name not in _PLACE}
+        for name in self.flight.inputs:
+            if f"delay_{name}" in own:
+                taken[name] = _delayed(
+                    taken[name][:, None], np.atleast_1d(own[f"delay_{name}"]) / record.step
+                )
+        return taken
+
+    def _measured(
+        self, own: Mapping[str, Array], record: TimeHistory, run: Simulation, delayed: bool = True
+    ) -> Array:
+        """Outputs (n, o, k) as the instruments give them."""
+        channels = _at_points(run.channels, self.accelerometer, self.vane)
+        rows = []
+        for name in self.outputs:
+            value = channels[name]
+            if delayed and f"delay_{name}" in own:
+                value = _delayed(value, np.atleast_1d(own[f"delay_{name}"]) / record.step)
+            if f"scale_{name}" in own:
+                value = value * (1.0 + own[f"scale_{name}"])
+            rows.append(value + own.get(f"bias_{name}", 0.0))
+        return np.stack(np.broadcast_arrays(*rows), axis=1)
+
+
+def flight_dynamics(
+    model: FlightModel,
+    stretches: Mapping[str, Stretch],
+    unknown: Sequence[str],
+    *,
+    outputs: Sequence[str] = OUTPUTS,
+    initial: Sequence[str] = MOTION,
+    biases: Sequence[str] = (),
+    scales: Sequence[str] = (),
+    delays: Sequence[str] = (),
+    accelerometer: Triple | None = None,
+    vane: Triple | None = None,
+) -> tuple[FlightDynamics, list[TimeHistory]]:
+    """Return the model of some stretches of flight, and their records.
+
+    Parameters
+    ----------
+    stretches : name of a record -> `stretch_of` a flight.
+    unknown : increments' estimates and factors of the flight model that are to be estimated.
+    initial : states whose first value is unknown in each record; others start as measured.
+    biases : outputs with an unknown bias in each record. scales : outputs with one unknown scale.
+    delays : outputs and inputs with one unknown delay.
+    accelerometer, vane : see `FlightDynamics`.
+
+    Raises InputError for a name that is none of these.
+    """
+    known = {**model.parameters, **_factors(model)}
+    states = (*MOTION, *(state.name for state in model.total.states))
+    for names, allowed, what in (
+        (unknown, tuple(known), "parameter"),
+        (initial, states, "state"),
+        ((*biases, *scales), tuple(outputs), "output"),
+        (delays, (*outputs, *model.inputs), "output or input"),
+    ):
+        for name in names:
+            if name not in allowed:
+                raise InputError(f"no {what} '{name}'", "flight dynamics", nearest(name, allowed))
+    items = [Parameter(name, known[name]) for name in unknown]
+    items += [
+        Parameter(f"scale_{name}", 0.0, "1", lower=-_MOST_SCALE, upper=_MOST_SCALE)
+        for name in scales
+    ]
+    items += [
+        Parameter(f"delay_{name}", 0.0, "s", lower=-_MOST_DELAY, upper=_MOST_DELAY)
+        for name in delays
+    ]
+    records = []
+    for name, stretch in stretches.items():
+        items += [
+            Parameter(f"initial_{s}[{name}]", float(stretch.start.get(s, 0.0)), _UNITS.get(s, "1"))
+            for s in initial
+        ]
+        items += [Parameter(f"bias_{o}[{name}]", 0.0, _UNITS.get(o, "1")) for o in biases]
+        records.append(_record(name, stretch, outputs))
+    made = FlightDynamics(
+        model,
+        Parameters(tuple(items)),
+        tuple(outputs),
+        {name: stretch.start for name, stretch in stretches.items()},
+        accelerometer,
+        vane,
+    )
+    return made, records
+
+
+def _record(name: str, stretch: Stretch, outputs: Sequence[str]) -> TimeHistory:
+    """The stretch as a record; outputs that it cannot judge are not compared."""
+    n = len(stretch.time)
+    inputs = {key: np.broadcast_to(value, (n,)) for key, value in stretch.series.items()}
+    for place in _PLACE:
+        values = stretch.flown.get(place)
+        good = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, int)
+        if values is not None and len(good):
+            inputs[place] = np.interp(np.arange(n), good, values[good])
+    empty = np.full(n, np.nan)
+    measured = {
+        output: empty if output in stretch.free else stretch.flown.get(output, empty)
+        for output in outputs
+    }
+    return TimeHistory(name, stretch.time, inputs, measured)
+
+
+def _factors(model: FlightModel) -> dict[str, float]:
+    """Parameters of the model that are no estimates: factors of terms, 1 each."""
+    states = {state.name for state in model.total.states}
+    own = {*model.total.inputs, *model.parameters, *states}
+    return {name: 1.0 for name in model.total.machine.inputs if name not in own}
+
+
+def _own(values: Values, record: str) -> dict[str, Array]:
+    """Values without the brackets of the parameters of this record; others' are left out."""
+    own = {name: value for name, value in values.items() if not name.endswith("]")}
+    return own | {
+        name.split("[", 1)[0]: value
+        for name, value in values.items()
+        if name.endswith(f"[{record}]")
+    }
+
+
+def _delayed(series: Array, late: Array) -> Array:
+    """Series (n, k) or (n, 1) later by `late` (k,) samples, linear between; its ends are held."""
+    n = len(series)
+    place = np.clip(np.arange(n)[:, None] - late, 0.0, n - 1.0)
+    low = np.minimum(place.astype(np.int64), max(n - 2, 0))
+    share = place - low
+    lanes = np.broadcast_to(np.arange(series.shape[1]), low.shape)
+    if series.shape[1] == 1:
+        lanes = np.zeros_like(low)
+    following = np.minimum(low + 1, n - 1)
+    return np.asarray((1.0 - share) * series[low, lanes] + share * series[following, lanes])
+
+
+def _spin(quaternion: Array, rate: Array) -> Array:
+    """Angular velocity (3, k) in body axes that turns a quaternion (4, k) at its rate (4, k)."""
+    a, b, c, d = quaternion
+    e, f, g, h = rate
+    return 2.0 * np.stack(
+        [
+            a * f - b * e - c * h + d * g,
+            a * g + b * h - c * e - d * f,
+            a * h - b * g + c * f - d * e,
+        ]
+    )
+
+
+def _at_points(
+    channels: Mapping[str, Array], accelerometer: Triple | None, vane: Triple | None
+) -> Mapping[str, Array]:
+    """Channels with specific force and air data at the instruments' positions."""
+    found = dict(channels)
+    rates = channels["p"], channels["q"], channels["r"]
+    if accelerometer is not None:
+        turning = tuple(channels[f"{axis}dot"] for axis in "pqr")
+        swung = cross(turning, accelerometer)
+        pulled = cross(rates, cross(rates, accelerometer))
+        for axis, more, yet in zip("xyz", swung, pulled, strict=True):
+            found[f"a{axis}"] = channels[f"a{axis}"] + more + yet
+    if vane is not None:
+        alpha, beta = channels["alpha"], channels["beta"]
+        along = channels["V"] * np.cos(beta)
+        moved = cross(rates, vane)
+        u, v, w = (
+            along * np.cos(alpha) + moved[0],
+            channels["V"] * np.sin(beta) + moved[1],
+            along * np.sin(alpha) + moved[2],
+        )
+        speed = np.sqrt(u**2 + v**2 + w**2)
+        found |= {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / speed)}
+    return found
