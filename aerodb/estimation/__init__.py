@@ -39,6 +39,7 @@ Models that are integrated:
 2. `output_error` finds the parameters whose outputs are most likely (`likelihood`,
    `gauss_newton`), with `sensitivities` of the model itself or by runs side by side; `standing`
    says what each estimate is worth.
+3. An unstable motion (`instability`) needs `stabilised` or `multiple_shooting`.
 
 `ordinary_least_squares` holds the fit, `statistics` the error measures, `finite_fourier` the
 transforms, `linear_solution` what estimates are worth.

@@ -3,6 +3,7 @@ wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Protocol
 
@@ -82,7 +83,7 @@ class _Segmented:
             part = _part(record, first, min(last + 1, n))
             rows = (last - first) * o
             result, change = differences(
-                lambda values, j=j, part=part: self._run(values, record, part, j),
+                partial(self._run, record=record, part=part, number=j),
                 parameters,
                 vector,
                 columns,

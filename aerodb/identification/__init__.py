@@ -16,8 +16,10 @@ The way through:
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
 (`online`).
 
-Beside it: `conversion` turns dimensional derivatives of linear models (`matrix_derivatives`) into
-coefficients and back, with covariance (`coefficient_derivatives`, `dimensional_derivatives`).
+Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
+with unknown parameters. `conversion` turns dimensional derivatives of linear models
+(`matrix_derivatives`) into coefficients and back, with covariance (`coefficient_derivatives`,
+`dimensional_derivatives`).
 """
 
 import lazy_loader as lazy

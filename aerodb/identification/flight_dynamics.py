@@ -9,7 +9,10 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import Parameter, Parameters, TimeHistory, Values
 from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
-from aerodb.support import Array, Triple, cross
+from aerodb.support import Array
+
+#: From the CG [m], body axes.
+Position = tuple[float, float, float]
 
 #: States of the motion that a model may start from, and that it is compared with.
 MOTION: Final = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta")
@@ -50,8 +53,8 @@ class FlightDynamics:
     parameters: Parameters
     outputs: tuple[str, ...]
     starts: Mapping[str, Mapping[str, float]]
-    accelerometer: Triple | None = None
-    vane: Triple | None = None
+    accelerometer: Position | None = None
+    vane: Position | None = None
     states: tuple[str, ...] = field(init=False)
     _flying: tuple[str, ...] = field(init=False)
 
@@ -96,7 +99,7 @@ class FlightDynamics:
             [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
         )
         wind = run.state[:3] - speed * direction  # of the air, in body axes that turn
-        turned = np.stack(cross(tuple(spin), tuple(wind)))
+        turned = np.stack(_crossed(spin, wind))
         rows = [
             np.sum(direction * (run.rates[:3] + turned), axis=0),
             run.channels["alphadot"][0],
@@ -194,8 +197,8 @@ def flight_dynamics(
     biases: Sequence[str] = (),
     scales: Sequence[str] = (),
     delays: Sequence[str] = (),
-    accelerometer: Triple | None = None,
-    vane: Triple | None = None,
+    accelerometer: Position | None = None,
+    vane: Position | None = None,
 ) -> tuple[FlightDynamics, list[TimeHistory]]:
     """Return the model of some stretches of flight, and their records.
 
@@ -309,22 +312,27 @@ def _spin(quaternion: Array, rate: Array) -> Array:
     )
 
 
+def _crossed(a: Sequence[Array] | Array, b: Sequence[Any] | Array) -> list[Array]:
+    """Vector product of a with b, whose components may be numbers."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
 def _at_points(
-    channels: Mapping[str, Array], accelerometer: Triple | None, vane: Triple | None
+    channels: Mapping[str, Array], accelerometer: Position | None, vane: Position | None
 ) -> Mapping[str, Array]:
     """Channels with specific force and air data at the instruments' positions."""
     found = dict(channels)
     rates = channels["p"], channels["q"], channels["r"]
     if accelerometer is not None:
         turning = tuple(channels[f"{axis}dot"] for axis in "pqr")
-        swung = cross(turning, accelerometer)
-        pulled = cross(rates, cross(rates, accelerometer))
+        swung = _crossed(turning, accelerometer)
+        pulled = _crossed(rates, _crossed(rates, accelerometer))
         for axis, more, yet in zip("xyz", swung, pulled, strict=True):
             found[f"a{axis}"] = channels[f"a{axis}"] + more + yet
     if vane is not None:
         alpha, beta = channels["alpha"], channels["beta"]
         along = channels["V"] * np.cos(beta)
-        moved = cross(rates, vane)
+        moved = _crossed(rates, vane)
         u, v, w = (
             along * np.cos(alpha) + moved[0],
             channels["V"] * np.sin(beta) + moved[1],
