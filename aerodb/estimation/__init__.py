@@ -21,7 +21,9 @@ Equation error, a `LinearEquation` of several `EquationRecord`:
 2. `principal_components` estimates the combinations that the records determine, and says which
    they do not; `total_least_squares` and `instrumental_variables` are for noisy regressors.
 3. `splines` are regressors: a function by its values at knots, given or `chosen_knots`.
-4. `equation_error` holds what all of these methods share.
+4. `stepwise` displays which terms are worth declaring, and how often it finds one that is not
+   there.
+5. `equation_error` holds what all of these methods share.
 
 Equation error over a band of frequencies, and sample by sample:
 

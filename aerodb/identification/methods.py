@@ -65,6 +65,13 @@ _METHODS = (
         "equation error",
         ("aerodb.estimation.instrumental_variables", "instrumental_variables"),
     ),
+    Method("stepwise", "equation error", ("aerodb.estimation.stepwise", "stepwise"), display=True),
+    Method(
+        "orthogonal-functions",
+        "equation error",
+        ("aerodb.estimation.stepwise", "orthogonal_functions"),
+        display=True,
+    ),
 )
 
 #: Name -> method, in the order in which they are tried and printed.
