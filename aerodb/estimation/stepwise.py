@@ -60,7 +60,9 @@ def stepwise(equation: LinearEquation, *, level: float = LEVEL) -> Fit:
         if not entered or best == last:
             break
     reasons = _entering(problem, chosen, problem.response)
-    said = {k: f"p {reasons[k]:.2g} beside the others" for k in np.flatnonzero(~chosen)}
+    said = {
+        int(k): f"p {reasons[k]:.2g} beside the others" for k in np.flatnonzero(~chosen).tolist()
+    }
 
     def first(response: Array) -> int | None:
         found = _entering(problem, base, response)
