@@ -81,7 +81,8 @@ def failing_alone(what: str, where: str, *, memory: bool = False) -> Iterator[No
 
     what : the calculation. where : the input. memory : also where it gets no memory; only at the
     outermost level of a step, where nothing is stored, because there may be memory the next time.
-    Errors of the disk, of threads and those that already say what to do pass unchanged.
+    Errors of the disk, of threads, of the catalogue's database and of the orchestrator, and those
+    that already say what to do, pass unchanged.
     """
     remedy = "report it with this log, as a fault of aerodb"
     cause: Exception
@@ -94,8 +95,10 @@ def failing_alone(what: str, where: str, *, memory: bool = False) -> Iterator[No
             raise
         cause, failed = error, "gets no memory"
         remedy = "free memory on this machine, then run it again"
-    except _OF_CALCULATION as error:
-        if str(error).startswith(_OF_THREADS):
+    except OSError:
+        raise
+    except Exception as error:
+        if str(error).startswith(_OF_THREADS) or is_of_machinery(error):
             raise
         cause, failed = error, "failed"
     else:
@@ -108,19 +111,20 @@ def failing_alone(what: str, where: str, *, memory: bool = False) -> Iterator[No
     ) from cause
 
 
-#: What a calculation raises that meets values it was not made for.
-_OF_CALCULATION = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    BufferError,
-    LookupError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)
+def is_of_machinery(error: BaseException) -> bool:
+    """Return whether an exception comes from the catalogue's database or from the orchestrator: no
+    input is at fault."""
+    package, name = type(error).__module__.partition(".")[0], type(error).__name__
+    return package in _ORCHESTRATION or (package in _DATABASE and name in _OUT_OF_REACH)
+
+
 #: Starts of the RuntimeErrors of a machine or a pool that has no thread to give.
 _OF_THREADS = ("can't start new thread", "cannot schedule new futures")
+#: Packages of the orchestrator and of its connections.
+_ORCHESTRATION = ("prefect", "distributed", "httpx", "httpcore", "anyio", "websockets")
+#: Packages of the catalogue's database, and their errors that no value causes.
+_DATABASE = ("sqlalchemy", "sqlite3", "psycopg")
+_OUT_OF_REACH = ("OperationalError", "InterfaceError", "DisconnectionError", "TimeoutError")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -132,6 +136,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     'known names: alpha, beta'
     """
     names = sorted(set(known))
+    if not names:
+        return "there is none to name"
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.6) or difflib.get_close_matches(
         name.lower(), [n.lower() for n in names], n=1, cutoff=0.6
     )

@@ -55,7 +55,7 @@ def _beside_released(
     consistency = {
         entry["flight"]: entry for entry in steps.map(check_consistency, flights, **where)
     }
-    coefficients = {entry["flight"]: entry for entry in steps.map(reconstruct, flights, **where)}
+    coefficients = reconstructed(steps, consistency, where)
     known = [flight for flight in flights if coefficients[flight]["key"] is not None]
     released = access_workspace(workspace).named(vehicle, "released")
     compared: dict[str, Any] = {}
@@ -65,3 +65,25 @@ def _beside_released(
             for entry in steps.map(compare_with_version, known, **where, version=released)
         }
     return {"consistency": consistency, "coefficients": coefficients, "comparison": compared}
+
+
+def reconstructed(
+    steps: Steps, consistency: dict[str, dict[str, Any]], where: dict[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Return the documents of the coefficients of flights (ids) from those of their consistency.
+
+    No step begins again what the consistency step could not bear.
+    """
+    able = [flight for flight, document in consistency.items() if document["key"] is not None]
+    found = {entry["flight"]: entry for entry in steps.map(reconstruct, able, **where)}
+    for flight, document in consistency.items():
+        if flight not in found:
+            reason = "; ".join(document["reasons"])
+            found[flight] = {
+                "flight": flight,
+                "key": None,
+                "reason": reason,
+                "axes": [],
+                "notes": [],
+            }
+    return found

@@ -7,9 +7,7 @@ it: a lost trigger costs nothing but time.
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-from sqlalchemy.exc import OperationalError
-
-from aerodb.errors import StoreBusyError, StoreError
+from aerodb.errors import StoreBusyError, StoreError, is_of_machinery
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps
 from aerodb.storage.inbox import InboxFile
@@ -167,16 +165,10 @@ def _is_its_fault(error: BaseException) -> bool:
         type(error).__name__ == "TaskRunTimeoutError"
     ):  # the orchestrator's: the file took longer than a step may
         return True
-    if not isinstance(error, Exception) or isinstance(
-        error, (OSError, OperationalError, SettingsError)
-    ):
-        return False
-    return type(error).__module__.partition(".")[0] not in (
-        "prefect",
-        "httpx",
-        "httpcore",
-        "anyio",
-        "websockets",
+    return (
+        isinstance(error, Exception)
+        and not isinstance(error, (OSError, SettingsError))
+        and not is_of_machinery(error)
     )
 
 

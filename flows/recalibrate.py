@@ -3,8 +3,9 @@ them."""
 
 from typing import Any
 
+from aerodb.flows.flight import reconstructed
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps import bind, calibrate, check_consistency, compare_with_version, reconstruct
+from aerodb.tasks.steps import bind, calibrate, check_consistency, compare_with_version
 from aerodb.tasks.workspace_access import access_workspace
 
 
@@ -31,11 +32,8 @@ def recalibrate_flow(
     calibration = steps(calibrate, flights, **where, vehicle=vehicle, reason=reason, **span)
     bound = steps.map(bind, calibration["flights"], **where, calibration=calibration["calibration"])
     consistency = {entry["flight"]: entry for entry in steps.map(check_consistency, bound, **where)}
-    known = [
-        entry["flight"]
-        for entry in steps.map(reconstruct, bound, **where)
-        if entry["key"] is not None
-    ]
+    coefficients = reconstructed(steps, consistency, where)
+    known = [flight for flight in bound if coefficients[flight]["key"] is not None]
     released = access_workspace(workspace).named(vehicle, "released")
     compared = (
         []

@@ -1,6 +1,7 @@
 """A process for what must not harm this one: its environment, its limits, and how it ended."""
 
 import ctypes
+import math
 import os
 import resource
 import signal
@@ -33,19 +34,60 @@ def confined_environment() -> dict[str, str]:
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 
+def subordinate() -> None:
+    """On Linux, let this process end with the thread that started it, and be the first to go where
+    the machine's memory runs out."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+        with suppress(OSError):
+            Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+
+
 def confine(limits: Limits) -> None:
     """Set the limits of this process; the memory limit is in addition to what code and libraries
     already use. On Linux it also ends with the thread that started it."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
-        with suppress(OSError):  # where memory runs out all the same, this process goes first
-            Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    subordinate()
     most = _address_space() + limits.memory
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     seconds = max(int(limits.processor), 1)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def confine_next(limits: Limits) -> None:
+    """Set the limits of the next job of a process that does one after another, in addition to the
+    memory that it has and the processor time that it has spent.
+
+    The memory counted is what the process may write to (RLIMIT_DATA): threads reserve address space
+    that they never use, and stored files are mapped.
+    """
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (_at_most(_written() + limits.memory, hard), hard))
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    spent = math.ceil(usage.ru_utime + usage.ru_stime)
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    seconds = max(int(limits.processor), 1)
+    resource.setrlimit(resource.RLIMIT_CPU, (_at_most(spent + seconds, hard), hard))
+
+
+def lift_memory_limit() -> None:
+    """Let this process have memory again, so that it can say that it had too little."""
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+
+
+def _at_most(limit: int, hard: int) -> int:
+    return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+
+
+def _written() -> int:
+    """Memory of this process that it may write to [bytes], if the system tells."""
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return 1024 * int(status.partition("VmData:")[2].split(maxsplit=1)[0])
+    except (OSError, IndexError):
+        return 2_000_000_000  # what code and libraries take on Linux
 
 
 def _address_space() -> int:

@@ -13,9 +13,10 @@ from aerodb.support import Strict
 class Limits(Strict):
     """Resource limits.
 
-    For parsing one log: its `size` [bytes], the `memory` of the reader in addition to its code
-    [bytes], `processor` time [s] and elapsed time `wall` [s]. For a run: free disk space to leave
-    (`reserve`) [bytes], duration of one `step` under Prefect [s], duration of the whole `run` [s].
+    For one log: its `size` [bytes]. For parsing it, and again for each further step on it: the
+    `memory` in addition to code [bytes], `processor` time [s] and elapsed time `wall` [s]. For a
+    run: free disk space to leave (`reserve`) [bytes], duration of one `step` under Prefect [s],
+    duration of the whole `run` [s].
     """
 
     size: int = Field(default=20_000_000_000, gt=0)

@@ -148,10 +148,12 @@ class WorkSettings(Strict):
     that holds the address).
 
     A Dask scheduler authenticates clients only over TLS. Beyond this machine, ``tcp://`` requires
-    `trusted_network`.
+    `trusted_network`. With `confined`, what a step computes from a log runs in a process of its own
+    under ``[limits]``; without, in the process of the run, which a hostile log can then take down.
     """
 
     engine: Literal["threads", "dask"] = "threads"
+    confined: bool = True
     address: str = ""
     trusted_network: bool = False
 

@@ -38,8 +38,13 @@ class Actor:
     role: UserRole
 
 
+def acting() -> Actor | None:
+    """Return who acts in place of the operating system's user; None if nobody does."""
+    return _ACTING.get()
+
+
 @contextmanager
-def acting_as(actor: Actor) -> Iterator[None]:
+def acting_as(actor: Actor | None) -> Iterator[None]:
     """Context manager in which `actor` acts, in place of the operating system's user."""
     token = _ACTING.set(actor)
     try:

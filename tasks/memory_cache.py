@@ -41,6 +41,12 @@ def cached(key: Hashable, make: Callable[[], Value]) -> Value:
     return value
 
 
+def clear_cache() -> None:
+    """Forget everything; the next use reads or computes it again."""
+    with _lock:
+        _cache.clear()
+
+
 def file_key(path: Path, *more: Hashable) -> Hashable:
     """Return a cache key for what is read from a file in its present state.
 

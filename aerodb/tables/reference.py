@@ -156,5 +156,6 @@ def body_to_wind(cx: Any, cy: Any, cz: Any, alpha: Any, beta: Any) -> tuple[Arra
     True
     """
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-    along = -cx * ca - cz * sa
-    return along * cb - cy * sb, along * sb + cy * cb, cx * sa - cz * ca
+    with np.errstate(invalid="ignore"):  # what is infinite stays not finite
+        along = -cx * ca - cz * sa
+        return along * cb - cy * sb, along * sb + cy * cb, cx * sa - cz * ca

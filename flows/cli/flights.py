@@ -186,9 +186,11 @@ def ingest(
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
     from aerodb.storage.readers import start_reader
+    from aerodb.tasks.confined import start_confined
 
-    # It gets ready while this process imports the science.
+    # They get ready while this process imports the science.
     start_reader({Path(name).suffix.lower() for name in log})
+    start_confined()
     from aerodb.flows.flight import flight_flow
 
     session: Session = context.obj

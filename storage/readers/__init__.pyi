@@ -1,5 +1,5 @@
-from .isolated import parsed_log, start_reader
+from .isolated import Parsed, parsed_log, start_reader
 from .ulog_stream import UlogStream, following
 from .worker import prepare_reader
 
-__all__ = ["UlogStream", "following", "parsed_log", "prepare_reader", "start_reader"]
+__all__ = ["Parsed", "UlogStream", "following", "parsed_log", "prepare_reader", "start_reader"]

@@ -12,6 +12,7 @@ from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
+from aerodb.tasks.confined import confined
 from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.consistency import load_consistent
@@ -39,20 +40,33 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     try:
-        with failing_alone("the coefficient step", access.name_of(row), memory=True):
-            loaded = load_coefficients(access, row, run)
+        return confined(
+            _reconstructed,
+            flight,
+            workspace,
+            run,
+            workspace=workspace,
+            flight=flight,
+            what="the coefficient step",
+            where=access.name_of(row),
+        )
     except InputError as error:
         if isinstance(error, CalculationError) and str(error) not in row.reasons:
             access.catalogue.judge_flight(row.id, "rejected", [*row.reasons, str(error)])
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
+
+
+def _reconstructed(flight: str, workspace: str, run: str) -> dict[str, Any]:
+    """Return the document of a flight's coefficients; the work of a confined process."""
+    access = access_workspace(workspace)
+    loaded = load_coefficients(access, access.catalogue.flight(flight), run)
     coefficients = loaded.coefficients
-    axes, notes = list(coefficients.values), list(coefficients.notes)
     return {
         "flight": flight,
         "key": loaded.key,
-        "axes": axes,
+        "axes": list(coefficients.values),
         "bandwidth": coefficients.bandwidth,
-        "notes": notes,
+        "notes": list(coefficients.notes),
     }
 
 

@@ -13,6 +13,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
+from aerodb.tasks.confined import confined
 from aerodb.tasks.memory_cache import cached
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.stored_steps import StoredResult
@@ -40,14 +41,27 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     reason if no comparison is possible. The flight stays stored in both cases.
     """
     access = access_workspace(workspace)
-    name = access.name_of(access.catalogue.flight(flight))
     try:
-        with failing_alone("the comparison step", name, memory=True):
-            loaded = load_comparison(access, flight, version, run)
-            comparison = loaded.comparison
-            axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
+        return confined(
+            _compared,
+            flight,
+            workspace,
+            run,
+            version,
+            workspace=workspace,
+            flight=flight,
+            what="the comparison step",
+            where=access.name_of(access.catalogue.flight(flight)),
+        )
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
+
+
+def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, Any]:
+    """Return the document of a comparison; the work of a confined process."""
+    loaded = load_comparison(access_workspace(workspace), flight, version, run)
+    comparison = loaded.comparison
+    axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
     return {
         "flight": flight,
         "key": loaded.key,

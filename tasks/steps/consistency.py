@@ -19,11 +19,12 @@ from aerodb.consistency import (
     unreadable_document,
 )
 from aerodb.crosschecks import limits_flight
-from aerodb.errors import InputError, failing_alone
+from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
+from aerodb.tasks.confined import confined
 from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.conditioning import load_conditioning
@@ -52,16 +53,31 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
+    key: str | None
     try:
-        with failing_alone("the consistency step", access.name_of(row), memory=True):
-            loaded = load_consistent(access, row, run)
-        key, document = loaded.key, loaded.document
+        key, document = confined(
+            _consistent,
+            flight,
+            workspace,
+            run,
+            workspace=workspace,
+            flight=flight,
+            what="the consistency step",
+            where=access.name_of(row),
+        )
     except SettingsError:
         raise
     except InputError as error:
         key, document = None, unreadable_document(str(error))
     access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
     return {"flight": flight, "key": key, **document}
+
+
+def _consistent(flight: str, workspace: str, run: str) -> tuple[str, dict[str, Any]]:
+    """Return key and document of a consistent flight; the work of a confined process."""
+    access = access_workspace(workspace)
+    loaded = load_consistent(access, access.catalogue.flight(flight), run)
+    return loaded.key, loaded.document
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:

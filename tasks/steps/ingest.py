@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space
-from aerodb.storage.encoding import FLIGHT_NAME, checked
 from aerodb.storage.files import (
     INDEX,
     is_recording_available,
@@ -30,11 +29,13 @@ from aerodb.storage.files import (
     write_flight,
 )
 from aerodb.storage.inbox import open_log
-from aerodb.storage.mappings import builtin_mappings, load_mapping
-from aerodb.storage.readers import parsed_log
+from aerodb.storage.mappings import builtin_mappings
+from aerodb.storage.readers import Parsed, parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
+from aerodb.tasks.confined import confined
 from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
+from aerodb.tasks.steps.admission import inadmissible, usable_mapping
 from aerodb.tasks.steps.conditioning import (
     clocks_of,
     examined,
@@ -75,7 +76,7 @@ def store_log(
     outcome |= {"damage": [], "suspicions": [], "repeats": []}
     sha256 = ""
     limits = load_settings(access.workspace.root).limits
-    chosen = _usable_mapping(access, vehicle, mapping)
+    chosen = usable_mapping(access, vehicle, mapping)
     try:
         with open_log(path, access.workspace.inbox) as file:
             limits.check_size(os.fstat(file.fileno()).st_size, log)
@@ -84,34 +85,25 @@ def store_log(
         if known is not None:
             outcome |= {"status": "duplicate", "flight": known}
             return outcome | _findings(access, known, run, log)
-        refused = _inadmissible(access, sha256, vehicle, name)
+        refused = inadmissible(access, sha256, vehicle, name)
         if refused is not None:
             return outcome | _refusal(refused, log)
         topics = access.workspace.recording_path(sha256)
         require_space(access.workspace.root, path.stat().st_size, limits.reserve)
         with parsed_log(path, topics, limits) as parsed:
-            recording = parsed.recording
-            if recording.sha256 != sha256:
+            if parsed.recording.sha256 != sha256:
                 what = "the file changed while it was read"
                 return outcome | _refusal(
                     InputError(what, log, "ingest it once it is completely written"), log
                 )
-            broken = broken_parts(recording)
-            if strict and broken:
-                raise InputError(
-                    broken[0].what,
-                    recording.source,
-                    "ingest without --strict to keep what is intact",
-                )
-            with failing_alone("mapping", log, memory=True):
-                layout = chosen or choose_mapping(recording, builtin_mappings().values())
-                flight = _mapped(access, recording, layout, vehicle, sha256)
-            return_freed_memory()
-            parsed.keep(topics)  # two files with the same bytes may be ingested at once
-        with failing_alone("conditioning", log, memory=True):
-            conditioning = examined(access, flight, layout)
-            marks = fingerprint(flight)
-        return_freed_memory()
+            return outcome | confined(
+                _take_in,
+                _Given(parsed.folder, log, sha256, workspace, run, vehicle, chosen, name, strict),
+                workspace=workspace,
+                flight=sha256,
+                what="the conversion into a flight",
+                where=log,
+            )
     except (StoreError, SettingsError):
         raise
     except OSError as error:
@@ -124,27 +116,63 @@ def store_log(
         if sha256:
             _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A parsed log whose topics are in the temporary folder `topics`, and what is to become of
+    it."""
+
+    topics: Path
+    log: str
+    sha256: str
+    workspace: str
+    run: str
+    vehicle: str
+    mapping: Mapping | None
+    name: str | None
+    strict: bool
+
+
+def _take_in(given: _Given) -> dict[str, Any]:
+    """Map, condition and store a parsed log, and return what is to be added to the document of
+    `store_log`; the work of a confined process.
+
+    Raises InputError for a log that cannot be used.
+    """
+    access, log = access_workspace(given.workspace), given.log
+    recording = replace(open_recording(given.topics), source=log)
+    broken = broken_parts(recording)
+    if given.strict and broken:
+        raise InputError(
+            broken[0].what, recording.source, "ingest without --strict to keep what is intact"
+        )
+    with failing_alone("mapping", log, memory=True):
+        layout = given.mapping or choose_mapping(recording, builtin_mappings().values())
+        flight = _mapped(access, recording, layout, given.vehicle, given.sha256)
+    return_freed_memory()
+    # Two files with the same bytes may be ingested at once.
+    Parsed(given.topics, recording).keep(access.workspace.recording_path(given.sha256))
+    with failing_alone("conditioning", log, memory=True):
+        conditioning = examined(access, flight, layout)
+        marks = fingerprint(flight)
+    return_freed_memory()
     try:
-        _keep(access, recording, flight, conditioning, marks, layout, run, name)
-    except CalculationError as error:
-        _quarantine(access, path, sha256, error, vehicle)
-        return outcome | _refusal(error, log)
-    _remembered(_result(access, sha256, vehicle, layout).path, flight)
-    repeats = repeat_documents(access.catalogue, sha256)
+        _keep(access, recording, flight, conditioning, marks, layout, given.run, given.name)
+    except CalculationError:
+        raise
+    except InputError as error:  # of the catalogue, a name taken meanwhile: no fault of the log
+        return _refusal(error, log)
+    _remembered(_result(access, given.sha256, given.vehicle, layout).path, flight)
+    repeats = repeat_documents(access.catalogue, given.sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
-    status = "damaged" if broken else "duplicate" if whole else "stored"
-    damage = [asdict(entry) for entry in flight.damage]
-    findings = {"suspicions": suspicion_documents(conditioning.suspicions), "repeats": repeats}
-    return outcome | {"status": status, "flight": sha256, "damage": damage} | findings
-
-
-def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -> Mapping | None:
-    """Return the requested mapping; SettingsError if it or the vehicle's file cannot be used."""
-    try:
-        access.vehicle(vehicle)
-        return load_mapping(mapping) if mapping else None
-    except InputError as error:
-        raise SettingsError(error.what, error.where, error.remedy) from error
+    return {
+        "status": "damaged" if broken else "duplicate" if whole else "stored",
+        "flight": given.sha256,
+        "damage": [asdict(entry) for entry in flight.damage],
+        "suspicions": suspicion_documents(conditioning.suspicions),
+        "repeats": repeats,
+    }
 
 
 def _findings(access: WorkspaceAccess, flight: str, run: str, log: str) -> dict[str, Any]:
@@ -153,13 +181,29 @@ def _findings(access: WorkspaceAccess, flight: str, run: str, log: str) -> dict[
     row = access.catalogue.flight(flight)
     found: dict[str, Any] = {"repeats": repeat_documents(access.catalogue, flight)}
     try:
-        with failing_alone("conditioning", access.name_of(row), memory=True):
-            conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
+        suspicions = confined(
+            _suspicions,
+            flight,
+            str(access.workspace.root),
+            run,
+            workspace=str(access.workspace.root),
+            flight=flight,
+            what="conditioning",
+            where=access.name_of(row),
+        )
     except SettingsError:
         raise
     except InputError as error:
         return found | _refusal(error, log)
-    return found | {"suspicions": suspicion_documents(conditioning.suspicions)}
+    return found | {"suspicions": suspicions}
+
+
+def _suspicions(flight: str, workspace: str, run: str) -> list[dict[str, Any]]:
+    """Return the likely faults of a stored flight; the work of a confined process."""
+    access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
+    conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
+    return suspicion_documents(conditioning.suspicions)
 
 
 def broken_parts(recording: Recording) -> list[Damage]:
@@ -176,38 +220,6 @@ def _refusal(error: InputError, log: str) -> dict[str, str]:
         "where": error.where or log,
         "remedy": error.remedy or "aerodb log inspect shows its contents",
     }
-
-
-def _inadmissible(
-    access: WorkspaceAccess, sha256: str, vehicle: str, name: str | None
-) -> InputError | None:
-    """Return why the catalogue would refuse these bytes as a flight of this name.
-
-    The log is not at fault, so it is not quarantined.
-    """
-    for row in access.catalogue.flights(log_sha256=sha256):
-        if row.vehicle != vehicle or name not in (None, row.name):
-            return InputError(
-                f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one"
-            )
-    if name is None:
-        return None
-    try:
-        checked(name, FLIGHT_NAME, "the name of a flight")
-    except InputError as error:
-        return error
-    taken = [
-        row
-        for row in access.catalogue.flights(vehicle)
-        if row.name == name and row.log_sha256 != sha256
-    ]
-    return (
-        InputError(
-            f"'{name}' is already the name of flight {taken[0].id[:12]}", "", "choose another name"
-        )
-        if taken
-        else None
-    )
 
 
 def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flight, str]:

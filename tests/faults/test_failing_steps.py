@@ -16,12 +16,13 @@ from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks import memory_cache
+from aerodb.tasks.steps import ingest
 from aerodb.tasks.steps.inbox import in_quarantine
 from aerodb.tasks.view.status import status_of
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
-from tests.support.sweeps import QUICK, events, kinds, left
+from tests.support.sweeps import HERE, QUICK, events, kinds, left
 
 STEPS = "aerodb.tasks.steps"
 #: Function that fails -> where the flight is afterwards; "measured": rejected, with coefficients of the
@@ -55,7 +56,7 @@ BAD, GOOD = "flight2.csv", ["flight1.csv", "flight3.csv"]
 def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
     memory_cache._cache.clear()  # a comparison that is remembered would not fail
     made = shared.prepared(tmp_path / "w")
-    (made.root / "settings.toml").write_text(QUICK, encoding="utf-8")
+    (made.root / "settings.toml").write_text(QUICK + HERE, encoding="utf-8")
     (made.inbox / NAME).mkdir()
     return made
 
@@ -167,11 +168,10 @@ def test_log_of_the_inbox_ends_in_one_place(
     assert [entry["name"] for entry in aside["newest"]] == [BAD] * (expected == "quarantined")
 
 
-def test_log_that_kills_every_run_after_it_is_stored_ends_as_stored_and_rejected(
+def test_error_that_no_step_foresees_stays_with_its_flight(
     workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An error that no step foresees: after its tries the log was quarantined beside its flight, and
-    `status` showed neither."""
+    """It ended the batch, and after three tries the log was quarantined beside its flight."""
 
     class Unforeseen(Exception):
         pass
@@ -180,18 +180,46 @@ def test_log_that_kills_every_run_after_it_is_stored_ends_as_stored_and_rejected
         shutil.copy(path, workspace.inbox / NAME)
     bad = sha256_of(logs[1])
     fail(monkeypatch, f"{STEPS}.consistency.make_consistent", bad, Unforeseen("x"))
-    for _ in range(5):
-        run_flow(sweep_flow, {}, workspace, "direct")
+    document = run_flow(sweep_flow, {}, workspace, "direct")
+    assert kinds(document) == dict.fromkeys([BAD, *GOOD], "stored")
     assert left(workspace) == []
     assert events(workspace, "quarantined") == []
+    assert events(workspace, "failed") == []
     assert len(events(workspace, "stored")) == 3
     found = state(workspace)
     assert found[BAD][0] == "rejected"
-    assert f"({BAD}): tried 3 times: Unforeseen: x" in found[BAD][1]
+    assert f"({BAD}): the consistency step failed (Unforeseen: x)" in found[BAD][1]
     assert {found[name][0] for name in GOOD} <= {"good", "limited"}
     status = status_of(access_workspace(str(workspace.root)))
     assert status["quarantined"]["count"] == 0
     assert not list((workspace.root / "quarantine").iterdir())
+
+
+@pytest.mark.parametrize("name", ["map_recording", "write_flight", "repeat_documents"])
+def test_error_that_no_step_foresees_ends_no_batch_of_the_command_line(
+    workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Also where a step keeps its result, which nothing watched."""
+
+    class Unforeseen(Exception):
+        pass
+
+    bad, original = sha256_of(logs[1]), getattr(ingest, name)
+
+    def failing(*args: Any, **keywords: Any) -> Any:
+        if bad in [getattr(arg, "log_sha256", getattr(arg, "sha256", arg)) for arg in args]:
+            raise Unforeseen("x")
+        return original(*args, **keywords)
+
+    monkeypatch.setattr(ingest, name, failing)
+    given = {"logs": [str(path) for path in logs[:3]], "vehicle": NAME}
+    first, refused, last = run_flow(flight_flow, given, workspace, "direct")
+    for outcome in (first, last):
+        assert outcome["status"] == "stored"
+        assert outcome["coefficients"]["key"]
+    assert refused["status"] == "refused"
+    assert "failed (Unforeseen: x)" in refused["what"]
+    assert Path(refused["where"]).name == BAD
 
 
 def test_log_that_gets_no_memory_waits_and_holds_nobody_up(

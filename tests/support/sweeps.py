@@ -8,6 +8,8 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support.small_glider import NAME
 
+#: Per-flight steps in the process of the test, for tests that make a function fail there.
+HERE = "[work]\nconfined = false\n"
 QUICK = '[inbox]\nsettle = "0.2 s"\n[loop]\nrun = []\n'
 
 

@@ -33,6 +33,7 @@ from tests.support.installed_flights import (
     vehicle,
 )
 from tests.support.instrumented_path import GPS, NOISE, motion
+from tests.support.sweeps import HERE
 
 CALIBRATION = {
     "probe_alpha_offset": 0.01, "probe_alpha_slope": 0.08, "probe_alpha_cross": 1.5, "probe_beta_offset": -0.02,
@@ -265,6 +266,8 @@ def test_a_long_flight_is_taken_over_a_turning_earth(
     outcome, _ = _ingested(tmp_path / "turning", text, columns)
     _recovered(outcome, planted)
     monkeypatch.setattr(records, "ROTATING_EARTH_DURATION", np.inf)
+    (tmp_path / "flat" / "w").mkdir(parents=True)
+    (tmp_path / "flat" / "w" / "settings.toml").write_text(HERE, encoding="utf-8")
     flat, _ = _ingested(tmp_path / "flat", text, columns)
     wrong = max(
         abs(_estimates(flat)[f"{name}_bias"]["value"] - planted[f"{name}_bias"]) for name in "pqr"
