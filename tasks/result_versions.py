@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 4,
     "consistency": 16,
     "coefficients": 4,
-    "compare": 1,
+    "compare": 2,
     "import": 2,
     "fly": 2,
     "estimate": 1,

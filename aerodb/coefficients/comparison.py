@@ -20,6 +20,10 @@ from aerodb.vehicle import Reference
 #: Rates of change of the flow angles, which logs seldom hold.
 FLOW_RATES: Final = ("alphadot", "betadot")
 
+#: Larger coefficients are those of an aircraft that stands: its airspeed is almost zero. Limiting
+#: the band would spread them over the flight.
+MOST: Final = 1e3
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -114,8 +118,10 @@ def compare(
     }
     for axis in MOMENT_AXES:
         if axis in predicted and bandwidth is not None:
-            measured[axis] = band_limited(measured[axis], flight.step, bandwidth)
-            predicted[axis] = band_limited(predicted[axis], flight.step, bandwidth)
+            flies = (np.abs(measured[axis]) < MOST) & (np.abs(predicted[axis]) < MOST)
+            for values in (measured, predicted):
+                at_speed = np.where(flies, values[axis], np.nan)
+                values[axis] = band_limited(at_speed, flight.step, bandwidth)
     share = float(np.mean(prediction.outside))
     if share > 0:
         tables = ", ".join(sorted(prediction.outside_tables))

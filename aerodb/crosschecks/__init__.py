@@ -6,10 +6,12 @@
 3. `lift`: the weight and the lift slope against what a wing of this size and shape can have.
 4. `controls`: each surface against the motion that it causes: size, sign, effect, delay
    (`surfaces`, `equation_error`).
+5. `database`: a flight against its vehicle's database, once there is one: level and slope of the
+   lift, sign, size and delay of each control, a factor that all moments share (`derivatives`).
 
-`against_vehicle` runs all of them and returns suspicions (`aerodb.conditioning.Suspicion`), and
-`limits_flight` says which of these limit the verdict. The margins are those of aircraft of all
-sizes, and nothing is said where a flight cannot decide.
+`against_vehicle` runs the first four and `against_database` the last. They return suspicions
+(`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
+margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.
 """
 
 import lazy_loader as lazy

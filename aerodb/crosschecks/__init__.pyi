@@ -1,4 +1,5 @@
 from .air import air_suspicions
+from .database import against_database
 from .every import against_vehicle, limits_flight
 
-__all__ = ["against_vehicle", "air_suspicions", "limits_flight"]
+__all__ = ["against_database", "against_vehicle", "air_suspicions", "limits_flight"]

@@ -101,8 +101,19 @@ def _dynamic(at: dict[str, float]) -> list[Suspicion]:
 
 
 def _sound(at: dict[str, float]) -> list[Suspicion]:
-    if not {"V", "mach", "temperature"} <= at.keys() or not 0.0 < at["mach"] < HUGE:
+    if not {"V", "mach"} <= at.keys() or not 0.0 < at["mach"] < HUGE:
         return []
+    if "temperature" not in at:
+        slowest, fastest = (float(v) for v in speed_of_sound(np.array([COLDEST, HOTTEST])))
+        speed = at["V"] / at["mach"]
+        if (1.0 - DYNAMIC) * slowest <= speed <= (1.0 + DYNAMIC) * fastest:
+            return []
+        words = (
+            f"V is {at['V']:.4g} m/s at Mach {at['mach']:.4g}, a speed of sound of {speed:.4g} m/s,"
+            f" and no air has less than {slowest:.3g} or more than {fastest:.3g} m/s: one of the"
+            " two is wrong, or in another unit"
+        )
+        return [Suspicion("V", "unit", words, {"speed_of_sound": speed})]
     expected = at["mach"] * float(speed_of_sound(np.asarray(at["temperature"])))
     ratio = at["V"] / expected
     if not at["temperature"] > COLDEST or abs(ratio - 1.0) <= DYNAMIC:

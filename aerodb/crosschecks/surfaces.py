@@ -100,7 +100,7 @@ def by_role(flight: Flight, vehicle: Vehicle, unusable: Collection[str]) -> dict
             continue
         if name == "delta_landing_gear":
             continue
-        role = _role(name)
+        role = role_of(name)
         pair = _pair(name, flight)
         if pair is not None and role in ("pitch", "roll", "yaw") and "elevon" not in name:
             right, left = pair
@@ -120,7 +120,8 @@ def by_role(flight: Flight, vehicle: Vehicle, unusable: Collection[str]) -> dict
     }
 
 
-def _role(name: str) -> str:
+def role_of(name: str) -> str:
+    """Return the role of a surface by its name: ``pitch roll yaw``, or empty."""
     if any(word in name for word in _OTHERS):
         return ""
     return next((role for word, role in _ROLES.items() if word in name), "")
@@ -138,7 +139,7 @@ def is_declared(name: str, vehicle: Vehicle) -> bool:
     short = name.removeprefix("delta_")
     combination = vehicle.combinations.get(short)
     if combination is not None:
-        wanted = "asymmetric" if _role(name) == "roll" else "symmetric"
+        wanted = "asymmetric" if role_of(name) == "roll" else "symmetric"
         sides = (f"delta_{combination.right}", f"delta_{combination.left}")
         return combination.kind == wanted and all(is_declared(side, vehicle) for side in sides)
     surface = vehicle.surfaces.get(short)
@@ -146,4 +147,4 @@ def is_declared(name: str, vehicle: Vehicle) -> bool:
         return False
     said = surface.convention.lower()
     usual = said.startswith("trailing edge down positive")
-    return usual or (_role(name) == "yaw" and said.startswith("trailing edge left positive"))
+    return usual or (role_of(name) == "yaw" and said.startswith("trailing edge left positive"))

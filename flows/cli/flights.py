@@ -248,6 +248,7 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
             rows,
             numbers=(1, 2, 3, 4),
         )
+        say_suspicions(session, comparison["suspicions"], "  ")
         for note in comparison["notes"]:
             session.say(f"  note: {note}")
 

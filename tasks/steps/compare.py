@@ -5,17 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients import Comparison, compare
+from aerodb.coefficients import (
+    DEFAULT_BANDWIDTH,
+    Comparison,
+    compare,
+    with_flow_rates,
+    with_states,
+)
+from aerodb.conditioning import Suspicion, suspicion_documents
+from aerodb.crosschecks import against_database, limits_flight
 from aerodb.errors import InputError, failing_alone
 from aerodb.estimation import rms
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.confined import confined
 from aerodb.tasks.memory_cache import cached
+from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
+from aerodb.tasks.steps.consistency import BESIDE, load_consistent, record_verdict
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle
@@ -37,10 +48,13 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     """Compare a flight (its id) with a version (its id), and store the result.
 
     Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma),
-    notes, left_out (axes that contain a thrust that the flight lacks); or flight, key None and the
-    reason if no comparison is possible. The flight stays stored in both cases.
+    notes, left_out (axes that contain a thrust that the flight lacks), suspicions (what contradicts
+    the database beyond what a wind tunnel can have wrong); or flight, key None and the reason if no
+    comparison is possible. The flight stays stored in both cases. What contradicts the released
+    version limits the verdict on the flight.
     """
     access = access_workspace(workspace)
+    where = access.name_of(access.catalogue.flight(flight))
     try:
         return confined(
             _compared,
@@ -51,24 +65,60 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
             workspace=workspace,
             flight=flight,
             what="the comparison step",
-            where=access.name_of(access.catalogue.flight(flight)),
+            where=where,
         )
     except InputError as error:
-        return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
+        none: dict[str, Any] = {"axes": {}, "notes": [], "suspicions": []}
+        return {"flight": flight, "key": None, "reason": str(error), **none}
 
 
 def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, Any]:
     """Return the document of a comparison; the work of a confined process."""
-    loaded = load_comparison(access_workspace(workspace), flight, version, run)
+    access = access_workspace(workspace)
+    loaded = load_comparison(access, flight, version, run)
     comparison = loaded.comparison
     axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
+    found = _contradictions(loaded, access.database(version))
+    _judge(access, access.catalogue.flight(flight), version, found, run)
     return {
         "flight": flight,
         "key": loaded.key,
         "axes": axes,
         "notes": list(comparison.notes),
         "left_out": list(comparison.left_out),
+        "suspicions": suspicion_documents(found),
     }
+
+
+def _contradictions(loaded: FlightComparison, database: AeroDatabase) -> tuple[Suspicion, ...]:
+    """Return what in a flight contradicts the database that it was compared with."""
+    comparison = loaded.comparison
+    band = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / loaded.flight.step)
+    flight, _ = with_flow_rates(loaded.flight, band, database.flight_inputs)
+    return against_database(
+        with_states(flight, database),
+        database,
+        comparison.measured,
+        comparison.predicted,
+        comparison.usable,
+        comparison.bandwidth,
+    )
+
+
+def _judge(
+    access: WorkspaceAccess,
+    row: FlightRow,
+    version: str,
+    found: tuple[Suspicion, ...],
+    run: str,
+) -> None:
+    """Record the verdict on a flight by its consistency and by the released version; by another
+    version nothing is recorded."""
+    if version != access.named(row.vehicle, RELEASED):
+        return
+    label = access.catalogue.version_of_id(version).label
+    more = [f"{BESIDE}{label}: {each.sentence}" for each in found if limits_flight(each)]
+    record_verdict(access, row, load_consistent(access, row, run).document, more)
 
 
 def load_comparison(

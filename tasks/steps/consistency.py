@@ -1,9 +1,9 @@
 """Consistency of a stored flight: reconstructed once per calibration, stored and read back."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+
+#: How a reason begins that comes from the comparison with a version.
+BESIDE: Final = "beside version "
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
         raise
     except InputError as error:
         key, document = None, unreadable_document(str(error))
-    access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
+    record_verdict(access, row, document)
     return {"flight": flight, "key": key, **document}
 
 
@@ -78,6 +81,24 @@ def _consistent(flight: str, workspace: str, run: str) -> tuple[str, dict[str, A
     access = access_workspace(workspace)
     loaded = load_consistent(access, access.catalogue.flight(flight), run)
     return loaded.key, loaded.document
+
+
+def record_verdict(
+    access: WorkspaceAccess,
+    row: FlightRow,
+    document: Mapping[str, Any],
+    beside: Sequence[str] | None = None,
+) -> None:
+    """Record the verdict on a flight by the document of its consistency and by what contradicts the
+    released version.
+
+    beside : sentences of the comparison with it, which name the version; None: those that the
+    flight has stay until it is compared again.
+    """
+    if beside is None:
+        beside = [reason for reason in row.reasons if reason.startswith(BESIDE)]
+    whole = _limited(dict(document), list(beside))
+    access.catalogue.judge_flight(row.id, whole["verdict"], whole["reasons"])
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:

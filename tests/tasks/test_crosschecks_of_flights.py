@@ -1,4 +1,5 @@
-"""A flight that contradicts its vehicle is said at ingest, and is not good."""
+"""A flight that contradicts its vehicle, or its vehicle's database, is said at ingest, and is not
+good."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +7,8 @@ from typing import Any
 import pytest
 
 from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
-from tests.support.command import asked
+from tests.aerodb.crosschecks.test_database import database_text
+from tests.support.command import aerodb, asked
 from tests.support.small_glider import write_csv
 
 #: Where the command is that `scale` turns into a deflection.
@@ -68,3 +70,52 @@ def test_log_inspect_says_what_needs_no_vehicle(tmp_path: Path) -> None:
     log = write_csv(tmp_path / "flight.csv", channels)
     looked = asked(tmp_path / "none", "log", "inspect", str(log))
     assert any("slug/ft^3" in each["sentence"] for each in looked["suspicions"])
+
+
+#: Inertia in slug ft^2: a quarter less, which no bound on aircraft of all sizes can see.
+SLUG_FEET = VEHICLE
+for _name, _value in (("Ixx", 900.0), ("Iyy", 1100.0), ("Izz", 1850.0)):
+    SLUG_FEET = SLUG_FEET.replace(f"{_name} = {_value}", f"{_name} = {_value / 1.3558:.4g}")
+
+
+def beside_its_database(root: Path, vehicle: str, text: str) -> tuple[Path, dict[str, Any]]:
+    """The answer to `flight ingest` of a workspace that has the database `text`."""
+    root.mkdir(exist_ok=True)
+    (root / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+    (root / "database.toml").write_text(text, encoding="utf-8")
+    workspace = root / "w"
+    asked(workspace, "vehicle", "add", str(root / "vehicle.toml"))
+    asked(workspace, "database", "import", str(root / "database.toml"), "--vehicle", "light")
+    log = write_csv(root / "flight.csv", columns())
+    (outcome,) = asked(workspace, "flight", "ingest", str(log), "--vehicle", "light", "--direct")
+    return workspace, outcome
+
+
+def test_a_wind_tunnel_may_be_wrong(tmp_path: Path) -> None:
+    text = database_text(CZ_alpha=0.8, Cm_delta_elevator=0.5, Cl_p_hat=1.4)
+    workspace, outcome = beside_its_database(tmp_path, VEHICLE, text)
+    assert outcome["comparison"]["suspicions"] == []
+    shown = asked(workspace, "flight", "show", outcome["flight"])
+    assert shown["reasons"] == outcome["consistency"]["reasons"]
+
+
+def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path) -> None:
+    workspace, outcome = beside_its_database(tmp_path, SLUG_FEET, database_text())
+    (found,) = outcome["comparison"]["suspicions"]
+    assert (found["channel"], found["kind"]) == ("Ixx", "size")
+    assert found["evidence"]["factor"] == pytest.approx(1.0 / 1.3558, rel=0.06)
+    shown = asked(workspace, "flight", "show", outcome["flight"])
+    assert outcome["consistency"]["reasons"] == shown["reasons"][:-1]
+    assert shown["verdict"] != "good"
+    assert shown["reasons"][-1] == f"beside version v0001: {found['sentence']}"
+    again = aerodb(
+        workspace,
+        "flight",
+        "ingest",
+        str(tmp_path / "flight.csv"),
+        "--vehicle",
+        "light",
+        "--direct",
+    )
+    assert f"suspicion: {found['sentence']}" in again.stdout
+    assert asked(workspace, "flight", "show", outcome["flight"])["reasons"] == shown["reasons"]

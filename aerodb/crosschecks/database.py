@@ -1,0 +1,290 @@
+"""A flight against its vehicle's database: sign, size and delay of each control, the level and the
+slope of the lift, and the factor that all moments share.
+
+A wind tunnel may be wrong by a fifth of a lift slope or half of an elevator, and lack an effect. It
+is not wrong about the sign of a control, by a factor of four, or by one factor about all axes.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.conditioning import Suspicion, low_passed
+from aerodb.crosschecks.derivatives import AxisShares, Share, axis_shares, whole_surface
+from aerodb.crosschecks.surfaces import role_of
+from aerodb.estimation import Regression, least_squares, samples_per_independent
+from aerodb.flight import Flight
+from aerodb.nomenclature import MOMENT_AXES, is_surface
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+
+#: Standard errors of a claim about a sign and about a size, largest variance inflation, least share
+#: of the motion that the fit explains, for any claim about a control.
+SIGN_ERRORS, SIZE_ERRORS, INFLATION, EXPLAINED = 4.0, 4.0, 30.0, 0.15
+#: Least share of the motion to be explained for a claim that a control does nothing.
+IDLE_EXPLAINED = 0.5
+#: Least part of an axis that a control must cause for a claim about its sign, and about its size.
+CAUSED, CAUSED_BY_SIZE = 0.05, 0.2
+#: Ratios of a control's effect to the database's: beyond which its unit is another.
+LEAST, LARGEST, REVERSED = 0.1, 5.0, -0.15
+#: Largest delay searched for, least delay named [s], least part of the axis that the control
+#: causes, least ratio of likelihoods (as a logarithm), and how much a ratio may differ from one
+#: (one sigma of a normal distribution).
+SEARCHED, LATE, DELAYED, LIKELIER, USUAL = 0.6, 0.15, 0.2, 8.0, 0.35
+#: Least of the motion to be explained where a control stands still.
+STILL = 0.75
+#: Factor, and lift coefficient, between the levels of the lift; ratios of its slope, and what must
+#: be explained for it; ratios of the damping in roll.
+LEVEL, BESIDE = 1.6, 0.15
+SLOPES, SLOPE_EXPLAINED, BAND = (0.5, 2.0), 0.8, 2.0
+DAMPING, DAMPED = (0.3, 3.0), 0.8
+#: Of the factor that moments share: least derivatives, least factor, their scatter about it (median
+#: deviation of logarithms over the factor's), most that are elsewhere; a derivative counts with
+#: this relative error and weight.
+FEWEST, FACTOR, SCATTER, ELSEWHERE, FAR = 4, 1.25, 0.5, 0.25, 0.3
+KNOWN, WEIGHTY = 0.15, 0.1
+_SLUG_FOOT = 1.3558
+#: The axis that a control of each role is for.
+AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}
+
+
+def against_database(
+    flight: Flight,
+    database: AeroDatabase,
+    measured: Mapping[str, Array],
+    predicted: Mapping[str, Array],
+    usable: Mapping[str, NDArray[np.bool_]],
+    bandwidth: float | None,
+) -> tuple[Suspicion, ...]:
+    """Return what in a flight contradicts its vehicle's database beyond what a wind tunnel can have
+    wrong; empty for a good pair.
+
+    flight : with all inputs of the database that it has. measured, predicted, usable : axis ->
+    (n,), as `aerodb.coefficients.compare` gives them. bandwidth : Hz, of both moments; None: not
+    limited.
+    """
+    lift = _lift(flight, measured, predicted, usable)
+    axes = axis_shares(flight, database, measured, predicted, usable, bandwidth)
+    fits = {axis: fit for axis, each in axes.items() if (fit := each.fit()) is not None}
+    axes = {axis: each for axis, each in axes.items() if axis in fits}
+    surfaces = _delays(axes)
+    late = {suspicion.channel for suspicion in surfaces}
+    surfaces += [each for each in _sizes(axes, fits) if each.channel not in late]
+    surfaces += _standing(flight, axes, fits)
+    shared = [] if lift or surfaces else _shared_factor(axes, fits) or _damping(axes, fits)
+    return (*lift, *surfaces, *shared)
+
+
+def _lift(
+    flight: Flight,
+    measured: Mapping[str, Array],
+    predicted: Mapping[str, Array],
+    usable: Mapping[str, NDArray[np.bool_]],
+) -> list[Suspicion]:
+    """Return a level, or a slope, of the lift that is far from the database's."""
+    axis = "C_lift" if "C_lift" in measured else "CZ"
+    if axis not in measured:
+        return []
+    good = usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
+    if good.sum() < 100:
+        return []
+    cause = (
+        ": mass, area, density, airspeed or the angle of attack is wrong, or the log is another"
+        " aircraft's"
+    )
+    here, there = (abs(float(np.median(values[axis][good]))) for values in (measured, predicted))
+    evidence = {"measured": here, "predicted": there}
+    if not there / LEVEL - BESIDE <= here <= LEVEL * there + BESIDE:
+        words = (
+            f"the lift coefficient is {here:.3g} in the median of the flight, and the database has"
+            f" {there:.3g} for the same angles and deflections{cause}"
+        )
+        return [Suspicion("mass", "size", words, evidence)]
+    band = min(BAND, 0.4 / flight.step)
+    try:
+        x, y = (
+            low_passed(np.where(good, values[axis], np.nan), flight.step, band)[good]
+            for values in (predicted, measured)
+        )
+        fit = least_squares(np.column_stack([x, np.ones_like(x)]), y, ("predicted", "1"))
+    except ValueError:
+        return []
+    ratio, error = float(fit.estimates[0]), float(fit.standard_errors[0])
+    low, high = SLOPES[0] - 3.0 * error, SLOPES[1] + 3.0 * error
+    if not fit.r_squared > SLOPE_EXPLAINED or low <= ratio <= high:
+        return []
+    words = (
+        f"the lift changes by {ratio:.3g} +- {error:.2g} times what the database has for the same"
+        f" angles and deflections{cause}"
+    )
+    return [Suspicion("mass", "size", words, {"ratio": ratio, "standard_error": error})]
+
+
+def _sizes(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
+    """Return controls whose effect has another sign or another size than the database's; each is
+    judged on the axis that tells its effect best."""
+    best: dict[str, tuple[float, Share]] = {}
+    for axis in (axis for axis in MOMENT_AXES if axis in axes):
+        for name in filter(is_surface, axes[axis].parts):
+            share = axes[axis].share(fits[axis], name)
+            size = max(1.0, abs(share.ratio))
+            told = share.vif <= INFLATION and size * share.weight > CAUSED
+            least = IDLE_EXPLAINED if abs(share.ratio) < LEAST else EXPLAINED
+            if told and fits[axis].r_squared > least:
+                known = share.error / size
+                best[name] = min(best.get(name, (np.inf, share)), (known, share), key=_first)
+    return [found for _, share in best.values() for found in _size(share)]
+
+
+def _first(pair: tuple[float, Share]) -> float:
+    return pair[0]
+
+
+def _size(share: Share) -> list[Suspicion]:
+    ratio, error, weight = share.ratio, share.error, share.weight
+    told = (
+        f"{share.variable} gives {ratio:.3g} +- {error:.2g} times the {share.axis} that the"
+        " database has for it"
+    )
+    evidence = {"ratio": ratio, "standard_error": error, "weight": weight}
+    reversed_ = ratio < REVERSED and ratio + SIGN_ERRORS * error < 0.0
+    if reversed_ and abs(ratio) * weight > CAUSED:
+        kind, words = "sign", f"{told}: its sign is flipped, or it is another surface's channel"
+    elif ratio - SIZE_ERRORS * error > LARGEST and ratio * weight > CAUSED_BY_SIZE:
+        kind, words = "unit", f"{told}: its unit is another (radians taken for degrees)"
+    elif abs(ratio) + SIZE_ERRORS * error < LEAST and weight > CAUSED_BY_SIZE:
+        kind = "unit"
+        words = f"{told}: its unit is another, or it is another surface's channel"
+    else:
+        return []
+    return [Suspicion(share.variable, kind, words, evidence)]
+
+
+def _delays(axes: Mapping[str, AxisShares]) -> list[Suspicion]:
+    """Return controls that are logged late or early."""
+    found: dict[str, Suspicion] = {}
+    for axis in (axis for axis in MOMENT_AXES if axis in axes):
+        for name in filter(is_surface, axes[axis].parts):
+            if name in found or axes[axis].weight(name) < DELAYED:
+                continue
+            if (late := _delay(axes[axis], name)) is not None:
+                found[name] = late
+    return list(found.values())
+
+
+def _delay(axis: AxisShares, name: str) -> Suspicion | None:
+    """Return a delay that makes the flight much likelier, by the motion that it explains and by the
+    effect of the control being the database's."""
+    reach, every = int(SEARCHED / axis.step), max(1, round(0.02 / axis.step))
+    view = axis.inside(reach)
+    if view.where.sum() < 100:
+        return None
+    lags = range(-(reach // every) * every, reach + 1, every)
+    lag = view.likeliest_lag(name, lags)
+    if abs(lag) * axis.step < LATE or abs(lag) >= max(lags):
+        return None
+    fit, now = view.fit(name, lag), view.fit()
+    if fit is None or now is None:
+        return None
+    share, zero = view.share(fit, name), view.share(now, name)
+    independent = view.where.sum() / max(1.0, samples_per_independent(fit.residual))
+    gained = (1.0 - now.r_squared) / max(1.0 - fit.r_squared, 1e-12)
+    unusual = ((share.ratio - 1.0) ** 2 - (zero.ratio - 1.0) ** 2) / (2.0 * USUAL**2)
+    likelier = 0.5 * independent * float(np.log(max(gained, 1e-12))) - unusual
+    seconds = lag * axis.step
+    if (
+        likelier < LIKELIER
+        or fit.r_squared < EXPLAINED
+        or share.vif > INFLATION
+        or share.ratio < max(SIGN_ERRORS * share.error, DAMPING[0])
+        or share.ratio > DAMPING[1]
+    ):
+        return None
+    how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
+    words = (
+        f"{name} is logged {abs(seconds):.2g} s too {how} by the {axis.axis} of the database: its"
+        " clock, or the lag of its servo, is another"
+    )
+    return Suspicion(name, "delay", words, {"delay": -seconds, "likelier": likelier})
+
+
+def _standing(
+    flight: Flight, axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]
+) -> list[Suspicion]:
+    """Return a control of the database whose channel never changes, others' do, and without which
+    neither the database nor any of its derivatives in another size explains the motion."""
+    travel = {n: float(np.ptp(flight[n])) for n in flight.channels if is_surface(n)}
+    if not any(each > 0.0 for each in travel.values()):
+        return []
+    for role, axis in AXIS_OF.items():
+        if axis not in axes:
+            continue
+        own = [n for n in axes[axis].slopes if is_surface(n) and role_of(n) == role]
+        explained, agreement = fits[axis].r_squared, axes[axis].agreement()
+        if not own or any(travel[n] > 0.0 for n in own) or explained > STILL or agreement > 0.0:
+            continue
+        name = whole_surface(own[0], flight)
+        words = (
+            f"{name} never changes while other surfaces do, and the database without it explains"
+            f" nothing of {axis} ({100 * explained:.0f} % with derivatives of any size): it was"
+            " not recorded"
+        )
+        evidence = {"explained": explained, "agreement": agreement}
+        return [Suspicion(name, "stuck", words, evidence)]
+    return []
+
+
+def _shared_factor(
+    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]
+) -> list[Suspicion]:
+    """Return a factor by which all moments differ from the database's."""
+    told = [
+        share
+        for axis in MOMENT_AXES
+        if axis in axes
+        for name in axes[axis].parts
+        if (share := axes[axis].share(fits[axis], name)).ratio > 0.0
+        and share.error < KNOWN * share.ratio
+        and share.weight > WEIGHTY
+        and share.vif < INFLATION
+    ]
+    if len(told) < FEWEST or len({share.axis for share in told}) < 2:
+        return []
+    ratios = np.log([share.ratio for share in told])
+    middle = float(np.median(ratios))
+    away = np.abs(ratios - middle)
+    if (
+        abs(middle) < np.log(FACTOR)
+        or float(np.median(away)) > SCATTER * abs(middle)
+        or float(np.mean(away > FAR)) > ELSEWHERE
+    ):
+        return []
+    factor = float(np.exp(middle))
+    unit = ""
+    if abs(np.log(factor * _SLUG_FOOT)) < 0.08:
+        unit = " (slug ft^2 taken for kg m^2)"
+    elif abs(np.log(factor / _SLUG_FOOT)) < 0.08:
+        unit = " (kg m^2 taken for slug ft^2)"
+    words = (
+        f"all moments are {factor:.3g} times what the database has ({len(told)} derivatives about"
+        f" {', '.join(dict.fromkeys(share.axis for share in told))}): Ixx, Iyy and Izz are too"
+        f" {'small' if factor < 1.0 else 'large'} by that factor{unit}, or area, lengths or qbar"
+        " are wrong"
+    )
+    return [Suspicion("Ixx", "size", words, {"factor": factor, "derivatives": float(len(told))})]
+
+
+def _damping(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
+    """Return a damping in roll far from the database's."""
+    if "Cl" not in axes or "p" not in axes["Cl"].parts or fits["Cl"].r_squared < DAMPED:
+        return []
+    share = axes["Cl"].share(fits["Cl"], "p")
+    low, high = DAMPING[0] - SIZE_ERRORS * share.error, DAMPING[1] + SIZE_ERRORS * share.error
+    if share.vif > INFLATION or share.weight < CAUSED_BY_SIZE or low <= share.ratio <= high:
+        return []
+    words = (
+        f"the damping in roll is {share.ratio:.3g} +- {share.error:.2g} times the database's: Ixx,"
+        " span, area or airspeed is wrong, or the log is another aircraft's"
+    )
+    return [Suspicion("Ixx", "size", words, {"ratio": share.ratio})]
