@@ -509,6 +509,26 @@ def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
     return np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
 
 
+def placeholders(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return what still is a template's value, where a whole group of them is: `vehicle_template`
+    has a wing of 1 m2 and 5 kg.
+
+    >>> placeholders(parse_vehicle(vehicle_template("my-glider")))[1]
+    'mass = 5 kg'
+    """
+    area, chord, span = (getattr(vehicle.reference, k) for k in ("area", "chord", "span"))
+    mass = vehicle.mass
+    inertia = (mass.Ixx, mass.Iyy, mass.Izz) == (0.4, 0.5, 0.8)
+    found = []
+    if (area, chord, span) == (1.0, 0.2, 2.0):
+        found.append("reference area = 1 m2, chord = 0.2 m, span = 2 m")
+    if mass.mass == 5.0 and (inertia or mass.cg == (-0.5, 0.0, 0.0)):
+        found.append("mass = 5 kg")
+    if inertia:
+        found.append("Ixx, Iyy, Izz = 0.4, 0.5, 0.8 kg m2")
+    return tuple(found)
+
+
 def vehicle_template(name: str) -> str:
     """Return a commented vehicle file to fill in, for a vehicle called `name`.
 

@@ -1,4 +1,5 @@
-from .completeness import consequence_of_zeros, consequences_of_missing
+from .autopilot import Autopilot, read_autopilot, wingless_sentence
+from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
 from .inspection import TopicSummary, describe, missing_by_topic
 from .mapping import (
     channels_found,
@@ -9,20 +10,26 @@ from .mapping import (
 )
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg
+from .vehicle_draft import draft_vehicle
 
 __all__ = [
+    "Autopilot",
     "Mapping",
     "TopicSummary",
+    "airspeed_remedy",
     "angles_from_pressures",
     "channels_found",
     "choose_mapping",
     "consequence_of_zeros",
     "consequences_of_missing",
     "describe",
+    "draft_vehicle",
     "map_recording",
     "missing_by_topic",
     "parse_mapping",
+    "read_autopilot",
     "velocity_at_cg",
+    "wingless_sentence",
     "with_mapped_clock",
     "zero_channels",
 ]

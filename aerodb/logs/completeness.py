@@ -54,6 +54,20 @@ def consequences_of_missing(missing: Sequence[str]) -> list[str]:
     return sentences
 
 
+def airspeed_remedy(missing: Sequence[str]) -> list[str]:
+    """Return what to do where the log has no airspeed; empty where it has one.
+
+    >>> airspeed_remedy(["V", "alpha"])
+    []
+    """
+    if not {"qbar", "V"} <= set(missing):
+        return []
+    return [
+        "airspeed comes from a pitot tube that is logged (airspeed_validated of PX4), or from a"
+        " field that you map (aerodb mapping init), not from the speed over the ground"
+    ]
+
+
 #: What moves with the aircraft: zero throughout, it was not recorded; no constant stands for it.
 _MOTION = (
     *("p", "q", "r", "pdot", "qdot", "rdot", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"),

@@ -11,6 +11,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, visible
+from aerodb.flows.cli.vehicles import say_placeholders
 
 if TYPE_CHECKING:
     from aerodb.logs import TopicSummary
@@ -51,10 +52,13 @@ def inspect(
 
 def _look_into(session: Session, recording: "Recording", mapping: str | None) -> None:
     from aerodb.logs import (
+        airspeed_remedy,
         channels_found,
         choose_mapping,
         consequence_of_zeros,
         consequences_of_missing,
+        read_autopilot,
+        wingless_sentence,
         with_mapped_clock,
         zero_channels,
     )
@@ -87,8 +91,12 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
         return
     present, missing = channels_found(recording, chosen)
     zero = zero_channels(recording, chosen)
+    autopilot = read_autopilot(recording)
+    wingless = [] if autopilot.has_wing else [wingless_sentence(autopilot.kind)]
     sentences = [
+        *wingless,
         *consequences_of_missing(missing),
+        *airspeed_remedy(missing),
         *consequence_of_zeros(zero, chosen.zero_is_missing),
     ]
     session.say(f"mapping {chosen.name}: {', '.join(present)}")
@@ -102,6 +110,7 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
     say_suspicions(session, findings["suspicions"])
     summary = {
         "channels": present,
+        "airframe": autopilot.kind or None,
         "missing": missing,
         "zero": list(zero),
         "prevents": sentences,
@@ -192,13 +201,15 @@ def ingest(
     start_reader({Path(name).suffix.lower() for name in log})
     start_confined()
     from aerodb.flows.flight import flight_flow
+    from aerodb.vehicle import parse_vehicle, placeholders
 
     session: Session = context.obj
     if name is not None and len(log) > 1:
         raise InputError(
             "one name for several logs", "--name", "ingest them one by one, or without --name"
         )
-    session.catalogue(create=True).vehicle(vehicle)
+    row = session.catalogue(create=True).vehicle(vehicle)
+    say_placeholders(session, placeholders(parse_vehicle(row.text, row.name)), f"vehicle {vehicle}")
     parameters = {
         "logs": log,
         "vehicle": vehicle,

@@ -1,7 +1,9 @@
 """``aerodb vehicle``: describe vehicles."""
 
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,10 +16,17 @@ app = typer.Typer(
 
 
 @app.command()
-def init(context: typer.Context, name: str) -> None:
-    """Write a commented vehicle file to fill in.
+def init(
+    context: typer.Context,
+    name: str,
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="A PX4 log: its surfaces, airframe and rates are filled in."),
+    ] = None,
+) -> None:
+    """Write a commented vehicle file to fill in; what a log states is taken from it.
 
-    Example: aerodb vehicle init my-glider
+    Example: aerodb vehicle init my-glider --from flight.ulg
     """
     from aerodb.storage.encoding import VEHICLE_NAME, checked
     from aerodb.vehicle import vehicle_template
@@ -29,9 +38,48 @@ def init(context: typer.Context, name: str) -> None:
         raise InputError(
             "the file exists already", str(path), "move it away, or choose another name"
         )
-    path.write_text(vehicle_template(name), encoding="utf-8")
+    text, filled = (
+        (vehicle_template(name), {}) if source is None else _from_log(session, name, source)
+    )
+    path.write_text(text, encoding="utf-8")
+    if filled:
+        session.say(f"{filled['airframe'] or 'airframe unknown'}: {', '.join(filled['surfaces'])}")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
-    session.answer({"file": str(path)})
+    session.answer({"file": str(path), **filled})
+
+
+def _from_log(session: Session, name: str, source: Path) -> tuple[str, dict[str, Any]]:
+    """The text of a vehicle file from a log, and what was found in it."""
+    from aerodb.logs import draft_vehicle, read_autopilot
+    from aerodb.storage.readers import parsed_log
+    from aerodb.storage.workspace_settings import load_settings
+
+    if not source.is_file():
+        raise InputError("no such file", str(source), "check the path")
+    limits = load_settings(session.root).limits
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        parsed_log(source, Path(folder) / "topics", limits) as parsed,
+    ):
+        autopilot = read_autopilot(parsed.recording)
+        if not autopilot.has_wing:
+            raise InputError(
+                f"the log is of a {autopilot.kind}, which has no wing that a database describes",
+                str(source),
+                "use the log of an aircraft with wings; or write the file without --from",
+            )
+        if not (autopilot.kind or autopilot.surfaces):
+            raise InputError(
+                "the log has no parameters of an autopilot",
+                str(source),
+                "--from reads PX4 logs; write the file without it, and fill it in",
+            )
+        filled = {
+            "airframe": autopilot.kind,
+            "surfaces": [surface.name for surface in autopilot.surfaces],
+            "airspeeds": dict(autopilot.airspeeds),
+        }
+        return draft_vehicle(name, parsed.recording, autopilot), filled
 
 
 @app.command()
@@ -43,7 +91,7 @@ def add(
     Example: aerodb vehicle add my-glider.toml
     """
     from aerodb.tasks.actors import require_role
-    from aerodb.vehicle import parse_vehicle
+    from aerodb.vehicle import parse_vehicle, placeholders
 
     session: Session = context.obj
     text = read_text(file)
@@ -52,7 +100,15 @@ def add(
     require_role(session.workspace(), catalogue, "ingest", "adding a vehicle")
     row = catalogue.add_vehicle(vehicle.name, text)
     session.say(f"vehicle {row.name} stored ({row.sha256[:12]})")
-    session.answer({"vehicle": row.name, "sha256": row.sha256})
+    left = placeholders(vehicle)
+    say_placeholders(session, left, file.name)
+    session.answer({"vehicle": row.name, "sha256": row.sha256, "placeholders": list(left)})
+
+
+def say_placeholders(session: Session, left: Sequence[str], where: str) -> None:
+    """Warn of a vehicle's values that are still the template's."""
+    for each in left:
+        session.say(f"WARNING: {where}: {each} is the template's placeholder, not your aircraft's")
 
 
 @app.command("list")

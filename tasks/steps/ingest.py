@@ -15,7 +15,14 @@ from aerodb.conditioning import (
 )
 from aerodb.errors import CalculationError, InputError, StoreError, failing_alone
 from aerodb.flight import Flight
-from aerodb.logs import Mapping, choose_mapping, map_recording
+from aerodb.logs import (
+    Mapping,
+    airspeed_remedy,
+    choose_mapping,
+    map_recording,
+    read_autopilot,
+    wingless_sentence,
+)
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space
@@ -266,11 +273,13 @@ def _mapped(
         what = (
             "no axis can be computed: dynamic pressure with specific force or body rates is needed"
         )
-        raise InputError(
-            what,
-            recording.source,
-            f"aerodb log inspect shows what mapping {mapping.name} finds in it",
-        )
+        remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
+        kind = read_autopilot(recording)
+        if not kind.has_wing:
+            what += f"; {wingless_sentence(kind.kind)}"
+        elif "qbar" not in flight:
+            remedy = "; ".join([remedy, *airspeed_remedy(("qbar", "V"))])
+        raise InputError(what, recording.source, remedy)
     return flag_unusable(flight)
 
 

@@ -1,0 +1,229 @@
+"""What a PX4 log says of its aircraft: kind, control surfaces, airspeeds, positions of sensors.
+
+Parameters: docs.px4.io, "Parameter Reference" (CA_AIRFRAME, CA_SV_CS*_TYPE, CA_SV_CS*_TRQ_*,
+FW_AIRSPD_*, EKF2_IMU_POS_*, SENS_BOARD_ROT, SYS_AUTOSTART) and MAVLink's MAV_TYPE. In PX4 a
+positive command turns a horizontal surface up and a rudder to the right ("Actuator Configuration");
+here trailing edge down and left are positive, so that scales are negative unless the torques say
+otherwise.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from aerodb.recording import Recording
+
+_AIRFRAMES: Final = {
+    0: "multicopter",
+    1: "fixed wing",
+    2: "standard VTOL",
+    3: "tiltrotor VTOL",
+    4: "tailsitter VTOL",
+    5: "rover",
+    6: "rover",
+    7: "multicopter",
+    8: "multicopter",
+    10: "helicopter",
+    11: "helicopter",
+    12: "helicopter",
+}
+#: MAV_TYPE of MAVLink.
+_TYPES: Final = {
+    1: "fixed wing",
+    2: "quadrotor",
+    3: "helicopter",
+    4: "helicopter",
+    10: "rover",
+    11: "boat",
+    12: "submarine",
+    13: "hexarotor",
+    14: "octorotor",
+    15: "tricopter",
+    **dict.fromkeys(range(19, 26), "VTOL"),
+    29: "dodecarotor",
+    35: "decarotor",
+}
+#: Kinds without a wing: nothing here describes what their rotors do.
+WINGLESS: Final = frozenset(
+    [
+        *("multicopter", "quadrotor", "hexarotor", "octorotor", "tricopter", "dodecarotor"),
+        *("decarotor", "helicopter", "rover", "boat", "submarine"),
+    ]
+)
+#: CA_SV_CS*_TYPE -> surface, axis of its torque, and the sign of the torque of a deflection that is
+#: positive here; 0: the torque does not say.
+_SURFACES: Final = {
+    1: ("aileron_left", "R", 1),
+    2: ("aileron_right", "R", -1),
+    3: ("elevator", "P", -1),
+    4: ("rudder", "Y", -1),
+    5: ("elevon_left", "P", -1),
+    6: ("elevon_right", "P", -1),
+    7: ("vtail_left", "P", -1),
+    8: ("vtail_right", "P", -1),
+    9: ("flap_left", "P", 0),
+    10: ("flap_right", "P", 0),
+    11: ("airbrake", "P", 0),
+    13: ("atail_left", "P", -1),
+    14: ("atail_right", "P", -1),
+    15: ("aileron", "R", -1),
+    17: ("spoiler_left", "P", 0),
+    18: ("spoiler_right", "P", 0),
+}
+_PAIRS: Final = {
+    "aileron": (("aileron", "asymmetric"),),
+    "elevon": (("elevator", "symmetric"), ("aileron", "asymmetric")),
+    "vtail": (("elevator", "symmetric"), ("rudder", "asymmetric")),
+    "atail": (("elevator", "symmetric"), ("rudder", "asymmetric")),
+    "flap": (("flap", "symmetric"),),
+    "spoiler": (("spoiler", "symmetric"),),
+}
+
+
+@dataclass(frozen=True)
+class LoggedSurface:
+    """A control surface as the autopilot commands it.
+
+    sign : of the deflection that a positive command gives, here. stated : whether the autopilot's
+    torques say so. topic, field : of the command; '' where the mapping knows them.
+    """
+
+    name: str
+    sign: int
+    stated: bool
+    topic: str = ""
+    field: str = ""
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """What a log says of its aircraft.
+
+    kind : in words; '' where it does not say. airspeeds : FW_AIRSPD_* [m/s]. combinations : name,
+    kind, right and left surface. points : imu and gps -> position from the CG [m], body axes.
+    notes : further parameters, one sentence each.
+    """
+
+    kind: str
+    surfaces: tuple[LoggedSurface, ...]
+    combinations: tuple[tuple[str, str, str, str], ...]
+    airspeeds: Mapping[str, float]
+    points: Mapping[str, tuple[float, float, float]]
+    notes: tuple[str, ...]
+
+    @property
+    def has_wing(self) -> bool:
+        """False for what flies or drives without a wing; True also where the log does not say."""
+        return self.kind not in WINGLESS
+
+
+def wingless_sentence(kind: str) -> str:
+    """Return what it means that a log is of an aircraft without wings."""
+    return f"the log is of a {kind}: without a wing there is no database to compare it with"
+
+
+def read_autopilot(recording: Recording) -> Autopilot:
+    """Return what the parameters of a PX4 log say; empty for a log without parameters."""
+    known = {
+        key.removeprefix("param:"): value
+        for key, value in recording.metadata.items()
+        if key.startswith("param:")
+    }
+    surfaces = _allocated(known, recording) or _controls(recording, _kind(known))
+    return Autopilot(
+        kind=_kind(known),
+        surfaces=surfaces,
+        combinations=_combinations({surface.name for surface in surfaces}),
+        airspeeds={
+            name: float(known[f"FW_AIRSPD_{name}"])
+            for name in ("STALL", "MIN", "TRIM", "MAX")
+            if f"FW_AIRSPD_{name}" in known
+        },
+        points=_points(known),
+        notes=_notes(known),
+    )
+
+
+def _kind(known: Mapping[str, Any]) -> str:
+    of_type = _TYPES.get(int(known.get("MAV_TYPE", -1)), "")
+    airframe = _AIRFRAMES.get(int(known.get("CA_AIRFRAME", -1)), "")
+    if airframe == "multicopter" and of_type:
+        return of_type  # CA_AIRFRAME is 0 also where nobody set it
+    return airframe or of_type
+
+
+def _allocated(known: Mapping[str, Any], recording: Recording) -> tuple[LoggedSurface, ...]:
+    """Surfaces of the control allocator (v1.13 and later), in the order of its servos."""
+    found, taken = [], set()
+    for k in range(int(known.get("CA_SV_CS_COUNT", 0))):
+        name, axis, sign = _SURFACES.get(int(known.get(f"CA_SV_CS{k}_TYPE", 0)), ("", "R", 0))
+        name = name if name and name not in taken else f"{name or 'surface'}_{k}"
+        taken.add(name)
+        torque = float(known.get(f"CA_SV_CS{k}_TRQ_{axis}", 0.0)) * sign
+        stated = torque != 0.0
+        is_logged = f"control[{k}]" in _fields(recording, "actuator_servos")
+        found.append(
+            LoggedSurface(
+                name,
+                (1 if torque > 0 else -1) if stated else -1,
+                stated,
+                "actuator_servos" if is_logged else "",
+                f"control[{k}]" if is_logged else "",
+            )
+        )
+    return tuple(found)
+
+
+def _controls(recording: Recording, kind: str) -> tuple[LoggedSurface, ...]:
+    """Surfaces of former releases: what the mixer was asked for about roll, pitch and yaw.
+
+    A VTOL asks its wing in the second group.
+    """
+    topic = "actuator_controls_1" if "VTOL" in kind else "actuator_controls_0"
+    if "control[2]" not in _fields(recording, topic):
+        return ()
+    return tuple(
+        LoggedSurface(name, -1, False, topic, f"control[{k}]")
+        for k, name in enumerate(("aileron", "elevator", "rudder"))
+    )
+
+
+def _fields(recording: Recording, topic: str) -> tuple[str, ...]:
+    found = recording.topics.get(topic)
+    return tuple(found.fields) if found is not None else ()
+
+
+def _combinations(names: set[str]) -> tuple[tuple[str, str, str, str], ...]:
+    found: dict[str, tuple[str, str, str, str]] = {}
+    for pair, combined_of in _PAIRS.items():
+        right, left = f"{pair}_right", f"{pair}_left"
+        for combined, kind in combined_of if {right, left} <= names else ():
+            if combined not in names:
+                found.setdefault(combined, (combined, kind, right, left))
+    return tuple(found.values())
+
+
+def _points(known: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
+    found = {}
+    for name in ("IMU", "GPS"):
+        x, y, z = (float(known.get(f"EKF2_{name}_POS_{axis}", 0.0)) for axis in "XYZ")
+        if (x, y, z) != (0.0, 0.0, 0.0):
+            found[name.lower()] = (x, y, z)
+    return found
+
+
+def _notes(known: Mapping[str, Any]) -> tuple[str, ...]:
+    notes = []
+    if "SYS_AUTOSTART" in known:
+        notes.append(f"SYS_AUTOSTART {int(known['SYS_AUTOSTART'])} (airframe reference of PX4)")
+    if int(known.get("SENS_BOARD_ROT", 0)):
+        turned = int(known["SENS_BOARD_ROT"])
+        notes.append(f"SENS_BOARD_ROT {turned}: the board is turned; the log is in body axes")
+    offsets = [float(known.get(f"SENS_BOARD_{axis}_OFF", 0.0)) for axis in "XYZ"]
+    if any(offsets):
+        shown = ", ".join(f"{value:.2f}" for value in offsets)
+        notes.append(f"SENS_BOARD_*_OFF {shown} deg: fine rotation, in the log already")
+    if "ASPD_SCALE_1" in known or "ASPD_SCALE" in known:
+        scale = float(known.get("ASPD_SCALE_1", known.get("ASPD_SCALE", 1.0)))
+        notes.append(f"airspeed scale {scale:g}: of indicated to calibrated airspeed, in the log")
+    return tuple(notes)
