@@ -11,9 +11,10 @@ from .conversion import (
 from .equations import no_database
 from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
+from .identification_flight import IdentificationFlight
 from .methods import METHODS, REGRESSION, Method, chosen_methods
 from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
-from .problem import IdentificationFlight, fits_of
+from .problem import fits_of
 
 __all__ = [
     "METHODS",

@@ -7,12 +7,15 @@ from typing import Final
 import numpy as np
 
 from aerodb.estimation import Fit, ParameterEstimate
+from aerodb.identification.methods import METHODS
 
 #: Methods agree where their estimates differ by no more than this many standard errors.
 _AGREE: Final = 2.0
 #: Least share of the estimates of a method with the standing ``estimated`` for it to be believed
 #: before another one.
 _STANDING: Final = 0.5
+#: Least fit [%] of an output that a flown model follows.
+_FOLLOWED: Final = 80.0
 
 
 @dataclass(frozen=True)
@@ -84,8 +87,9 @@ def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreeme
 
 
 def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, ...]]:
-    """The method to believe: converged, with most of its parameters estimated; of those a fit says
-    is preferred to another, the preferred one; else the first."""
+    """The method to believe, and why: of those that converged with most of their parameters
+    estimated, one that flies the model and follows each output, because noise of the measured
+    motion does not bias it; else the first."""
     reasons: list[str] = []
     standing: list[str] = []
     for method, each in fits.items():
@@ -99,4 +103,25 @@ def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, 
             standing.append(method)
     if not standing:
         return None, (*reasons, "no method gives an answer to believe")
+    for method in standing:
+        if METHODS[method].kind == "dynamic":
+            worst = _least_followed(fits[method])
+            if worst is None or worst[1] >= _FOLLOWED:
+                reasons.append(
+                    f"{method} flies the model and follows every output: noise of the measured"
+                    " motion does not bias it as it does equation error"
+                )
+                return method, tuple(reasons)
+            reasons.append(f"{method} follows {worst[0]} by {worst[1]:.0f} % only")
     return standing[0], tuple(reasons)
+
+
+def _least_followed(fits: Sequence[Fit]) -> tuple[str, float] | None:
+    """The output with the smallest median of Theil's fit over the records, and that fit [%]."""
+    found: dict[str, list[float]] = {}
+    for fit in fits:
+        for outputs in fit.theil.values():
+            for output, theil in outputs.items():
+                found.setdefault(output, []).append(theil.fit_percent)
+    medians = {output: float(np.median(values)) for output, values in found.items()}
+    return min(medians.items(), key=lambda item: item[1]) if medians else None

@@ -8,8 +8,9 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.estimation import Fit
 from aerodb.identification.equations import parameter_name
+from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
-from aerodb.identification.problem import IdentificationFlight, fits_of
+from aerodb.identification.problem import fits_of
 from aerodb.increments import (
     AxisUpdate,
     ConsiderParameter,

@@ -72,6 +72,7 @@ _METHODS = (
         ("aerodb.estimation.stepwise", "orthogonal_functions"),
         display=True,
     ),
+    Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
 )
 
 #: Name -> method, in the order in which they are tried and printed.

@@ -1,34 +1,14 @@
-"""Flights as methods take them, and a method's fits over all declared increments."""
+"""A method's fits over all declared increments."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from aerodb.coefficients import Coefficients, Comparison
 from aerodb.estimation import Fit
-from aerodb.flight import Flight
 from aerodb.identification.equations import axis_equations
+from aerodb.identification.flown import flown_problem, with_names
+from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.increments import ModelFile
 from aerodb.tables import AeroDatabase
-from aerodb.vehicle import Vehicle
-
-
-@dataclass(frozen=True, eq=False)
-class IdentificationFlight:
-    """A consistent flight with what the methods need of it.
-
-    Parameters
-    ----------
-    comparison : with the database that the increments are declared on.
-    coefficients : of the flight, in the vehicle's geometry.
-    windows : stretches that dynamic methods fly, from and to [s] from the first sample.
-    """
-
-    flight: Flight
-    comparison: Comparison
-    coefficients: Coefficients
-    vehicle: Vehicle
-    windows: tuple[tuple[float, float], ...]
 
 
 def fits_of(
@@ -37,11 +17,15 @@ def fits_of(
     model: ModelFile,
     database: AeroDatabase,
 ) -> list[Fit]:
-    """Fits of a method over all declared increments: one per axis of equation error, or one.
+    """Fits of a method over all declared increments: one per axis of equation error, or one of the
+    flights flown.
 
     Raises InputError where the method cannot give any.
     """
     function = method.load()
+    if method.kind == "dynamic":
+        dynamics, records, named = flown_problem(flights, model, database)
+        return [with_names(function(dynamics, records), named)]
     equations = axis_equations(
         [f.flight for f in flights], [f.comparison for f in flights], model, database
     )

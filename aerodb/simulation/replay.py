@@ -113,8 +113,10 @@ def stretch_of(
     if "temperature" in flight:
         warm = _bridged(flight, "temperature", whole, where)
         series["temperature_offset"] = warm - air.temperature
-    unknown: list[str] = []
-    loads = thrust_loads(flight, vehicle.thrust, cg_positions(flight, vehicle), unknown)
+    unknown = vehicle.thrust.source == "unknown"
+    said: list[str] = []
+    loads = thrust_loads(flight, vehicle.thrust, cg_positions(flight, vehicle), said)
+    notes += [] if unknown else said
     for kind, values in zip(("force", "moment"), loads, strict=True):
         series |= {f"{kind}_{axis}": values[whole, j] for j, axis in enumerate("xyz")}
     flown = _responses(flight, coefficients, vehicle, whole, series)

@@ -9,6 +9,9 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.vehicles import read_text
 
+#: Parameters of single records, which only the report lists.
+_OF_RECORDS = ("initial_", "bias_")
+
 
 def estimate(
     context: typer.Context,
@@ -86,13 +89,14 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
                 *([_spread(row)] if several else []),
             ]
             for row in document["parameters"]
+            if not row["parameter"].startswith(_OF_RECORDS)
         ],
         numbers=tuple(range(1, len(names) + 1 + several)),
     )
     session.say("value +- standard error; spread: largest difference in standard errors")
     session.say()
     for entry in given:
-        session.say(f"{entry['method']} assumes that {'; that '.join(entry['assumes'])}")
+        session.say(f"{entry['method']} assumes: {' '.join(entry['assumes'])}")
         for note in entry["notes"]:
             session.say(f"- {note}")
     session.say()
