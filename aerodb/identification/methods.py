@@ -73,6 +73,7 @@ _METHODS = (
         display=True,
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
+    Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
 )
 
 #: Name -> method, in the order in which they are tried and printed.
