@@ -11,6 +11,8 @@ from aerodb.flows.cli.vehicles import read_text
 
 #: Parameters of single records, which only the report lists.
 _OF_RECORDS = ("initial_", "bias_")
+#: Most methods that are printed beside each other.
+_SIDE_BY_SIDE = 4
 
 
 def estimate(
@@ -80,19 +82,22 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
         return
     names = [entry["method"] for entry in given]
     several = len(names) > 1
-    session.table(
-        ["parameter", *names, *(["spread"] if several else [])],
-        [
+    rows = [row for row in document["parameters"] if not row["parameter"].startswith(_OF_RECORDS)]
+    if len(names) > _SIDE_BY_SIDE:
+        _print_long(session, rows, names)
+    else:
+        session.table(
+            ["parameter", *names, *(["spread"] if several else [])],
             [
-                row["parameter"],
-                *(_cell(row["estimates"].get(name)) for name in names),
-                *([_spread(row)] if several else []),
-            ]
-            for row in document["parameters"]
-            if not row["parameter"].startswith(_OF_RECORDS)
-        ],
-        numbers=tuple(range(1, len(names) + 1 + several)),
-    )
+                [
+                    row["parameter"],
+                    *(_cell(row["estimates"].get(name)) for name in names),
+                    *([_spread(row)] if several else []),
+                ]
+                for row in rows
+            ],
+            numbers=tuple(range(1, len(names) + 1 + several)),
+        )
     session.say("value +- standard error; spread: largest difference in standard errors")
     session.say()
     for entry in given:
@@ -104,6 +109,16 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
         session.say(f"- {reason}")
     if several and document["believe"]:
         session.say(f"believe here: {document['believe']}")
+
+
+def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
+    """One line per parameter and method: more methods than fit beside each other."""
+    lines = []
+    for row in rows:
+        for k, name in enumerate(name for name in names if name in row["estimates"]):
+            first = [row["parameter"], _spread(row)] if k == 0 else ["", ""]
+            lines.append([first[0], name, _cell(row["estimates"][name]), first[1]])
+    session.table(["parameter", "method", "estimate", "spread"], lines, numbers=(3,))
 
 
 def _cell(entry: dict[str, Any] | None) -> str:
