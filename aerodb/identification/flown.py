@@ -120,8 +120,8 @@ def _supporting(
 ) -> tuple[Increment, ...]:
     """Least-squares increments on the axes on which neither the database nor the model file has
     any."""
-    filled = {body for term in (*database.terms, *database.increments)
-              for body in _BODY.get(term.axis, (term.axis,))}  # fmt: skip
+    axes = [*(term.axis for term in database.terms), *(i.axis for i in database.increments)]
+    filled = {body for axis in axes for body in _BODY.get(axis, (axis,))}
     found: list[Increment] = []
     for axis, terms in _SUPPORT.items():
         if axis in filled | declared:
