@@ -43,6 +43,10 @@ Models that are integrated:
    says what each estimate is worth.
 3. An unstable motion (`instability`) needs `stabilised` or `multiple_shooting`.
 
+Start values: `subspace` identifies a linear model of records without any, and says how its order
+came about; `start_values` turns it into those of a declared `StateSpace`, which `output_error` does
+where all of them are zero.
+
 `ordinary_least_squares` holds the fit, `statistics` the error measures, `finite_fourier` the
 transforms, `linear_solution` what estimates are worth.
 """

@@ -1,6 +1,7 @@
 """Output error: the parameters whose simulated outputs are most likely, given what was measured."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from aerodb.estimation.instability import instability
 from aerodb.estimation.likelihood import Covariance, coloured_information
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.standing import standings
+from aerodb.estimation.start_values import with_start_values
+from aerodb.estimation.state_space import StateSpace
 from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
@@ -43,6 +46,7 @@ def output_error(
 
     Parameters
     ----------
+    model : a linear one whose start values are all zero gets some by subspace identification.
     records : with the model's outputs; a sample that is NaN is left out.
     covariance : of the measurement noise: diagonal, or full with correlation between outputs.
 
@@ -59,10 +63,25 @@ def output_error(
     Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997.
     """
     checked_records(model, records, "output error")
+    model, notes = _started(model, records)
     solution = search(model, records, covariance, most_iterations)
     assumes = (*ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
     unstable = instability(model, records, solution.vector, SINGULAR**-0.5)
-    return fit_of("output-error", model, records, solution, assumes, unstable)
+    fit = fit_of("output-error", model, records, solution, assumes, unstable)
+    return replace(fit, notes=(*fit.notes, *notes))
+
+
+def _started(
+    model: DynamicModel, records: Sequence[TimeHistory]
+) -> tuple[DynamicModel, tuple[str, ...]]:
+    """A linear model whose start values are all zero, with some from the records, and how."""
+    if not isinstance(model, StateSpace) or model.parameters.start().any():
+        return model, ()
+    try:
+        started = with_start_values(model, records)
+    except InputError as error:
+        return model, (f"The search began at zero: {error.what}.",)
+    return started, ("The search began at values from subspace identification.",)
 
 
 def checked_records(model: DynamicModel, records: Sequence[TimeHistory], where: str) -> None:

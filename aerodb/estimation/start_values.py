@@ -1,0 +1,99 @@
+"""Start values for linear models without any, from a subspace model of the same records."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation.state_space import StateSpace
+from aerodb.estimation.subspace import LinearIdentified, identified_linear_model, path
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+
+def with_start_values(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
+    """The model with start values for its unknown parameters, from a subspace model of its states.
+
+    Every state must be an output of its name. Along the smooth paths of the subspace model the
+    model's own equations are linear in the parameters, and are solved by least squares; parameters
+    that stand in none of them, or that bounds hold, keep their start values.
+
+    Raises InputError as `identified_linear_model`, and for a state that is no output.
+    """
+    lacking = [name for name in model.states if name not in model.outputs]
+    if lacking:
+        raise InputError(
+            f"state {lacking[0]} is no output",
+            "start values",
+            nearest(lacking[0], model.outputs),
+        )
+    found = identified_linear_model(
+        records, model.inputs, model.states, order=len(model.states), states=model.states
+    )
+    unknown = [item.name for item in model.parameters.unknown]
+    blocks, responses = _equations(model, records, found, unknown)
+    # Constants of each record first: trim and biases are no part of the derivatives.
+    about = [(x - x.mean(axis=0)).reshape(-1, len(unknown)) for x in blocks]
+    varying = [(z - z.mean(axis=0)).ravel() for z in responses]
+    solved = _solved(np.concatenate(about), np.concatenate(varying))
+    used = np.isfinite(solved)
+    known = np.where(used, solved, 0.0)
+    steady = [x.mean(axis=0)[:, ~used] for x in blocks]
+    left = [(z - x @ known).mean(axis=0) for x, z in zip(blocks, responses, strict=True)]
+    solved[~used] = _solved(np.concatenate(steady), np.concatenate(left))
+    used = np.isfinite(solved)
+    starts = dict(zip(np.array(unknown)[used].tolist(), solved[used].tolist(), strict=True))
+    inside = {
+        item.name: float(np.clip(starts[item.name], item.lower, item.upper))
+        for item in model.parameters.unknown
+        if item.name in starts
+    }
+    return replace(model, parameters=model.parameters.changed(inside))
+
+
+def _solved(matrix: Array, response: Array) -> Array:
+    """Least squares (g,); NaN for columns of zeros."""
+    solved, scale = np.full(matrix.shape[1], np.nan), np.linalg.norm(matrix, axis=0)
+    used = scale > 1e-9 * scale.max(initial=1e-300)
+    if used.any():
+        size = scale[used]
+        solved[used] = np.linalg.lstsq(matrix[:, used] / size, response, rcond=1e-8)[0] / size
+    return solved
+
+
+def _equations(
+    model: StateSpace,
+    records: Sequence[TimeHistory],
+    found: LinearIdentified,
+    unknown: Sequence[str],
+) -> tuple[list[Array], list[Array]]:
+    """The model's state equations along the paths of the subspace model: for each record the
+    columns (n, s, g) of the unknown parameters, and what the known entries leave (n, s). Each row
+    is scaled by the spread of its rate."""
+    column = {name: j for j, name in enumerate(unknown)}
+    matrices: list[Array] = []
+    responses: list[Array] = []
+    known = model.parameters.values(np.zeros(len(unknown)))
+    tied = {item.name: item.tied for item in model.parameters.items if item.tied is not None}
+    for record in records:
+        inputs = np.column_stack([record.inputs[name] for name in model.inputs])
+        deviation, rate = path(found, record)
+        states = deviation + found.offset[record.name]
+        weight = 1.0 / np.maximum(rate.std(axis=0), 1e-300)
+        wide = np.zeros((*rate.shape, len(unknown)))
+        left = rate.copy()
+        ones = np.ones((len(inputs), 1))
+        for part, series in ((model.a, states), (model.b, inputs), (model.state_bias, ones)):
+            left -= series @ part.constant.T
+            for name, slope in part.slopes.items():
+                special = f"{name}[{record.name}]"
+                own = special if special in model.parameters.names else name
+                target, factor = tied.get(own, (own, 1.0))
+                if target in column:
+                    wide[:, :, column[target]] += factor * (series @ slope.T)
+                else:
+                    left -= float(known[own]) * (series @ slope.T)
+        matrices.append(wide * weight[:, None])
+        responses.append(left * weight)
+    return matrices, responses
