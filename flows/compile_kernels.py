@@ -9,6 +9,7 @@ which every process would spend that starts before the code is there.
 import numpy as np
 
 from aerodb.consistency import make_consistent
+from aerodb.estimation import Parameter, Parameters, TimeHistory, state_space
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
@@ -33,6 +34,10 @@ def compile_kernels() -> None:
     body = {"mass": 100.0, "Ixx": 100.0, "Iyy": 200.0, "Izz": 300.0}
     still = dict.fromkeys(model.inputs, 0.0)
     simulate(model, flight.time[:2], {"V": 60.0, "altitude": 1000.0}, {**body, **still})
+    rate = Parameters((Parameter("rate", -1.0),))
+    linear = state_space(["x"], ["u"], ["x"], rate, a=[["rate"]], b=[[1.0]], c=[[1.0]])
+    record = TimeHistory("any", flight.time, {"u": flight.time}, {"x": flight.time})
+    linear.derivatives(rate.values(rate.start()), record, rate.names)
 
 
 def _flight(vehicle: str) -> Flight:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,8 +37,20 @@ class AffineMatrix:
 
     def at(self, values: Values) -> Array:
         """The matrix (k, r, c) for k sets of parameters; k is 1 where every value is a number."""
-        parts = [np.atleast_1d(values[name])[:, None, None] * m for name, m in self.slopes.items()]
-        return np.asarray(sum(parts, self.constant[None]))
+        if not self.slopes:
+            return self.constant[None]
+        each = [values[name] for name in self.slopes]
+        if all(np.ndim(value) == 0 for value in each):
+            sizes = np.array(each)[:, None]
+        else:
+            sizes = np.stack(np.broadcast_arrays(*(np.atleast_1d(value) for value in each)))
+        moved = sizes.T @ self._stacked
+        return self.constant + moved.reshape(len(moved), *self.constant.shape)
+
+    @cached_property
+    def _stacked(self) -> Array:
+        """Slopes of all parameters, (p, r c)."""
+        return np.stack([matrix.ravel() for matrix in self.slopes.values()])
 
     def slope(self, name: str) -> Array:
         """Derivative (r, c) with respect to a parameter."""

@@ -19,7 +19,7 @@ from aerodb.estimation.likelihood import (
     normal_equations,
 )
 from aerodb.estimation.parameters import Parameters, bounds_of, priors_of
-from aerodb.estimation.sensitivities import Differentiable, Response, first_steps, respond
+from aerodb.estimation.sensitivities import Response, differentiable, first_steps, respond
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array, Mask, in_threads
 
@@ -71,6 +71,7 @@ class _Search:
     ) -> None:
         self.model, self.histories, self.kind = model, tuple(records), covariance
         self.parameters: Parameters = model.parameters
+        self.quick = differentiable(model)  # threads would take longer to start
         self.lower, self.upper = bounds_of(self.parameters.unknown)
         self.prior, self.prior_error = priors_of(self.parameters.unknown)
         self.records = tuple(measured(record.stacked(model.outputs)) for record in records)
@@ -79,9 +80,22 @@ class _Search:
         def one(history: TimeHistory) -> Response:
             return respond(self.model, self.parameters, vector, history, steps)
 
-        quick = isinstance(self.model, Differentiable)  # threads would take longer to start
-        each = map(one, self.histories) if quick else in_threads(one, self.histories)
-        responses = tuple(each)
+        each = map(one, self.histories) if self.quick else in_threads(one, self.histories)
+        return self._state(vector, tuple(each))
+
+    def worse(self, vector: Array, cost: float) -> bool:
+        """Whether the outputs alone show that a step to `vector` raises the cost: derivatives that
+        would be thrown away are not computed."""
+        if not self.quick:
+            return False
+        values, none = self.parameters.values(vector), np.zeros(0)
+        responses = []
+        for history in self.histories:
+            outputs = self.model.simulated(values, history)[:, :, 0]
+            responses.append(Response(outputs, none, none.astype(np.int64), none, none))
+        return self._state(vector, tuple(responses)).cost > cost + 1e-9 * abs(cost)
+
+    def _state(self, vector: Array, responses: tuple[Response, ...]) -> _State:
         o = len(self.model.outputs)
         if not all(np.isfinite(r.outputs[m.mask]).all() for r, m in self._pairs(responses)):
             return _State(
@@ -130,16 +144,7 @@ def search(
     state = problem.at(vector, first_steps(vector))
     if not np.isfinite(state.cost):
         empty = no_equations(len(vector))
-        return Solution(
-            vector,
-            problem.records,
-            state.responses,
-            state.noise,
-            empty,
-            empty.information,
-            False,
-            0,
-        )
+        return _solution(problem, state, empty, empty.information, False, 0)
     normal, information, gradient = problem.equations(state)
     damping, iteration, converged, penalty = 0.0, 0, len(vector) == 0, 0.0
     while not converged and iteration < most_iterations and damping < _HEAVY:
@@ -152,20 +157,36 @@ def search(
         trial = np.clip(state.vector + step, problem.lower, problem.upper)
         step = trial - state.vector
         penalty = max(penalty, 2.0 * float(np.abs(multipliers).max(initial=0.0)))
-        after = problem.at(trial, problem.steps(trial, information))
         error = np.linalg.norm(projected(information, normal, go), axis=1)
         small = bool(np.all(np.abs(step[go]) <= _SMALL_STEP * error[go]))
+        converged = small and damping < _LIGHT and not len(normal.gaps)
+        if converged:
+            break
         before = state.cost + penalty * float(np.abs(normal.gaps).sum())
-        now = after.cost + penalty * _gap(after.responses)
+        after, now = state, np.inf
+        if damping == 0.0 or not problem.worse(trial, before):
+            after = problem.at(trial, problem.steps(trial, information))
+            now = after.cost + penalty * _gap(after.responses)
         if now <= before + 1e-9 * abs(before) or (small and damping < _LIGHT and now < np.inf):
             converged = small and damping < _LIGHT
             state = after
             normal, information, gradient = problem.equations(state)
-            damping = 0.0 if damping < 0.01 else damping / 8.0
+            damping = 0.0 if damping < 0.02 else damping / 5.0
         else:
             expected = 0.5 * float(gradient @ step)
             converged = damping > _LIGHT and 0.0 <= expected < _NO_GAIN and not len(normal.gaps)
-            damping = max(8.0 * damping, 0.02)
+            damping = max(10.0 * damping, 0.1)
+    return _solution(problem, state, normal, information, converged, iteration)
+
+
+def _solution(
+    problem: _Search,
+    state: _State,
+    normal: Normal,
+    information: Array,
+    converged: bool,
+    iterations: int,
+) -> Solution:
     return Solution(
         state.vector,
         problem.records,
@@ -174,7 +195,7 @@ def search(
         normal,
         information,
         converged,
-        iteration,
+        iterations,
     )
 
 

@@ -3,6 +3,7 @@ beforehand."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -74,12 +75,12 @@ class Parameters:
                     "a prior needs a value and a positive standard deviation", where, "state both"
                 )
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
         return tuple(item.name for item in self.items)
 
-    @property
+    @cached_property
     def unknown(self) -> tuple[Parameter, ...]:
         """The f parameters that are estimated: free ones that are tied to no other."""
         return tuple(item for item in self.items if item.free and item.tied is None)
@@ -111,6 +112,7 @@ class Parameters:
         whole = {**known, **tied}
         return {name: np.asarray(whole[name]) for name in self.names}
 
+    @cached_property
     def jacobian(self) -> Array:
         """Derivatives (p, f) of all p parameters with respect to the f unknown ones."""
         column = {item.name: j for j, item in enumerate(self.unknown)}

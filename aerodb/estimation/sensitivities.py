@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard
 
 import numpy as np
 
@@ -38,7 +38,6 @@ class Response:
     gap_slopes: Array
 
 
-@runtime_checkable
 class Differentiable(Protocol):
     """A model that knows the derivatives of its outputs."""
 
@@ -48,15 +47,13 @@ class Differentiable(Protocol):
         """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`."""
 
 
-@runtime_checkable
-class Approximated(Protocol):
+class Approximated(DynamicModel, Protocol):
     """A model with a cheaper rule of integration, from which derivatives are taken."""
 
     def approximated(self, values: Values, record: TimeHistory) -> Array:
         """As `simulated`, less accurate."""
 
 
-@runtime_checkable
 class Constrained(Protocol):
     """A model whose parameters are bound by equations (see `multiple_shooting`)."""
 
@@ -64,6 +61,19 @@ class Constrained(Protocol):
         self, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
     ) -> Response:
         """As `respond`."""
+
+
+def differentiable(model: object) -> TypeGuard[Differentiable]:
+    """Whether a model is `Differentiable`."""
+    return hasattr(model, "derivatives")
+
+
+def _approximated(model: object) -> TypeGuard[Approximated]:
+    return hasattr(model, "approximated")
+
+
+def _constrained(model: object) -> TypeGuard[Constrained]:
+    return hasattr(model, "responded")
 
 
 def acts_on(name: str, record: str) -> bool:
@@ -87,16 +97,18 @@ def respond(
 
     Derivatives are the model's own, or differences over `steps` (f,), all runs side by side.
     """
-    if isinstance(model, Constrained):
+    if _constrained(model):
         return model.responded(parameters, vector, record, steps)
     columns = acting(parameters, record.name)
     none = np.zeros(0), np.zeros((0, len(columns)))
-    if isinstance(model, Differentiable):
+    if differentiable(model):
         with np.errstate(all="ignore"):
             outputs, slopes = model.derivatives(parameters.values(vector), record, parameters.names)
-            slopes = slopes @ parameters.jacobian()[:, columns]
+            chain = parameters.jacobian[:, columns]
+            if not np.array_equal(chain, np.eye(len(chain))):
+                slopes = slopes @ chain
         return Response(outputs, slopes, columns, *none)
-    if isinstance(model, Approximated):
+    if _approximated(model):
         accurate = model.simulated(parameters.values(vector[:, None]), record)[:, :, 0]
         outputs, slopes = differences(
             lambda values: model.approximated(values, record), parameters, vector, columns, steps
@@ -111,7 +123,7 @@ def respond(
 
 def acting(parameters: Parameters, record: str) -> Integers:
     """Numbers (g,) of the unknowns that act on a record, themselves or by a parameter tied."""
-    matrix = parameters.jacobian()
+    matrix = parameters.jacobian
     on = np.array([acts_on(name, record) for name in parameters.names], dtype=bool)
     return np.flatnonzero((matrix[on] != 0.0).any(axis=0))
 

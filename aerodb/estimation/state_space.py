@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -53,6 +55,8 @@ class StateSpace:
             rows.append(
                 np.atleast_1d(values[name]) if name in values else np.array([_first(record, state)])
             )
+        if all(row.size == 1 for row in rows):
+            return np.array(rows).reshape(-1, 1)
         return np.stack(np.broadcast_arrays(*rows))
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
@@ -99,16 +103,8 @@ class StateSpace:
         b = _beside(self.b.at(own), self.state_bias.at(own))
         d = _beside(self.d.at(own), self.output_bias.at(own))[0]
         a, c = self.a.at(own), self.c.at(own)[0]
-        local = {self._own(name, record): name for name in self._entries()}
-        inside = [local.get(name, "") for name in names]
-        da = np.stack([self.a.slope(name) for name in inside])
-        db = np.stack(
-            [
-                np.concatenate([self.b.slope(name), self.state_bias.slope(name)], axis=1)
-                for name in inside
-            ]
-        )
-        phi, gamma, dphi, dgamma = _discrete_slopes(a[0], b[0], da, db, record.step)
+        da, db, direct = self._changes(names, record)
+        phi, gamma, dphi, dgamma = self._discrete_slopes(a[0], b[0], da, db, record.step)
         start = np.zeros((len(self.states), len(names) + 1))
         start[:, :1] = self.initial_state(values, record)
         firsts = [self._own(f"initial_{state}", record) for state in self.states]
@@ -124,25 +120,61 @@ class StateSpace:
         )
         path = np.ascontiguousarray(states[:, 0])
         outputs = path @ c.T + driving @ d.T
-        slopes = np.ascontiguousarray(np.swapaxes(states[:, 1:] @ c.T, 1, 2))
-        for column, name in enumerate(inside):
-            if name in self.c.slopes:
-                slopes[:, :, column] += path @ self.c.slopes[name].T
-            for matrix, part in ((self.d, driving[:, :-1]), (self.output_bias, driving[:, -1:])):
-                if name in matrix.slopes:
-                    slopes[:, :, column] += part @ matrix.slopes[name].T
-        return outputs, slopes
+        slopes = states[:, 1:] @ c.T
+        if direct.any():
+            slopes += (np.hstack([path, driving]) @ direct).reshape(slopes.shape)
+        return outputs, np.swapaxes(slopes, 1, 2)
 
-    def _entries(self) -> list[str]:
+    def _discrete_slopes(
+        self, a: Array, b: Array, da: Array, db: Array, step: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """As the function; records with the same parameters share the last result."""
+        key = (a.tobytes(), b.tobytes(), da.tobytes(), db.tobytes(), round(step, 9))
+        if self._last.get("key") != key:
+            self._last.update(key=key, found=_discrete_slopes(a, b, da, db, step))
+        found: tuple[Array, Array, Array, Array] = self._last["found"]
+        return found
+
+    @cached_property
+    def _last(self) -> dict[str, Any]:
+        return {}
+
+    @cached_property
+    def _entries(self) -> tuple[str, ...]:
         matrices = (self.a, self.b, self.c, self.d, self.state_bias, self.output_bias)
-        return [*dict.fromkeys(name for matrix in matrices for name in matrix.slopes)]
+        return tuple(dict.fromkeys(name for matrix in matrices for name in matrix.slopes))
+
+    @cached_property
+    def _known(self) -> frozenset[str]:
+        return frozenset(self.parameters.names)
 
     def _own(self, name: str, record: TimeHistory) -> str:
         special = f"{name}[{record.name}]"
-        return special if special in self.parameters.names else name
+        return special if special in self._known else name
 
     def _local(self, values: Values, record: TimeHistory) -> dict[str, Array]:
-        return {name: values[self._own(name, record)] for name in self._entries()}
+        return {name: values[self._own(name, record)] for name in self._entries}
+
+    def _changes(self, names: Sequence[str], record: TimeHistory) -> tuple[Array, Array, Array]:
+        """Derivatives of A (g, s, s), of B beside the bias (g, s, m + 1), and of all that gives the
+        outputs, transposed, (s + m + 1, g o), with respect to parameters in this record."""
+        key = (tuple(names), record.name)
+        if key not in self._remembered:
+            local = {self._own(name, record): name for name in self._entries}
+            inside = [local.get(name, "") for name in names]
+            rows = [
+                np.hstack([m.slope(n) for m in (self.c, self.d, self.output_bias)]) for n in inside
+            ]
+            self._remembered[key] = (
+                np.stack([self.a.slope(n) for n in inside]),
+                np.stack([np.hstack([self.b.slope(n), self.state_bias.slope(n)]) for n in inside]),
+                np.concatenate(rows).T,
+            )
+        return self._remembered[key]
+
+    @cached_property
+    def _remembered(self) -> dict[tuple[tuple[str, ...], str], tuple[Array, Array, Array]]:
+        return {}
 
     def _driving(self, record: TimeHistory) -> Array:
         """Inputs and a column of ones, (n, m + 1)."""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.closed_loop import closed_loop
+from tests.bench.estimation import estimation
 from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
 from tests.bench.record import RECORD, append
 from tests.bench.running import running
@@ -295,6 +296,7 @@ PARTS = (
     "flight",
     "loop",
     "simulation",
+    "estimation",
     "running",
 )
 
@@ -341,6 +343,8 @@ def main() -> None:
             figures |= closed_loop(folder, measure)
         if "simulation" in options.only:
             figures |= simulation()
+        if "estimation" in options.only:
+            figures |= estimation(_measured_data())
         if "running" in options.only:
             running(folder, tuple(options.stored))
     if figures and not options.no_record:

@@ -23,6 +23,8 @@ COLUMNS = {
     "reconstruction, installed [s]": "installed",
     "simulation, one run": "one run",
     "simulation, 64 runs": "64 runs",
+    "output error, ATTAS": "output error",
+    "output error, 6 degrees [s]": "six degrees",
 }
 
 
