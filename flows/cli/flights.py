@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from aerodb.logs import TopicSummary
     from aerodb.recording import Damage, Recording
     from aerodb.storage.catalogue import FlightRow
+    from aerodb.storage.readers import Parsed
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Raw logs.")
 app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: ingested logs.")
@@ -38,19 +39,21 @@ def inspect(
     # Imported here, and below, because a query must not wait for the science to import.
     from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
+    from aerodb.tasks.confined import start_confined
 
     session: Session = context.obj
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
+    start_confined()
     limits = load_settings(session.root).limits
     with (
         tempfile.TemporaryDirectory() as folder,
         parsed_log(log, Path(folder) / "topics", limits) as parsed,
     ):
-        _look_into(session, parsed.recording, mapping)
+        _look_into(session, parsed, mapping)
 
 
-def _look_into(session: Session, recording: "Recording", mapping: str | None) -> None:
+def _look_into(session: Session, parsed: "Parsed", mapping: str | None) -> None:
     from aerodb.logs import (
         airspeed_remedy,
         channels_found,
@@ -65,7 +68,7 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
     from aerodb.storage.mappings import builtin_mappings, load_mapping
     from aerodb.tasks.steps import look_over
 
-    chosen, refusal = None, ""
+    recording, chosen, refusal = parsed.recording, None, ""
     try:
         chosen = (
             load_mapping(mapping)
@@ -103,7 +106,7 @@ def _look_into(session: Session, recording: "Recording", mapping: str | None) ->
     session.say(f"not in the log: {', '.join(missing) or 'none of the mapped channels'}")
     for sentence in sentences:
         session.say(f"  {sentence}")
-    findings = look_over(recording, chosen)
+    findings = look_over(parsed.folder, recording.source, chosen, str(session.root))
     if findings["refused"]:
         session.say(f"no flight: {findings['refused']}")
     say_segments(session, findings["segments"])

@@ -2,13 +2,15 @@
 needed."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from aerodb.conditioning import examine, flag_unusable, suspicion_documents, to_document
 from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
-from aerodb.logs import Mapping, map_recording
-from aerodb.recording import Recording
+from aerodb.logs import Mapping, map_recording, with_mapped_clock
+from aerodb.storage.files import open_recording
+from aerodb.tasks.confined import confined
 from aerodb.tasks.steps.conditioning import clocks_of
 from aerodb.vehicle import parse_vehicle
 
@@ -26,22 +28,47 @@ source = "channels"
 """
 
 
-def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
-    """Return likely faults, segments and delays of a recording, and notes on its channels.
+def look_over(topics: Path, log: str, mapping: Mapping, workspace: str) -> dict[str, Any]:
+    """Return likely faults, segments and delays of a parsed log, and notes on its channels.
 
-    If it cannot become a flight, only its time stamps are checked, and ``refused`` says why.
+    topics : folder of its topics. log : its name, for errors. If it cannot become a flight within
+    the limits of the workspace, ``refused`` says why.
     """
+    try:
+        return confined(
+            _looked_over,
+            topics,
+            log,
+            mapping,
+            workspace=workspace,
+            flight=log,
+            what="the conversion into a flight",
+            where=log,
+        )
+    except InputError as error:
+        return _refused(error, [])
+
+
+def _refused(error: InputError, suspicions: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "suspicions": suspicions,
+        "segments": [],
+        "delays": [],
+        "notes": [],
+        "refused": str(error),
+    }
+
+
+def _looked_over(topics: Path, log: str, mapping: Mapping) -> dict[str, Any]:
+    """Return the document of `look_over`; the work of a confined process. Of a log that cannot
+    become a flight, only time stamps are checked."""
+    recording = with_mapped_clock(replace(open_recording(topics), source=log), mapping)
     try:
         flight = flag_unusable(map_recording(recording, mapping, parse_vehicle(_ANY)))
     except InputError as error:
-        clocks = suspicion_documents(clocks_of(recording, mapping))
-        return {
-            "suspicions": clocks,
-            "segments": [],
-            "delays": [],
-            "notes": [],
-            "refused": str(error),
-        }
+        if isinstance(error.__cause__, MemoryError):
+            raise
+        return _refused(error, suspicion_documents(clocks_of(recording, mapping)))
     found = examine(flight, clocks_of(recording, mapping))
     known = {suspicion.channel for suspicion in found.suspicions}
     air = (each for each in air_suspicions(flight) if each.channel not in known)

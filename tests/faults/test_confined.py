@@ -17,11 +17,15 @@ from aerodb.errors import CalculationError, InputError, StoreBusyError
 from aerodb.flows.flight import again_flow, flight_flow
 from aerodb.flows.inbox import sweep_flow
 from aerodb.flows.run import How, Steps, run_flow
+from aerodb.logs import choose_mapping
 from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.limits import Limits
+from aerodb.storage.mappings import builtin_mappings
+from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import Actor, acting_as, user
 from aerodb.tasks.confined import OverLimitError, confined
-from aerodb.tasks.steps import check_consistency, store_log
+from aerodb.tasks.steps import check_consistency, look_over, store_log
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, VEHICLE, channels, write_files, write_parquet
 from tests.support.sweeps import QUICK, kinds, left
@@ -223,6 +227,18 @@ def test_log_of_the_inbox_is_quarantined_and_the_others_complete(
     assert left(workspace) == []
     (reason,) = [e["reason"] for e in document["files"] if e["kind"] == "quarantined"]
     assert "the conversion into a flight needs more than 300 MB of memory" in reason
+
+
+def test_log_that_is_only_inspected_is_held_to_the_limits(
+    workspace: Workspace, tmp_path: Path
+) -> None:
+    in_workspace(workspace, "[limits]\nmemory = 50_000_000\n")
+    log = write_parquet(tmp_path / HOSTILE, channels(1, seconds=8_000.0))
+    with parsed_log(log, tmp_path / "topics", Limits()) as parsed:
+        mapping = choose_mapping(parsed.recording, builtin_mappings().values())
+        document = look_over(parsed.folder, HOSTILE, mapping, str(workspace.root))
+    assert f"{HOSTILE}: the conversion into a flight needs more than 50 MB" in document["refused"]
+    assert document["suspicions"] == []
 
 
 def store_flow(steps: Steps, *, workspace: str, run: str, logs: list[str]) -> Any:

@@ -144,6 +144,7 @@ def test_a_run_that_fails_is_recorded_with_its_error(
     assert len(failed) == 1
     assert "no importer for '.xyz'" in failed[0].error
     assert failed[0].ended_utc is not None
+    assert failed[0].ended_utc >= failed[0].started_utc
     assert stored(workspace) == kept
 
 

@@ -62,12 +62,19 @@ def test_many_logs_at_once_end_where_they_belong(
         shutil.copy(box / f"flight{k}.parquet", box / f"again {k}.parquet")
     contents = {path.read_bytes() for path in box.iterdir()}
     answered: list[int] = []
+    unanswered: list[Exception] = []
     over = threading.Event()
 
     def ask() -> None:
-        while not over.wait(0.2):
-            with Catalogue.open(workspace.catalogue) as catalogue:
-                answered.append(len(catalogue.flights(NAME)))
+        while True:
+            last = over.wait(0.2)  # one more query when all is stored
+            try:
+                with Catalogue.open(workspace.catalogue) as catalogue:
+                    answered.append(len(catalogue.flights(NAME)))
+            except Exception as error:
+                unanswered.append(error)
+            if last:
+                return
 
     asking = threading.Thread(target=ask)
     asking.start()
@@ -90,7 +97,9 @@ def test_many_logs_at_once_end_where_they_belong(
         + [f"{NAME}/again {k}.parquet" for k in copied if k in damaged]
     )
     assert left(workspace) == []
+    assert unanswered == []
     assert answered == sorted(answered)
+    assert answered[-1] == number - len(damaged)
     kept = [
         path
         for folder in ("logs", "quarantine")

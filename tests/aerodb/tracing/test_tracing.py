@@ -67,6 +67,7 @@ def test_where_nothing_is_missing_nothing_is_found_and_everything_has_a_bound() 
         assert item.upper_bound is not None
         assert item.minimum_detectable is not None
         assert item.upper_bound > 0.0
+        assert item.minimum_detectable > 0.0
 
 
 def test_a_missing_term_is_confirmed_with_its_value_votes_and_reasons() -> None:
