@@ -20,7 +20,7 @@ from .recursive import (
     recursive_least_squares,
 )
 from .regression_fit import regression
-from .splines import SplineKind, piecewise_polynomials
+from .splines import SplineKind, chosen_knots, piecewise_polynomials
 from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
@@ -43,6 +43,7 @@ __all__ = [
     "TimeHistory",
     "Values",
     "bounds_of",
+    "chosen_knots",
     "coloured_sum",
     "frequency_domain_regression",
     "least_squares",

@@ -18,6 +18,7 @@ from aerodb.increments import (
     axis_samples,
     channels_of,
     expand,
+    with_chosen_knots,
     with_model_rates,
 )
 from aerodb.support import Array, Mask
@@ -56,6 +57,7 @@ def axis_equations(
 
     Raises InputError for a term that names an unknown channel, and where an axis has no record.
     """
+    model = with_chosen_knots(flights, comparisons, model, database)
     flights = with_model_rates(flights, comparisons, model)
     channels = channels_of(flights, model, database)
     return tuple(

@@ -14,7 +14,13 @@ from aerodb.flight import Flight
 from aerodb.identification.equations import no_database, parameter_name
 from aerodb.identification.flight_dynamics import MOTION, OUTPUTS, flight_dynamics
 from aerodb.identification.identification_flight import IdentificationFlight
-from aerodb.increments import DeclaredIncrement, ModelFile, estimate_increments, expand
+from aerodb.increments import (
+    DeclaredIncrement,
+    ModelFile,
+    estimate_increments,
+    expand,
+    with_chosen_knots,
+)
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.simulation import FlightModel, Stretch, stretch_model, stretch_of
 from aerodb.support import Array
@@ -56,6 +62,7 @@ def flown_problem(
     Raises InputError naming what the flights lack, where no stretch can be flown.
     """
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
+    model = with_chosen_knots(logs, comparisons, model, database)
     declared = _declared_axes(model)
     support = _supporting(logs, comparisons, database, declared)
     start = estimate_increments(logs, comparisons, model, database).candidate

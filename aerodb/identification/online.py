@@ -85,6 +85,10 @@ class OnlineEstimation:
                 f"vehicle {self.vehicle.name}, [fuel]",
                 "state where the log holds the fuel used, which needs no past",
             )
+        if any(not at for declared in self.model.increment for at in declared.knots.values()):
+            raise InputError(
+                "knots cannot be chosen from a log that has not arrived", "model file", "state them"
+            )
         self.reached = self.settings.since
 
     @property

@@ -17,9 +17,9 @@ The way through:
 8. `judge_release`, `judge_derivatives` and `judge_rivals` decide whether a version may be
    released (`Verdict`).
 
-`model_file` holds the file format, `estimate` the regression, `validation` hold-out and errors,
-`beyond` flights outside the envelope, `derivatives` what changes inside it,
-`gate` the release checks.
+`model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
+`estimate` the regression, `validation` hold-out and errors, `beyond` flights outside the envelope,
+`derivatives` what changes inside it, `gate` the release checks.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,5 @@
 from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
+from .chosen_knots import with_chosen_knots
 from .derivatives import (
     DerivativeChange,
     derivative_changes,
@@ -71,6 +72,7 @@ __all__ = [
     "sign_reasons",
     "validate_by_leaving_one_out",
     "validate_on_held_out",
+    "with_chosen_knots",
     "with_extrapolated_slopes",
     "with_model_rates",
     "worse_axes",

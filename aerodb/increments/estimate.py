@@ -18,6 +18,7 @@ from aerodb.estimation import (
     with_mean_constant,
 )
 from aerodb.flight import Flight
+from aerodb.increments.chosen_knots import with_chosen_knots
 from aerodb.increments.model_file import (
     CONSTANT,
     DeclaredIncrement,
@@ -132,6 +133,7 @@ def estimate_increments(
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
+    model = with_chosen_knots(flights, comparisons, model, database)
     flights = with_model_rates(flights, comparisons, model)
     channels = channels_of(flights, model, database)
     results = [

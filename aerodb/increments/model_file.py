@@ -17,7 +17,8 @@ A term is any expression over canonical channels. Slopes after a break are named
 A term with knots is a spline: ``alpha = [...]`` makes the term alpha any function of alpha, whose
 estimates ``alpha at 0.0873`` are its values at the knots; ``delta over alpha`` makes the slope of
 delta one. Beside the constant "1" the first knot has no estimate of its own: "1" is the value there
-and the others are differences from it. Knots are in SI units, or text with a unit.
+and the others are differences from it. Knots are in SI units, or text with a unit; "chosen" leaves
+them to the flights.
 With one constant for all flights, differences between flights (trim, CG, loading) bias the slopes;
 `own_constants` prevents that.
 """
@@ -118,7 +119,7 @@ class DeclaredIncrement(Strict):
                 raise ValueError("knots of '1' need a variable, such as '1 over alpha'")
             if term == CONSTANT and self.own_constants:
                 raise ValueError("own_constants with knots of '1'")
-            if not increasing(points):
+            if points and not increasing(points):
                 raise ValueError(f"knots of '{key}' must be at least two and increase")
             seen.add(term)
 
@@ -153,8 +154,9 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
     ['1', 'alpha', 'alpha > 0.175']
     """
     regressors: list[Regressor] = []
+    # A spline whose knots are yet to be chosen counts as a single term.
     splines = {
-        split_key(key)[0]: (split_key(key)[1], knots) for key, knots in declared.knots.items()
+        split_key(key)[0]: (split_key(key)[1], at) for key, at in declared.knots.items() if at
     }
     constant = CONSTANT in declared.terms and CONSTANT not in splines
     for term in declared.terms:

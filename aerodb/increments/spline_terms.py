@@ -16,6 +16,8 @@ from aerodb.nomenclature import CHANNELS
 from aerodb.tables import number
 from aerodb.units import conversion
 
+#: In place of knots: they are chosen from the flights.
+CHOSEN: Final = "chosen"
 #: Between the term and the variable of a key of `knots`.
 OVER: Final = " over "
 _TEXT: Final = re.compile(r"\s*\[?(?P<numbers>[-+0-9.eE,\s]+?)\]?\s*(?P<unit>[A-Za-z/][\w/ ]*)?\s*")
@@ -33,7 +35,9 @@ def split_key(key: str) -> tuple[str, str]:
 
 def knots_from_text(key: str, given: Any) -> Any:
     """Knots in SI units from text with a unit, such as ``"1, 5, 9, 11, 13, 16 deg"``; other values
-    are returned as they are."""
+    are returned as they are, and none for those to be chosen."""
+    if given == CHOSEN:
+        return ()
     found = _TEXT.fullmatch(given) if isinstance(given, str) else None
     if found is None:
         return given

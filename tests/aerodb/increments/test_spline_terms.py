@@ -7,11 +7,16 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.estimation.splines import spline_basis
 from aerodb.exchange.native import from_document, to_document
+from aerodb.identification.equations import axis_equations
+from aerodb.identification.online import OnlineEstimation
+from aerodb.increments.chosen_knots import with_chosen_knots
 from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import expand, parse_model_file
 from aerodb.tables.consolidation import consolidate
 from aerodb.tables.program import evaluate
+from aerodb.vehicle import parse_vehicle
 from tests.aerodb.increments.test_update import CHORD_OVER_2V, campaign
+from tests.support.measured_flights import VEHICLE
 from tests.support.synthetic import database, flight
 
 KNOTS = [0.02, 0.09, 0.14, 0.2]
@@ -109,6 +114,38 @@ def held(flown):
     return np.clip(flown["alpha"], KNOTS[0], KNOTS[-1])
 
 
+@pytest.mark.parametrize("own", ["", "own_constants = true\n[increment.knots]"])
+def test_knots_left_to_the_flights_are_where_the_residual_bends(own):
+    """A residual that bends at 0.02, 0.14 and 0.2 rad; at 0.09 rad hardly."""
+    flown, compared = campaign(35, lambda each: lift({**each.channels, "delta_elevator": 0.0}))
+    text = MODEL.format(kind="linear").replace('"0.02 0.09 0.14 0.2 rad"', '"chosen"')
+    text = text.replace("[increment.knots]", own or "[increment.knots]")
+    model = parse_model_file(text)
+    assert model.increment[0].knots["alpha"] == ()
+    settled = with_chosen_knots(flown, compared, model, database())
+    knots = settled.increment[0].knots["alpha"]
+    assert settled.increment[0].knots["delta_elevator over alpha"] == (0.02, 0.2)
+    for bend in (0.02, 0.14, 0.2):
+        assert min(abs(knot - bend) for knot in knots) < 0.012
+    assert len(knots) <= 8
+    axis = estimate_increments(flown, compared, model, database()).axes[0]
+    assert f"alpha at {knots[1]:.4g}" in axis.names
+    (equation,) = axis_equations(flown, compared, model, database())
+    assert f"CZ_alpha at {knots[1]:.4g}" in equation.parameters.names
+
+
+def test_knots_of_what_does_not_move_cannot_be_chosen():
+    flown, compared = campaign(37, lift, flights=1)
+    text = MODEL.format(kind="linear").replace(
+        '"delta_elevator over alpha" = [0.02, 0.2]', 'q_hat = "chosen"'
+    )
+    still = flown[0].with_channels({"q": np.zeros(len(flown[0].time))})
+    with pytest.raises(
+        InputError, match="knots of q_hat on CZ: the variable of a spline does not move"
+    ):
+        with_chosen_knots([still], compared, parse_model_file(text), database())
+
+
 def test_degrees_are_converted():
     text = MODEL.format(kind="linear").replace("0.02 0.09 0.14 0.2 rad", "1, 5, 9 deg")
     knots = parse_model_file(text).increment[0].knots["alpha"]
@@ -129,3 +166,11 @@ def test_degrees_are_converted():
 def test_a_wrong_knot_is_said(was, now, what):
     with pytest.raises(InputError, match=what):
         parse_model_file(MODEL.format(kind="linear").replace(was, now))
+
+
+def test_knots_cannot_be_chosen_while_a_log_arrives():
+    model = parse_model_file(
+        MODEL.format(kind="linear").replace('"0.02 0.09 0.14 0.2 rad"', '"chosen"')
+    )
+    with pytest.raises(InputError, match="has not arrived"):
+        OnlineEstimation(model, parse_vehicle(VEHICLE), None, None)
