@@ -14,8 +14,8 @@ The way through:
    of what predicts them (`Beyond`, `with_extrapolated_slopes`).
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
-8. `judge_release`, `judge_derivatives` and `judge_rivals` decide whether a version may be
-   released (`Verdict`).
+8. `judge_release`, `judge_derivatives`, `judge_rivals` and `judge_contradictions` decide whether a
+   version may be released (`Verdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
 `estimate` the regression, `validation` hold-out and errors, `beyond` flights outside the envelope,

@@ -8,10 +8,12 @@ from .derivatives import (
 )
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
 from .gate import (
+    CONTRADICTIONS,
     FILE_CHECKS,
     Check,
     Standing,
     Verdict,
+    judge_contradictions,
     judge_import,
     judge_release,
     judge_rivals,
@@ -38,6 +40,7 @@ from .validation import (
 
 __all__ = [
     "CONSTANT",
+    "CONTRADICTIONS",
     "FILE_CHECKS",
     "INCREMENT_AXES",
     "UNCHANGED",
@@ -63,6 +66,7 @@ __all__ = [
     "derivatives_document",
     "estimate_increments",
     "expand",
+    "judge_contradictions",
     "judge_derivatives",
     "judge_import",
     "judge_release",

@@ -16,6 +16,8 @@ from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_
 
 #: Fraction of an error below which a change is rounding.
 _ROUNDING: Final = 1e-9
+#: Under what name a person accepts flights that contradict their vehicle.
+CONTRADICTIONS: Final = "contradictions"
 #: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
 #: Under this word a person accepts an import whose file fails its own check cases.
@@ -148,6 +150,23 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
             if rival["hypothesis"] not in accepted
         ),
     )
+
+
+def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> Check:
+    """Return the gate's check of flights that contradict their vehicle or the released version.
+
+    found : sentences about flights that identified the version. accepted : what a person accepts,
+    with a reason; `CONTRADICTIONS` stands for all of them.
+    """
+    name = "no flight contradicts its vehicle or the released version"
+    if not found or CONTRADICTIONS in accepted:
+        return Check(name, ())
+    more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
+    words = (
+        f"{'; '.join(found[:_LISTED])}{more} (if the flights are right: --accept {CONTRADICTIONS},"
+        " and the --reason)"
+    )
+    return Check(name, (words,))
 
 
 def _parent(standing: Standing) -> tuple[str, ...]:

@@ -71,6 +71,14 @@ def load_conditioning(
     )
 
 
+def stored_suspicions(access: WorkspaceAccess, row: FlightRow) -> tuple[Suspicion, ...]:
+    """Return the likely faults of a flight as they were found when it was last processed; none
+    where they are not stored."""
+    stored = access.catalogue.results_of(row.id, "conditioning")
+    path = access.path_of(stored[-1].key) if stored else None
+    return () if path is None else from_document(read_results(path, ())[1]).suspicions
+
+
 def write_conditioning(
     access: WorkspaceAccess, flight: str, flight_key: str, conditioning: Conditioning
 ) -> StoredFile | None:

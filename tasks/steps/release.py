@@ -4,13 +4,16 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from aerodb.crosschecks import limits_flight
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.increments import (
+    CONTRADICTIONS,
     FILE_CHECKS,
     Check,
     Standing,
     Verdict,
+    judge_contradictions,
     judge_derivatives,
     judge_import,
     judge_release,
@@ -22,6 +25,8 @@ from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.steps.conditioning import stored_suspicions
+from aerodb.tasks.steps.consistency import BESIDE
 from aerodb.tasks.steps.fly import fly_version, read_tolerances
 from aerodb.tasks.steps.validate_responses import summarise_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -38,8 +43,9 @@ def promote(
 ) -> dict[str, Any]:
     """Point `name` at a version (its id); ``released`` only through the gate.
 
-    accept : changes of derivatives (``Cm_delta_elevator``) and errors of sensors
-    (``alpha_scale@all``) for which the gate would refuse; they are stored with the reason.
+    accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
+    (``alpha_scale@all``) and ``contradictions`` of flights, for which the gate would refuse; they
+    are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises
     GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed
@@ -153,7 +159,7 @@ def _gate(
     derivatives = judge_derivatives(listed, gate.largest_change, accept)
     rivals = documents.report.get("rivals", [])
     known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
-    unknown = set(accept) - known - {rival["hypothesis"] for rival in rivals}
+    unknown = set(accept) - known - {rival["hypothesis"] for rival in rivals} - {CONTRADICTIONS}
     if unknown:
         raise InputError(
             f"nothing to accept under {', '.join(sorted(unknown))}",
@@ -165,6 +171,7 @@ def _gate(
             *verdict.checks,
             derivatives,
             judge_rivals(rivals, accept),
+            judge_contradictions(_contradictions(row, access), accept),
             *_enough_flights(row, access, gate),
             *_responses(row, access, gate, run),
         )
@@ -213,6 +220,23 @@ def _enough_flights(
                 f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}"
             )
     return (Check("as many flights as the settings require", tuple(shortfalls)),)
+
+
+def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
+    """Return what the flights that identified a version contradict: their vehicle, at ingest, or
+    the released version, by the reasons of their verdicts."""
+    found = []
+    for use in access.catalogue.version_flights(row.id):
+        if use.role != "identified":
+            continue
+        flight = access.catalogue.flight(use.flight)
+        said = {each.sentence for each in stored_suspicions(access, flight) if limits_flight(each)}
+        found += [
+            f"{access.name_of(flight)}: {reason}"
+            for reason in flight.reasons
+            if reason in said or reason.startswith(BESIDE)
+        ]
+    return found
 
 
 def _responses(

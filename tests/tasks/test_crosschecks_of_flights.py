@@ -8,6 +8,7 @@ import pytest
 
 from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
 from tests.aerodb.crosschecks.test_database import database_text
+from tests.support import small_glider
 from tests.support.command import aerodb, asked
 from tests.support.small_glider import write_csv
 
@@ -119,3 +120,32 @@ def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path
     )
     assert f"suspicion: {found['sentence']}" in again.stdout
     assert asked(workspace, "flight", "show", outcome["flight"])["reasons"] == shown["reasons"]
+
+
+def test_the_gate_refuses_what_comes_from_contradicting_flights(tmp_path: Path) -> None:
+    """A mass in lb: the lift of every flight is 2.2 times the database's."""
+    workspace, right = tmp_path / "w", f"mass = {small_glider.MASS}"
+    wrong = f"mass = {small_glider.MASS / 0.45359237}"
+    assert right in small_glider.VEHICLE
+    texts = {
+        "vehicle.toml": small_glider.VEHICLE.replace(right, wrong),
+        "database.toml": small_glider.DATABASE,
+        "model.toml": small_glider.MODEL,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    vehicle = ("--vehicle", small_glider.NAME)
+    asked(workspace, "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    asked(workspace, "database", "import", str(tmp_path / "database.toml"), *vehicle)
+    logs = [str(write_csv(tmp_path / f"{k}.csv", small_glider.channels(k))) for k in range(3)]
+    outcomes = asked(workspace, "flight", "ingest", *logs, *vehicle, "--direct")
+    said = [each["comparison"]["suspicions"][0]["sentence"] for each in outcomes]
+    assert all("lift" in sentence for sentence in said)
+    asked(workspace, "update", *vehicle, "--model", str(tmp_path / "model.toml"), "--direct")
+    promote = ("version", "promote", "candidate", "--reason", "why not")
+    refused = aerodb(workspace, *promote)
+    assert refused.returncode == 4
+    assert f"beside version v0001: {said[0]}" in refused.stderr
+    assert "--accept contradictions" in refused.stderr
+    others = aerodb(workspace, *promote, "--accept", "contradictions")
+    assert "beside version v0001" not in others.stderr
