@@ -19,7 +19,7 @@ While a log is being written, `OnlineEstimation` gives the estimates so far by r
 Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
 with unknown parameters. `conversion` turns dimensional derivatives of linear models
 (`matrix_derivatives`) into coefficients and back, with covariance (`coefficient_derivatives`,
-`dimensional_derivatives`).
+`dimensional_derivatives`); `parse_derivative_file` and `converted` do so for a file.
 """
 
 import lazy_loader as lazy

@@ -1,13 +1,6 @@
 from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
-from .conversion import (
-    Derivatives,
-    SteadyFlight,
-    coefficient_derivatives,
-    dimensional_derivatives,
-    exact,
-    matrix_derivatives,
-)
+from .derivative_file import converted, parse_derivative_file
 from .equations import no_database
 from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
@@ -21,23 +14,19 @@ __all__ = [
     "ONLINE_METHODS",
     "REGRESSION",
     "Agreement",
-    "Derivatives",
     "FlightDynamics",
     "IdentificationFlight",
     "Method",
     "MethodComparison",
     "OnlineEstimation",
     "OnlineSettings",
-    "SteadyFlight",
     "chosen_methods",
-    "coefficient_derivatives",
     "compare_methods",
-    "dimensional_derivatives",
-    "exact",
+    "converted",
     "fit_report",
     "fits_of",
     "flight_dynamics",
-    "matrix_derivatives",
     "no_database",
+    "parse_derivative_file",
     "update_by",
 ]

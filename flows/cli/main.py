@@ -13,6 +13,7 @@ from aerodb.flows.cli import (
     closing,
     databases,
     demonstration,
+    derivatives,
     estimating,
     estimating_online,
     flights,
@@ -69,6 +70,7 @@ for group in (
     app.add_typer(group)
 app.command("update")(updates.update)
 app.command("estimate")(estimating.estimate)
+app.command("derivatives")(derivatives.derivatives)
 app.command("estimate-online")(estimating_online.estimate_online)
 app.command("close-loop")(closing.close_loop)
 app.command("recalibrate")(calibrations.recalibrate)

@@ -43,6 +43,7 @@ COMMANDS = [
     ["calibration", "show"],
     ["recalibrate"],
     ["estimate"],
+    ["derivatives"],
     ["update"],
     ["close-loop"],
     ["demo"],

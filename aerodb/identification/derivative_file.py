@@ -1,0 +1,198 @@
+"""A file of derivatives to be converted: `aerodb derivatives FILE`.
+
+```toml
+axes = "body"                       # of dimensional derivatives: "body" or "stability"
+forces = "wind"                     # "wind": C_lift and C_drag; "body": CX and CZ
+primed = true                       # L and N as in p' = Lp p + Lr r; false: moments over Ixx, Izz
+[flight]                            # SI, or text with a unit
+mass = "17631 kg"
+Ixx = 133367
+Iyy = 252687
+Izz = 359593
+Ixz = 11442
+area = 64
+chord = 3.159
+span = 21.5
+pressure = 8810
+V = "131 m/s"
+alpha = "1.9 deg"
+[errors]                            # standard errors of quantities of the flight
+Ixx = 2000
+[derivatives]                       # value, or value and standard error
+Lp = [-2.067, 0.02]
+Np = -0.184
+```
+
+Coefficients (``Cl_p_hat``) are converted to dimensional derivatives, and those to coefficients. In
+place of `[derivatives]` the matrices of a linear model may stand:
+
+```toml
+[linear_model]
+states = ["beta", "p", "r", "phi"]
+inputs = ["delta_aileron"]
+A = [[...], ...]
+B = [[...], ...]
+```
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from aerodb.errors import InputError
+from aerodb.identification.conversion import (
+    Axes,
+    Derivatives,
+    Forces,
+    SteadyFlight,
+    coefficient_derivatives,
+    dimensional_derivatives,
+    exact,
+    matrix_derivatives,
+)
+from aerodb.support import Strict, validated_toml
+from aerodb.units import quantity
+
+#: Quantity of the flight -> its unit.
+_UNITS: Final = {
+    "mass": "kg", "Ixx": "kg*m**2", "Iyy": "kg*m**2", "Izz": "kg*m**2", "Ixz": "kg*m**2",
+    "area": "m**2", "chord": "m", "span": "m", "pressure": "Pa", "V": "m/s", "alpha": "rad",
+    "theta": "rad", "thrust": "N", "thrust_angle": "rad",
+}  # fmt: skip
+#: Axis of a coefficient -> rows of the linear model that it acts in.
+_ROWS: Final = {
+    "CX": "X", "CZ": "Z", "C_lift": "XZ", "C_drag": "XZ", "Cm": "M", "CY": "Y", "Cl": "LN",
+    "Cn": "LN",
+}  # fmt: skip
+
+
+class MatrixEntry(Strict):
+    """``x' = A x + B u``."""
+
+    states: tuple[str, ...] = Field(min_length=1)
+    inputs: tuple[str, ...] = ()
+    A: tuple[tuple[float, ...], ...]
+    B: tuple[tuple[float, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _square(self) -> "MatrixEntry":
+        s, m = len(self.states), len(self.inputs)
+        if len(self.A) != s or any(len(row) != s for row in self.A):
+            raise ValueError(f"A is not {s} by {s}")
+        if m and (len(self.B) != s or any(len(row) != m for row in self.B)):
+            raise ValueError(f"B is not {s} by {m}")
+        return self
+
+
+class DerivativeFile(Strict):
+    """The keys of the file; see the module docstring."""
+
+    axes: Axes = "body"
+    forces: Forces = "body"
+    primed: bool = True
+    flight: dict[str, float]
+    errors: dict[str, float] = {}
+    derivatives: dict[str, tuple[float, float]] = {}
+    linear_model: MatrixEntry | None = None
+
+    @field_validator("flight", "errors", mode="before")
+    @classmethod
+    def _in_si(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        return {name: quantity(value, _UNITS.get(name, "")) for name, value in given.items()}
+
+    @field_validator("derivatives", mode="before")
+    @classmethod
+    def _with_errors(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        return {
+            name: (value, 0.0) if isinstance(value, int | float) else value
+            for name, value in given.items()
+        }
+
+    @model_validator(mode="after")
+    def _known(self) -> "DerivativeFile":
+        for name in (*self.flight, *self.errors):
+            if name not in _UNITS:
+                raise ValueError(f"'{name}' is no quantity of a flight; {', '.join(_UNITS)}")
+        needed = [
+            name for name in _UNITS if name not in ("alpha", "theta", "thrust", "thrust_angle")
+        ]
+        absent = [name for name in needed if name not in self.flight]
+        if absent:
+            raise ValueError(f"[flight] lacks {', '.join(absent)}")
+        if bool(self.derivatives) == (self.linear_model is not None):
+            raise ValueError("it needs [derivatives] or [linear_model]")
+        if any(error < 0.0 for _, error in self.derivatives.values()):
+            raise ValueError("a standard error is negative")
+        return self
+
+
+def parse_derivative_file(text: str, where: str) -> DerivativeFile:
+    """Parse a file of derivatives. Raises InputError naming the wrong key."""
+    return validated_toml(DerivativeFile, text, where)
+
+
+def converted(file: DerivativeFile) -> Derivatives:
+    """The coefficients that the file's dimensional derivatives give, or the reverse.
+
+    Raises InputError for names of neither kind or of both, and where the derivatives do not
+    suffice.
+    """
+    flight = SteadyFlight(**file.flight)
+    if file.linear_model is not None:
+        linear = file.linear_model
+        b = np.array(linear.B).reshape(len(linear.states), len(linear.inputs))
+        derivatives = matrix_derivatives(
+            np.array(linear.A), b, linear.states, linear.inputs, flight
+        )
+        return coefficient_derivatives(
+            exact(derivatives), flight, forces=file.forces, errors=file.errors
+        )
+    names = tuple(file.derivatives)
+    given = Derivatives(
+        names,
+        np.array([value for value, _ in file.derivatives.values()]),
+        np.diag([error**2 for _, error in file.derivatives.values()]),
+    )
+    coefficients = [name.startswith("C") for name in names]
+    if any(coefficients) and not all(coefficients):
+        raise InputError(
+            "coefficients stand beside dimensional derivatives",
+            "derivatives",
+            "put each kind into a file of its own",
+        )
+    if not any(coefficients):
+        return coefficient_derivatives(
+            given,
+            flight,
+            axes=file.axes,
+            forces=file.forces,
+            primed=file.primed,
+            errors=file.errors,
+        )
+    return dimensional_derivatives(
+        given, _dimensional_names(names), flight, axes=file.axes, forces=file.forces,
+        primed=file.primed, errors=file.errors,
+    )  # fmt: skip
+
+
+def _dimensional_names(names: tuple[str, ...]) -> list[str]:
+    """Names of the dimensional derivatives that coefficients act in."""
+    found = []
+    for name in names:
+        axis = next(
+            (a for a in sorted(_ROWS, key=len, reverse=True) if name.startswith(f"{a}_")), ""
+        )
+        if not axis:
+            raise InputError(
+                f"'{name}' is no derivative of a coefficient",
+                "derivatives",
+                "name it by axis and variable, such as Cm_alpha or Cl_p_hat",
+            )
+        variable = name.removeprefix(f"{axis}_").removesuffix("_hat")
+        found += [f"{row}{variable}" for row in _ROWS[axis]]
+    return list(dict.fromkeys(found))
