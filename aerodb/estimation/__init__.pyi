@@ -1,4 +1,5 @@
 from .dynamic_model import DynamicModel, Values
+from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .linear_equation import EquationRecord, LinearEquation
@@ -13,6 +14,7 @@ from .ordinary_least_squares import (
 )
 from .output_error import output_error
 from .parameters import Parameter, Parameters, bounds_of, priors_of
+from .process_noise import Recommendation, output_or_filter_error
 from .recursive import (
     FourierRegression,
     RecursiveLeastSquares,
@@ -34,6 +36,7 @@ __all__ = [
     "Parameter",
     "ParameterEstimate",
     "Parameters",
+    "Recommendation",
     "RecursiveLeastSquares",
     "Regression",
     "SplineKind",
@@ -45,11 +48,13 @@ __all__ = [
     "bounds_of",
     "chosen_knots",
     "coloured_sum",
+    "filter_error",
     "frequency_domain_regression",
     "least_squares",
     "multiple_shooting",
     "normalised_recursive_least_squares",
     "output_error",
+    "output_or_filter_error",
     "own_constants",
     "piecewise_polynomials",
     "priors_of",

@@ -71,6 +71,7 @@ class Fit:
     iterations : of the search; 0 for a method without one.
     degrees_of_freedom : independent samples less estimates, of Student's t; inf for the normal.
     log_likelihood : NaN for methods without one.
+    tests : what a method tested -> probability of such data if it were not there.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
     """
@@ -87,6 +88,7 @@ class Fit:
     iterations: int = 0
     degrees_of_freedom: float = np.inf
     log_likelihood: float = np.nan
+    tests: Mapping[str, float] = field(default_factory=dict)
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 

@@ -94,6 +94,30 @@ class StateSpace:
             outputs = outputs + np.moveaxis(driving @ np.swapaxes(d, 1, 2), 0, 2)
             return np.where(np.isfinite(outputs), outputs, np.nan), states[-1].T
 
+    def discrete(
+        self, values: Values, record: TimeHistory, runs: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """The model between samples, for k runs: ``x[i+1] = F x[i] + f[i]``, ``y = C x + g``.
+
+        Returns F (s, s, k), f (n - 1, s, k), C (o, s, k) and g (n, o, k).
+        """
+        own, driving = self._local(values, record), self._driving(record)
+        b = _beside(self.b.at(own), self.state_bias.at(own))
+        d = _beside(self.d.at(own), self.output_bias.at(own))
+        phi, gamma = _discrete(self.a.at(own), b, record.step)
+        wide = np.hstack([driving[:-1], np.diff(driving, axis=0)])
+        parts = (
+            phi,
+            wide @ np.swapaxes(gamma, 1, 2),
+            self.c.at(own),
+            driving @ np.swapaxes(d, 1, 2),
+        )
+        first, drive, sight, direct = (
+            np.array(np.moveaxis(np.broadcast_to(part, (runs, *part.shape[1:])), 0, -1), order="C")
+            for part in parts
+        )
+        return first, drive, sight, direct
+
     def derivatives(
         self, values: Values, record: TimeHistory, names: Sequence[str]
     ) -> tuple[Array, Array]:
@@ -282,20 +306,20 @@ def stabilised(model: StateSpace, gains: Mapping[tuple[str, str], float]) -> Sta
     )
 
 
-def _beside(left: Array, right: Array) -> Array:
-    """Matrices (k, r, c) and (k, r, e) as (k, r, c + e); k may be 1."""
-    k = max(len(left), len(right))
-    return np.concatenate(
-        [np.broadcast_to(part, (k, *part.shape[1:])) for part in (left, right)], axis=2
-    )
-
-
 def _minus(matrix: AffineMatrix, gain: Array, other: AffineMatrix) -> AffineMatrix:
     """``matrix - gain @ other``."""
     names = dict.fromkeys([*matrix.slopes, *other.slopes])
     return AffineMatrix(
         matrix.constant - gain @ other.constant,
         {name: matrix.slope(name) - gain @ other.slope(name) for name in names},
+    )
+
+
+def _beside(left: Array, right: Array) -> Array:
+    """Matrices (k, r, c) beside each other, where one may be the same (1, r, c) in all k runs."""
+    k = max(len(left), len(right))
+    return np.concatenate(
+        [np.broadcast_to(each, (k, *each.shape[1:])) for each in (left, right)], axis=2
     )
 
 

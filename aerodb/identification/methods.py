@@ -73,6 +73,7 @@ _METHODS = (
         display=True,
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
+    Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error")),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
 )
 

@@ -1,0 +1,180 @@
+"""Filter error: maximum likelihood where turbulence drives the states as well as the controls.
+
+Output error takes the motion as deterministic, so that turbulence ends up in its residuals and
+biases its estimates. Here a Kalman filter follows the motion, and its innovations are made most
+likely: process noise and measurement noise are estimated with the parameters.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation.dynamic_model import DynamicModel
+from aerodb.estimation.filter_fit import fit_of
+from aerodb.estimation.filtering import around, repeated, slopes, stepped
+from aerodb.estimation.fit import Fit
+from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, boundary_p_value
+from aerodb.estimation.scoring import Covariance, FilterProblem, Optimum, Point, maximise
+from aerodb.estimation.time_history import TimeHistory
+
+#: ``steady``: one gain from the model linearised at the first state. ``extended``: linearised at
+#: every sample.
+Gain = Literal["steady", "extended"]
+_KINDS: tuple[Covariance, ...] = ("diagonal", "innovations")
+#: Process noise at the start: the variance that it adds in one step, as a share of what the
+#: measurements of one step leave.
+_FIRST_SHARE = 0.5
+#: Steps over which the measurements at the start are counted.
+_HORIZON = 20
+#: Log-likelihood that a state's process noise must gain to be kept in the search.
+_GAINED = 0.05
+#: The first search, for the order of magnitude of all noise, takes so many steps.
+_ROUGH = 25
+
+
+def filter_error(
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    *,
+    gain: Gain = "steady",
+    covariance: Covariance | None = None,
+    process_noise: Sequence[str] | None = None,
+    most_iterations: int = 100,
+) -> Fit:
+    """Estimate a model's parameters with process noise on its states.
+
+    Maximises ``-1/2 sum_i (v_i' S_i^-1 v_i + ln det S_i)`` over the parameters, the intensities of
+    white noise on the rates and the covariance R of the measurement noise by Fisher scoring; the
+    innovations v and their covariance ``S = C P C' + R`` are those of a Kalman filter with these. R
+    stays positive definite by its form. In the textbook's form S is diagonal and estimated instead
+    of R: less exact where the noise of the outputs is independent, but it also serves where it is
+    not.
+
+    Where the likelihood ratio does not ask for process noise, the estimates are those without.
+
+    Parameters
+    ----------
+    records : with the model's outputs; a sample that is NaN is left out.
+    covariance : what is estimated of the noise of the outputs; None: ``diagonal`` or, for a steady
+        gain, ``innovations``, which have equally many unknowns, whichever is more likely.
+    gain : of the filter. The steady one is faster; the extended one also serves a model whose
+        derivatives change much during a record.
+    process_noise : the states that have process noise; None: all.
+
+    Raises InputError for records of one name, lacking outputs and unknown states.
+
+    References
+    ----------
+    Jategaonkar, Flight Vehicle System Identification, 2015, chapter 5.
+    Maine & Iliff, SIAM Journal on Applied Mathematics 41(3), 1981.
+    Self & Liang, Journal of the American Statistical Association 82, 1987: likelihood ratio where a
+    parameter is at its bound.
+    """
+    disturbed = _checked(model, records, process_noise)
+    kinds = (covariance,) if covariance else _KINDS[: 2 if gain == "steady" else 1]
+    start, tried = first_noise(model, records, disturbed), list[tuple[Optimum, FilterProblem]]()
+    for kind in kinds:
+        whole = FilterProblem(model, tuple(records), disturbed, kind, gain == "steady")
+        tried.append(
+            _without_idle(whole, _searched(whole, start, most_iterations), most_iterations)
+        )
+    found, problem = max(tried, key=lambda each: (each[0].converged, each[0].log_likelihood))
+    still = replace(problem, disturbed=())
+    null = _searched(still, _silent(found.point), most_iterations)
+    ratio = 2.0 * (found.log_likelihood - null.log_likelihood)
+    p_value = boundary_p_value(ratio if np.isfinite(ratio) else np.inf, len(disturbed))
+    test = ProcessNoiseTest(ratio, p_value, bool(problem.disturbed) and p_value < NOT_NEEDED)
+    chosen, used = (found, problem) if test.needed else (null, still)
+    return fit_of("filter-error", used, chosen, test, disturbed)
+
+
+def _checked(
+    model: DynamicModel, records: Sequence[TimeHistory], process_noise: Sequence[str] | None
+) -> tuple[int, ...]:
+    """Numbers of the states with process noise."""
+    names = [record.name for record in records]
+    if not records or len(set(names)) < len(names):
+        raise InputError(
+            "records must be at least one, with unique names", "filter error", "name them apart"
+        )
+    for record in records:
+        if lacking := [name for name in model.outputs if name not in record.outputs]:
+            raise InputError(
+                f"it has no {', '.join(lacking)}",
+                f"record {record.name}",
+                "leave these outputs out of the model, or give NaN where they were not measured",
+            )
+    wanted = model.states if process_noise is None else tuple(process_noise)
+    for name in wanted:
+        if name not in model.states:
+            raise InputError(f"no state '{name}'", "process noise", nearest(name, model.states))
+    return tuple(j for j, name in enumerate(model.states) if name in wanted)
+
+
+def first_noise(
+    model: DynamicModel, records: Sequence[TimeHistory], disturbed: Sequence[int]
+) -> Point:
+    """Noise to start from: measurement noise from the differences between samples, and process
+    noise for a gain at which the filter follows the measurements, however wrong the parameters."""
+    measured = [record.stacked(model.outputs) for record in records]
+    steps = np.concatenate([np.diff(values, axis=0) for values in measured])
+    with np.errstate(invalid="ignore"):
+        counted = np.maximum(np.isfinite(steps).sum(axis=0), 1)
+        variance = np.nansum(steps**2, axis=0) / counted / 2.0
+        level = np.nanmax(
+            np.abs(np.concatenate([*measured, np.zeros((1, steps.shape[1]))])), axis=0
+        )
+    variance = np.maximum(variance, (1e-6 * np.maximum(level, 1e-12)) ** 2)
+    vector = model.parameters.start()
+    values = model.parameters.values(vector)
+    record = records[0]
+    state = np.array(np.broadcast_to(model.initial_state(values, record), (len(model.states), 1)))
+    moved, size = around(state)
+    wide = repeated(values, 1)
+    _, sight = slopes(model.observed(wide, record, 0, moved), size)
+    _, transition = slopes(stepped(model, wide, record, 0, moved), size)
+    held, power = np.zeros(len(state)), np.eye(len(state))
+    for _ in range(_HORIZON):
+        held += (((sight[:, :, 0] @ power) ** 2) / variance[:, None]).sum(axis=0) / _HORIZON
+        power = transition[:, :, 0] @ power
+    process = np.zeros(len(state))
+    for j in disturbed:
+        process[j] = np.sqrt(_FIRST_SHARE / (held[j] * record.step)) if held[j] > 0.0 else 0.0
+    return Point(vector, process, np.diag(variance))
+
+
+def _searched(problem: FilterProblem, start: Point, most_iterations: int) -> Optimum:
+    """The optimum; correlation between outputs is searched for after the size of all noise."""
+    if not problem.full:
+        return maximise(problem, start, most_iterations)
+    rough = maximise(replace(problem, covariance="diagonal"), start, _ROUGH, enough=1.0)
+    return maximise(problem, rough.point, most_iterations)
+
+
+def _silent(point: Point) -> Point:
+    return Point(point.vector, np.zeros_like(point.process), np.diag(np.diag(point.measurement)))
+
+
+def _without_idle(
+    problem: FilterProblem, found: Optimum, most_iterations: int
+) -> tuple[Optimum, FilterProblem]:
+    """The optimum with no process noise on the states whose noise gains no likelihood."""
+    size = len(found.point.vector) + len(problem.disturbed) + problem.noises
+    before = float(problem.likelihood(found.point, np.zeros((size, 1)))[0])
+    idle = list[int]()
+    for j in problem.disturbed:
+        process = found.point.process.copy()
+        process[[*idle, j]] = 0.0
+        trial = Point(found.point.vector, process, found.point.measurement)
+        if float(problem.likelihood(trial, np.zeros((size, 1)))[0]) > before - _GAINED:
+            idle.append(j)
+    if not idle or not np.isfinite(before):
+        return found, problem
+    process = found.point.process.copy()
+    process[idle] = 0.0
+    kept = replace(problem, disturbed=tuple(j for j in problem.disturbed if j not in idle))
+    trial = Point(found.point.vector, process, found.point.measurement)
+    return maximise(kept, trial, most_iterations), kept

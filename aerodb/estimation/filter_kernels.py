@@ -1,0 +1,187 @@
+"""Compiled steps of the Kalman filter for k sets of parameters side by side: arrays end with the
+sets, which the innermost loops run over."""
+
+import numpy as np
+from numba import njit
+
+from aerodb.support import Array
+
+#: Samples in which a steady covariance must settle, and the relative change that ends it.
+_LONGEST, _SETTLED = 5_000, 1e-9
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def linear_pass(
+    state: Array, covariance: Array, transition: Array, drive: Array, sight: Array,
+    measured: Array, process: Array, measurement: Array, given: bool, step: float,
+    steady: bool,
+    innovations: Array, variances: Array, predicted: Array, states: Array,
+) -> None:  # fmt: skip
+    """Filter a linear model over a whole record, in place; `predicted` comes with what the outputs
+    are at a state of zero."""
+    n, s, k = states.shape
+    o = sight.shape[0]
+    held = np.zeros((s, s, k))
+    for i in range(n):
+        for j in range(o):
+            for a in range(s):
+                for q in range(k):
+                    predicted[i, j, q] += sight[j, a, q] * state[a, q]
+        for a in range(s):
+            for b in range(s):
+                for q in range(k):
+                    held[a, b, q] = covariance[a, b, q]
+        update(
+            state, held, sight, measured[i], predicted[i], measurement, given, innovations[i],
+            variances[i],
+        )  # fmt: skip
+        for a in range(s):
+            for q in range(k):
+                states[i, a, q] = state[a, q]
+        if i == n - 1:
+            break
+        for a in range(s):
+            for q in range(k):
+                state[a, q] = drive[i, a, q]
+            for b in range(s):
+                for q in range(k):
+                    state[a, q] += transition[a, b, q] * states[i, b, q]
+        if not steady:
+            predict(transition, held, process, step, covariance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def settled(
+    transition: Array, sight: Array, process: Array, measurement: Array, step: float
+) -> Array:
+    """Predicted covariance (s, s, k) at which the discrete Riccati equation settles."""
+    o, s, k = sight.shape
+    covariance, held = np.zeros((s, s, k)), np.zeros((s, s, k))
+    state, before, nothing = np.zeros((s, k)), np.zeros((s, k)), np.zeros(o)
+    innovations, variances, zero = np.zeros((o, k)), np.zeros((o, k)), np.zeros((o, k))
+    for _ in range(_LONGEST):
+        update(state, held, sight, nothing, zero, measurement, False, innovations, variances)
+        predict(transition, held, process, step, covariance)
+        change = 0.0
+        for a in range(s):
+            for q in range(k):
+                now = covariance[a, a, q]
+                if now > 0.0:
+                    change = max(change, abs(now - before[a, q]) / now)
+                before[a, q] = now
+                state[a, q] = 0.0
+            for b in range(s):
+                for q in range(k):
+                    held[a, b, q] = covariance[a, b, q]
+        if not change > _SETTLED:
+            break
+    return covariance
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def update(
+    state: Array, covariance: Array, sight: Array, measured: Array, predicted: Array,
+    noise: Array, given: bool, innovations: Array, variances: Array,
+) -> None:  # fmt: skip
+    """Take in the measurements (o,) of one sample, in place: state (s, k), covariance (s, s, k),
+    innovations and variances (o, k).
+
+    With ``S = C P C' + R = L D L'`` the innovations are ``inv(L) v`` and their variances D; the
+    gain of each is a column of ``P C' inv(L)'``. `given`: the noise is S itself.
+    """
+    s, k = state.shape
+    o = measured.shape[0]
+    gain, lower = np.zeros((o, s, k)), np.zeros((o, o, k))
+    for j in range(o):
+        if not np.isfinite(measured[j]):
+            continue
+        for q in range(k):
+            innovations[j, q] = measured[j] - predicted[j, q]
+        for a in range(s):
+            for b in range(s):
+                for q in range(k):
+                    gain[j, a, q] += covariance[a, b, q] * sight[j, b, q]
+        for m in range(j + 1):
+            if not np.isfinite(measured[m]):
+                continue
+            for q in range(k):
+                whole = noise[j, m, q]
+                if not given:
+                    for a in range(s):
+                        whole += sight[m, a, q] * gain[j, a, q]
+                for p in range(m):
+                    whole -= lower[j, p, q] * lower[m, p, q] * variances[p, q]
+                if m < j:
+                    lower[j, m, q] = whole / variances[m, q]
+                    innovations[j, q] -= lower[j, m, q] * innovations[m, q]
+                else:
+                    variances[j, q] = whole
+    for j in range(o):
+        if not np.isfinite(measured[j]):
+            continue
+        for m in range(j):
+            for a in range(s):
+                for q in range(k):
+                    gain[j, a, q] -= lower[j, m, q] * gain[m, a, q]
+    for j in range(o):
+        if not np.isfinite(measured[j]):
+            continue
+        for a in range(s):
+            for q in range(k):
+                weight = gain[j, a, q] / variances[j, q]
+                state[a, q] += weight * innovations[j, q]
+                for b in range(s):
+                    covariance[a, b, q] -= weight * gain[j, b, q]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def predict(transition: Array, covariance: Array, process: Array, step: float, out: Array) -> None:
+    """``out = F P F' + Q`` (s, s, k), with Q of white noise on the rates over one step by Simpson's
+    rule; the transition of half a step is the root of F to third order."""
+    s, k = process.shape
+    half, square, cube = np.empty((s, s, k)), np.zeros((s, s, k)), np.zeros((s, s, k))
+    full = transition.copy()
+    for a in range(s):
+        for q in range(k):
+            full[a, a, q] -= 1.0
+    for a in range(s):
+        for c in range(s):
+            for b in range(s):
+                for q in range(k):
+                    square[a, b, q] += full[a, c, q] * full[c, b, q]
+    for a in range(s):
+        for c in range(s):
+            for b in range(s):
+                for q in range(k):
+                    cube[a, b, q] += square[a, c, q] * full[c, b, q]
+    for a in range(s):
+        for b in range(s):
+            for q in range(k):
+                half[a, b, q] = (
+                    0.5 * full[a, b, q] - 0.125 * square[a, b, q] + 0.0625 * cube[a, b, q]
+                )
+                square[a, b, q] = 0.0
+                out[a, b, q] = 0.0
+        for q in range(k):
+            half[a, a, q] += 1.0
+    # square is now F P
+    for a in range(s):
+        for c in range(s):
+            for b in range(s):
+                for q in range(k):
+                    square[a, b, q] += transition[a, c, q] * covariance[c, b, q]
+    for c in range(s):
+        for a in range(s):
+            for b in range(a, s):
+                for q in range(k):
+                    intensity = process[c, q] ** 2 * step / 6.0
+                    out[a, b, q] += square[a, c, q] * transition[b, c, q] + intensity * (
+                        transition[a, c, q] * transition[b, c, q]
+                        + 4.0 * half[a, c, q] * half[b, c, q]
+                    )
+    for a in range(s):
+        for q in range(k):
+            out[a, a, q] += process[a, q] ** 2 * step / 6.0
+        for b in range(a):
+            for q in range(k):
+                out[a, b, q] = out[b, a, q]

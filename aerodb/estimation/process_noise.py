@@ -1,0 +1,117 @@
+"""Whether a record needs process noise, and which method to believe."""
+
+from dataclasses import dataclass
+from math import comb, inf
+
+import numpy as np
+
+from aerodb.estimation.fit import Fit
+from aerodb.estimation.whiteness import ljung_box
+
+#: Probability below which process noise is needed.
+NOT_NEEDED = 0.05
+
+
+@dataclass(frozen=True)
+class ProcessNoiseTest:
+    """Likelihood ratio of process noise.
+
+    ratio : twice the difference of the log-likelihoods. p_value : of no process noise.
+    needed : whether it is significant.
+    """
+
+    ratio: float
+    p_value: float
+    needed: bool
+
+
+def boundary_p_value(ratio: float, count: int) -> float:
+    """Probability of so large a likelihood ratio where the `count` intensities are all zero.
+
+    A zero is at the bound, so that each intensity is zero in half of such records: the ratio is a
+    mixture of chi-squares with binomial weights.
+
+    References
+    ----------
+    Self & Liang, Journal of the American Statistical Association 82, 1987, case 9.
+
+    >>> round(boundary_p_value(2.706, 1), 3)
+    0.05
+    """
+    from scipy.special import gammaincc  # slow to import
+
+    if count == 0 or not ratio > 0.0:
+        return 1.0
+    if ratio == inf:
+        return 0.0
+    weights = [comb(count, j) / 2.0**count for j in range(1, count + 1)]
+    tails = [float(gammaincc(0.5 * j, 0.5 * ratio)) for j in range(1, count + 1)]
+    return float(np.dot(weights, tails))
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Which of two fits to believe.
+
+    method : of the fit to believe; empty where neither is to be believed. reason : why, a sentence.
+    """
+
+    method: str
+    reason: str
+
+
+def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendation:
+    """Whether turbulence makes output error biased, so that filter error is to be believed.
+
+    The likelihood ratio of process noise decides. What output error shows of it by itself is said
+    too: residuals that are correlated in time, and estimates that differ.
+    """
+    if not filter_error.converged:
+        trusted = output_error.method if output_error.converged else ""
+        return Recommendation(trusted, "Filter error did not converge.")
+    p_value = filter_error.tests["process noise"]
+    if p_value >= NOT_NEEDED:
+        if not output_error.converged:
+            return Recommendation(filter_error.method, "Output error did not converge.")
+        return Recommendation(
+            output_error.method,
+            f"The record shows no process noise (p = {p_value:.2g}): both methods are unbiased, and"
+            " output error assumes less.",
+        )
+    parts = [
+        f"Process noise drives the motion (p = {p_value:.2g}), which output error has no place for"
+    ]
+    if not output_error.converged:
+        parts.append("it does not converge")
+    elif coloured := _coloured(output_error):
+        parts.append(f"its residuals are correlated from sample to sample ({', '.join(coloured)})")
+    if far := _farthest(output_error, filter_error):
+        parts.append(far)
+    return Recommendation(filter_error.method, "; ".join(parts) + ".")
+
+
+def _coloured(fit: Fit) -> list[str]:
+    """Outputs whose residuals are not white, each with its correlation at one sample."""
+    names = dict.fromkeys(name for record in fit.residuals.values() for name in record)
+    found = []
+    for name in names:
+        p_value, correlation = ljung_box([record[name] for record in fit.residuals.values()])
+        if p_value < NOT_NEEDED:
+            found.append(f"{name} {correlation:.2f}")
+    return found
+
+
+def _farthest(output_error: Fit, filter_error: Fit) -> str:
+    """The estimate that differs most, in standard errors of filter error."""
+    most, words = 2.0, ""
+    for own in output_error.estimates:
+        other = next((each for each in filter_error.estimates if each.name == own.name), own)
+        if other.standard_error > 0.0 and np.isfinite(own.value):
+            away = abs(own.value - other.value) / other.standard_error
+            if away > most:
+                most = away
+                words = (
+                    f"{own.name} is {own.value:.4g} by it and {other.value:.4g} by filter error,"
+                    f" {away:.1f} standard errors away"
+                )
+    return words

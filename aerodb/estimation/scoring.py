@@ -1,0 +1,304 @@
+"""Fisher scoring of the likelihood that a Kalman filter gives: parameters, process noise and
+measurement noise together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.estimation.dynamic_model import DynamicModel
+from aerodb.estimation.filtering import FilterPass, NoiseLevels, run_filter
+from aerodb.estimation.parameters import bounds_of, priors_of
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+#: ``diagonal`` or ``full``: covariance of the measurement noise, without or with correlation
+#: between outputs; ``innovations``: the diagonal one of the innovations, which gives the gain.
+Covariance = Literal["diagonal", "full", "innovations"]
+
+#: Differences: of a parameter in its own standard errors, of it before these are known as a share
+#: of its value or of the least value, of the noise as a share.
+_DIFFERENCE, _FIRST, _LEAST, _NOISE_DIFFERENCE = 0.01, 1e-4, 1e-2, 1e-4
+#: Directions in which the information, scaled to a unit diagonal, is below this are not moved.
+SINGULAR = 1e-10
+#: The search ends where no step is expected to gain more log-likelihood.
+_NO_GAIN = 1e-3
+#: Information added for the step to each logarithm of a noise, so that it moves little where the
+#: likelihood is flat, as it is where a noise vanishes: at first and at least; it falls and rises by
+#: this factor as steps succeed or fail, by this share of the gain that the undamped step promises.
+_HELD, _LEAST_HELD, _HELD_FACTOR, _GOOD = 1.0, 1e-3, 3.0, 0.3
+#: Largest change of the logarithm of a noise in one step.
+_FARTHEST = 1.5
+#: Damping of the steps that are tried side by side, and shares of the undamped step.
+_DAMPINGS, _SHARES = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4), (1.0, 0.5, 0.2, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Where the likelihood is evaluated.
+
+    Parameters
+    ----------
+    vector : (f,), the unknown parameters.
+    process : (s,), square roots of the intensities of the process noise.
+    measurement : (o, o), covariance of the measurement noise.
+    """
+
+    vector: Array
+    process: Array
+    measurement: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Innovations of one record in units of their deviations, and their derivatives.
+
+    Parameters
+    ----------
+    columns : (g,), which unknowns of the search the record depends on.
+    innovations : (n, o). mean : (n, o, g), derivative of the innovations over their deviation.
+    variance : (n, o, g), derivative of the logarithm of their variances.
+    """
+
+    columns: NDArray[np.int64]
+    innovations: Array
+    mean: Array
+    variance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where the search ended.
+
+    information : (u, u) of parameters, process noise and measurement noise, with priors.
+    log_likelihood : without priors. converged : at an optimum. iterations : steps taken.
+    """
+
+    point: Point
+    log_likelihood: float
+    information: Array
+    slopes: tuple[Slopes, ...]
+    passes: tuple[FilterPass, ...]
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class FilterProblem:
+    """Model, records and what of the noise is estimated.
+
+    Parameters
+    ----------
+    disturbed : (p,), states whose process noise is estimated.
+    covariance : see `Covariance`.
+    steady : see `run_filter`.
+    """
+
+    model: DynamicModel
+    records: tuple[TimeHistory, ...]
+    disturbed: tuple[int, ...]
+    covariance: Covariance
+    steady: bool
+
+    @property
+    def full(self) -> bool:
+        """Whether the measurement noise of different outputs may be correlated."""
+        return self.covariance == "full"
+
+    @property
+    def noises(self) -> int:
+        """Unknowns of the measurement noise."""
+        o = len(self.model.outputs)
+        return o * (o + 1) // 2 if self.full else o
+
+    def columns(self, record: TimeHistory) -> NDArray[np.int64]:
+        """Unknowns that a record depends on: parameters of other records do not count."""
+        others = tuple(f"[{other.name}]" for other in self.records if other.name != record.name)
+        unknown = self.model.parameters.unknown
+        own = [j for j, item in enumerate(unknown) if not (others and item.name.endswith(others))]
+        more = np.arange(len(unknown), len(unknown) + len(self.disturbed) + self.noises)
+        return np.concatenate([np.array(own, dtype=np.int64), more])
+
+    def passed(self, record: TimeHistory, point: Point, moves: Array) -> FilterPass:
+        """The filter at a point displaced by each of the moves (u, k): of parameters by
+        differences, of the noise by differences of logarithms."""
+        f, p = len(point.vector), len(self.disturbed)
+        process = np.repeat(point.process[:, None], moves.shape[1], axis=1)
+        process[list(self.disturbed)] *= np.exp(moves[f : f + p])
+        return run_filter(
+            self.model,
+            self.model.parameters.values(point.vector[:, None] + moves[:f]),
+            record,
+            NoiseLevels(
+                process,
+                self._measurement(point.measurement, moves[f + p :]),
+                self.covariance == "innovations",
+            ),
+            self.steady,
+        )
+
+    def _measurement(self, centre: Array, moves: Array) -> Array:
+        """``G exp(X) G'`` (o, o, k), with the centre ``G G'`` and X made of the moves (r, k)."""
+        o = len(centre)
+        root = np.linalg.cholesky(centre)
+        rows, columns = np.tril_indices(o) if self.full else (np.arange(o), np.arange(o))
+        matrix = np.zeros((moves.shape[1], o, o))
+        matrix[:, rows, columns] = moves.T
+        matrix[:, columns, rows] = moves.T
+        values, vectors = np.linalg.eigh(matrix)
+        wide = root @ vectors
+        whole = (wide * np.exp(values)[:, None, :]) @ np.swapaxes(wide, 1, 2)
+        return np.ascontiguousarray(np.moveaxis(whole, 0, -1))
+
+    def moved(self, point: Point, move: Array) -> Point:
+        """The point displaced by one move (u,)."""
+        f, p = len(point.vector), len(self.disturbed)
+        lower, upper = bounds_of(self.model.parameters.unknown)
+        process = point.process.copy()
+        process[list(self.disturbed)] *= np.exp(move[f : f + p])
+        return Point(
+            np.clip(point.vector + move[:f], lower, upper),
+            process,
+            self._measurement(point.measurement, move[f + p :, None])[:, :, 0],
+        )
+
+    def penalty(self, vectors: Array) -> Array:
+        """What the priors take from the log-likelihood at vectors (f, k), (k,)."""
+        prior, error = priors_of(self.model.parameters.unknown)
+        return np.asarray(0.5 * (((vectors - prior[:, None]) / error[:, None]) ** 2).sum(axis=0))
+
+    def likelihood(self, point: Point, moves: Array) -> Array:
+        """Log-likelihood with priors (k,) at a point displaced by moves (u, k)."""
+        total = -self.penalty(point.vector[:, None] + moves[: len(point.vector)])
+        for record in self.records:
+            total = total + self.passed(record, point, moves).log_likelihood
+        return total
+
+    def slopes(self, record: TimeHistory, point: Point, steps: Array) -> tuple[Slopes, FilterPass]:
+        """Innovations of a record and their derivatives, by differences of steps (u,)."""
+        columns = self.columns(record)
+        moves = np.zeros((len(steps), len(columns) + 1))
+        moves[columns, np.arange(1, len(columns) + 1)] = steps[columns]
+        passed = self.passed(record, point, moves)
+        deviation = np.sqrt(passed.variances[:, :, :1])
+        mean = (passed.innovations[:, :, 1:] - passed.innovations[:, :, :1]) / deviation
+        variance = passed.variances[:, :, 1:] / passed.variances[:, :, :1] - 1.0
+        made = Slopes(
+            columns,
+            passed.innovations[:, :, 0] / deviation[:, :, 0],
+            mean / steps[columns],
+            variance / steps[columns],
+        )
+        centre = FilterPass(*(values[..., :1].copy() for values in _parts(passed)))
+        return made, centre
+
+
+def _parts(passed: FilterPass) -> tuple[Array, Array, Array, Array]:
+    return passed.innovations, passed.variances, passed.predicted, passed.states
+
+
+def maximise(
+    problem: FilterProblem, start: Point, most_iterations: int, enough: float = _NO_GAIN
+) -> Optimum:
+    """Climb the likelihood from `start`.
+
+    Every iteration solves the normal equations with Fisher's information and tries several damped
+    steps side by side, as lanes of one pass; the best is taken.
+    """
+    point, f = start, len(start.vector)
+    alone = np.zeros(0)
+    iteration, converged = 0, False
+    information, held = np.zeros((0, 0)), _HELD
+    while True:
+        steps = _steps(problem, point, alone)
+        pairs = [problem.slopes(record, point, steps) for record in problem.records]
+        slopes, passes = tuple(pair[0] for pair in pairs), tuple(pair[1] for pair in pairs)
+        now = float(sum(passed.log_likelihood[0] for passed in passes))
+        information, gradient = _equations(problem, point, slopes, len(steps))
+        if not (np.isfinite(now) and np.isfinite(information).all()):
+            break
+        alone = np.diag(information)[:f]
+        moves, expected = _moves(problem, point, information, gradient, held)
+        if expected < enough:
+            converged = True
+            break
+        if iteration == most_iterations:
+            break
+        iteration += 1
+        reached = problem.likelihood(point, moves)
+        best = int(np.argmax(reached))
+        gain = reached[best] - (now - float(problem.penalty(point.vector[:, None])[0]))
+        if not gain > 0.0:
+            converged = expected < 100.0 * _NO_GAIN
+            break
+        good = gain > _GOOD * expected
+        held = max(_LEAST_HELD, held / _HELD_FACTOR) if good else min(_HELD, held * _HELD_FACTOR)
+        point = problem.moved(point, moves[:, best])
+    return Optimum(point, now, information, slopes, passes, converged, iteration)
+
+
+def _steps(problem: FilterProblem, point: Point, alone: Array) -> Array:
+    """Differences (u,), inside the bounds; alone (f,) is the information of each parameter alone,
+    empty before it is known."""
+    steps = _FIRST * np.maximum(np.abs(point.vector), _LEAST)
+    if len(alone):
+        with np.errstate(divide="ignore"):
+            own = np.where(alone > 0.0, _DIFFERENCE / np.sqrt(alone), np.inf)
+        steps = np.minimum(own, 100.0 * steps)
+    upper = bounds_of(problem.model.parameters.unknown)[1]
+    steps = np.where(point.vector + steps > upper, -steps, steps)
+    noise = np.full(len(problem.disturbed) + problem.noises, _NOISE_DIFFERENCE)
+    return np.concatenate([steps, noise])
+
+
+def _equations(
+    problem: FilterProblem, point: Point, slopes: Sequence[Slopes], size: int
+) -> tuple[Array, Array]:
+    """Information (u, u) and gradient (u,) of the log-likelihood with priors."""
+    information, gradient = np.zeros((size, size)), np.zeros(size)
+    for part in slopes:
+        at, w = part.columns, part.innovations.reshape(-1)
+        mean = part.mean.reshape(len(w), -1)
+        variance = part.variance.reshape(len(w), -1)
+        information[np.ix_(at, at)] += mean.T @ mean + 0.5 * variance.T @ variance
+        gradient[at] += 0.5 * (w**2 - (w != 0.0)) @ variance - w @ mean
+    prior, error = priors_of(problem.model.parameters.unknown)
+    f = len(prior)
+    information[:f, :f] += np.diag(error**-2.0)
+    gradient[:f] -= (point.vector - prior) / error**2
+    return information, gradient
+
+
+def _moves(
+    problem: FilterProblem, point: Point, information: Array, gradient: Array, held: float
+) -> tuple[Array, float]:
+    """Moves (u, k) to try, and the gain that the undamped one promises."""
+    f = len(point.vector)
+    lower, upper = bounds_of(problem.model.parameters.unknown)
+    go = np.ones(len(gradient), dtype=bool)
+    go[:f] = ~(
+        ((point.vector <= lower) & (gradient[:f] < 0))
+        | ((point.vector >= upper) & (gradient[:f] > 0))
+    )
+    information = information + np.diag(np.where(np.arange(len(gradient)) < f, 0.0, held))
+    size = np.sqrt(np.diag(information))
+    live = np.flatnonzero(go & (size > 0.0))
+    scale = size[live]
+    values, vectors = np.linalg.eigh(information[np.ix_(live, live)] / np.outer(scale, scale))
+    along = vectors.T @ (gradient[live] / scale)
+    keep = values > SINGULAR * values.max(initial=0.0)
+    expected = 0.5 * float((along[keep] ** 2 / values[keep]).sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        newton = np.where(keep, along / values, 0.0)
+    scaled = [share * newton for share in _SHARES]
+    scaled += [along / (values + damping) for damping in _DAMPINGS]
+    moves = np.zeros((len(gradient), len(scaled) + 2))
+    for number, move in enumerate(scaled):
+        moves[live, number] = (vectors @ move) / scale
+    moves[f:] /= np.maximum(1.0, np.abs(moves[f:]).max(axis=0) / _FARTHEST)
+    moves[:f] = np.clip(moves[:f] + point.vector[:, None], lower[:, None], upper[:, None])
+    moves[:f] -= point.vector[:, None]
+    moves[:f, -2], moves[f:, -1] = moves[:f, 0], moves[f:, 0]
+    return moves, expected

@@ -1,0 +1,38 @@
+"""Whether residuals are white: what a method that takes them so must tell."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import gammaincc
+
+from aerodb.support import Array
+
+#: Most lags that are looked at, and samples for each.
+_LAGS, _PER_LAG = 20, 10
+
+
+def ljung_box(records: Sequence[Array]) -> tuple[float, float]:
+    """Probability of so much correlation in time if the residuals (n,) of all records were white,
+    and their correlation from one sample to the next.
+
+    Samples that are NaN are left out.
+
+    References
+    ----------
+    Ljung & Box, Biometrika 65(2), 1978.
+
+    >>> round(ljung_box([np.tile([1.0, -1.0], 50)])[1], 2)
+    -0.99
+    """
+    total = sum(int(np.isfinite(values).sum()) for values in records)
+    power = sum(float(np.nansum(values**2)) for values in records)
+    lags = min(_LAGS, total // _PER_LAG)
+    if lags < 1 or power <= 0.0:
+        return 1.0, 0.0
+    correlation = np.zeros(lags)
+    for values in records:
+        known = np.nan_to_num(values)
+        for lag in range(1, min(lags, len(known) - 1) + 1):
+            correlation[lag - 1] += float(known[lag:] @ known[:-lag]) / power
+    statistic = total * (total + 2.0) * np.sum(correlation**2 / (total - np.arange(1, lags + 1)))
+    return float(gammaincc(0.5 * lags, 0.5 * float(statistic))), float(correlation[0])
