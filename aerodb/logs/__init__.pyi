@@ -4,10 +4,12 @@ from .inspection import TopicSummary, describe, missing_by_topic
 from .mapping import (
     channels_found,
     choose_mapping,
+    empty_channels,
     map_recording,
     with_mapped_clock,
     zero_channels,
 )
+from .mapping_draft import MappingDraft, draft_mapping
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg
 from .vehicle_draft import draft_vehicle
@@ -15,6 +17,7 @@ from .vehicle_draft import draft_vehicle
 __all__ = [
     "Autopilot",
     "Mapping",
+    "MappingDraft",
     "TopicSummary",
     "airspeed_remedy",
     "angles_from_pressures",
@@ -23,7 +26,9 @@ __all__ = [
     "consequence_of_zeros",
     "consequences_of_missing",
     "describe",
+    "draft_mapping",
     "draft_vehicle",
+    "empty_channels",
     "map_recording",
     "missing_by_topic",
     "parse_mapping",

@@ -202,6 +202,14 @@ class _Log:
         values = np.asarray(self.recording.topics[location.topic].fields[location.field])
         return len(values) > 0 and not np.any(values)
 
+    def is_empty(self, source: Source) -> bool:
+        """Return whether the field of a source is there and holds no number."""
+        location = self.locate(source)
+        if location is None:
+            return False
+        values = self.recording.topics[location.topic].fields[location.field]
+        return not np.any(np.isfinite(np.asarray(values, dtype=np.float64)))
+
     def read(self, source: Source, unit: str) -> _FieldValues | None:
         """Return topic and values in `unit` of a source on its cleaned clock.
 
@@ -332,6 +340,17 @@ def zero_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
         for name in each.channels
     ]
     return tuple(dict.fromkeys([*single, *derived]))
+
+
+def empty_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
+    """Return the channels whose fields are there and hold no number at all."""
+    log = _Log(recording, mapping)
+    return tuple(
+        entry.name
+        for entry in mapping.channel
+        if (places := [source for source in entry.sources if log.locate(source)])
+        and all(log.is_empty(source) for source in places)
+    )
 
 
 def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:

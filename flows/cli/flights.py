@@ -60,6 +60,7 @@ def _look_into(session: Session, parsed: "Parsed", mapping: str | None) -> None:
         choose_mapping,
         consequence_of_zeros,
         consequences_of_missing,
+        empty_channels,
         read_autopilot,
         wingless_sentence,
         with_mapped_clock,
@@ -88,12 +89,13 @@ def _look_into(session: Session, parsed: "Parsed", mapping: str | None) -> None:
                 "channels": [],
                 "missing": [],
                 "zero": [],
+                "empty": [],
                 "prevents": [refusal],
             }
         )
         return
     present, missing = channels_found(recording, chosen)
-    zero = zero_channels(recording, chosen)
+    zero, empty = zero_channels(recording, chosen), empty_channels(recording, chosen)
     autopilot = read_autopilot(recording)
     wingless = [] if autopilot.has_wing else [wingless_sentence(autopilot.kind)]
     sentences = [
@@ -101,6 +103,7 @@ def _look_into(session: Session, parsed: "Parsed", mapping: str | None) -> None:
         *consequences_of_missing(missing),
         *airspeed_remedy(missing),
         *consequence_of_zeros(zero, chosen.zero_is_missing),
+        *(f"{name} is mapped to a field without any number: it is not used" for name in empty),
     ]
     session.say(f"mapping {chosen.name}: {', '.join(present)}")
     session.say(f"not in the log: {', '.join(missing) or 'none of the mapped channels'}")
@@ -116,6 +119,7 @@ def _look_into(session: Session, parsed: "Parsed", mapping: str | None) -> None:
         "airframe": autopilot.kind or None,
         "missing": missing,
         "zero": list(zero),
+        "empty": list(empty),
         "prevents": sentences,
         **findings,
     }

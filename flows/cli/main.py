@@ -19,6 +19,7 @@ from aerodb.flows.cli import (
     flights,
     keeping,
     lineage,
+    mappings,
     releases,
     reports,
     responses,
@@ -59,6 +60,7 @@ versions.app.command("rollback")(releases.rollback)
 for group in (
     vehicles.app,
     databases.app,
+    mappings.app,
     flights.logs,
     flights.app,
     versions.app,

@@ -277,6 +277,8 @@ def _mapped(
         kind = read_autopilot(recording)
         if not kind.has_wing:
             what += f"; {wingless_sentence(kind.kind)}"
+        elif "qbar" not in flight and "V" in flight:
+            remedy += "; airspeed needs an air density: map it, or static pressure, or an altitude"
         elif "qbar" not in flight:
             remedy = "; ".join([remedy, *airspeed_remedy(("qbar", "V"))])
         raise InputError(what, recording.source, remedy)

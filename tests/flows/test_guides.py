@@ -23,7 +23,13 @@ from tests.support.paths import ROOT
 DOCS = ROOT / "docs"
 FOLDER = DOCS / "guides"
 FAILED = Path("failed")
-GUIDES = ("px4-without-vanes", "with-a-boom", "first-finding", "simulators")
+GUIDES = (
+    "px4-without-vanes",
+    "with-a-boom",
+    "first-finding",
+    "simulators",
+    "from-csv-or-mat",
+)
 
 
 def steps(text: str) -> Iterator[tuple[str, list[str]]]:

@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+from pyulog import ULog
 
 from aerodb.exchange.native import read_native
 from aerodb.simulation.airframe_model import airframe
@@ -328,6 +329,48 @@ def prepare(guide: str, folder: Path) -> None:
             int(wanted[1]),
             boom=bool(wanted[2]),
         )
+    table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
+    if table:
+        write_table(folder / table[2], folder / table[1])
+
+
+def write_table(log: Path, path: Path) -> None:
+    """Write what a simulated log holds as a table of a flight-test data system: at 50 Hz, in its own
+    units and with the normal load positive upwards."""
+    topics = {each.name: each.data for each in ULog(str(log)).data_list}
+    rates, loads = topics["vehicle_angular_velocity"], topics["vehicle_acceleration"]
+    air, path_of = topics["airspeed_validated"], topics["vehicle_local_position"]
+    attitude, servos = topics["vehicle_attitude"], topics["actuator_servos"]
+    begin = max(each["timestamp"][0] for each in (rates, loads, air, path_of, attitude, servos))
+    clock = np.arange(begin, rates["timestamp"][-1], 20_000)
+
+    def along(topic: Mapping[str, Array], field: str, scale: float = 1.0) -> Array:
+        return np.interp(clock, topic["timestamp"], topic[field]) * scale
+
+    w, x, y, z = (along(attitude, f"q[{k}]") for k in range(4))
+    degrees, knots, standard = np.rad2deg(1.0), 3600.0 / 1852.0, 1.0 / 9.80665
+    columns = {
+        "time_ms": (clock - begin) / 1000.0,
+        "TAS_kts": along(air, "true_airspeed_m_s", knots),
+        "roll_rate_dps": along(rates, "xyz[0]", degrees),
+        "pitch_rate_dps": along(rates, "xyz[1]", degrees),
+        "yaw_rate_dps": along(rates, "xyz[2]", degrees),
+        "nx_g": along(loads, "xyz[0]", standard),
+        "ny_g": along(loads, "xyz[1]", standard),
+        "nz_g": along(loads, "xyz[2]", -standard),
+        "bank": degrees * np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        "pitch": degrees * np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)),
+        "heading": degrees * np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        "vn_mps": along(path_of, "vx"),
+        "ve_mps": along(path_of, "vy"),
+        "vd_mps": along(path_of, "vz"),
+        "baro_alt_ft": along(topics["vehicle_air_data"], "baro_alt_meter", 1 / 0.3048),
+        "elevator": along(servos, "control[2]", 25.0),
+        "rudder": along(servos, "control[3]", 25.0),
+        "sideslip_vane": np.zeros(clock.size),
+    }
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, "%.7g", ",", header=",".join(columns), comments="")
 
 
 # To follow a guide by hand:
