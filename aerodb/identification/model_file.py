@@ -1,0 +1,211 @@
+"""Files that declare a linear state-space model of channels of the flights.
+
+    [state_space]
+    states = ["p", "r"]
+    inputs = ["delta_aileron", "delta_rudder", "beta"]
+    outputs = ["p", "r"]
+    a = [["Lp", "Lr"], ["Np", "Nr"]]
+    b = [["Lda", "Ldr", "Lbeta"], ["Nda", "Ndr", "Nbeta"]]
+    c = [[1, 0], [0, 1]]
+    state_bias = ["L0", "N0"]
+    initial = ["p", "r"]
+    own = ["L0", "N0"]
+
+    [[parameter]]
+    name = "Lp"
+    value = -2.0
+    upper = 0.0
+
+Entries are numbers or sums of parameters, such as ``2*Lp - 0.1*Lr``; their units are SI. What no
+``[[parameter]]`` describes is free and starts at 0. `initial` names the states whose first value is
+unknown, `own` the parameters that every record has of its own.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.estimation import Fit, Parameter, Parameters, StateSpace, TimeHistory, state_space
+from aerodb.identification.identification_flight import IdentificationFlight
+from aerodb.identification.methods import Method
+from aerodb.support import Array, Strict, parsed_toml, validated
+
+Row = list[float | str]
+
+
+class StateSpaceTable(Strict):
+    """Names and matrices; see the module."""
+
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    a: list[Row]
+    b: list[Row]
+    c: list[Row]
+    d: list[Row] | None = None
+    state_bias: Row | None = None
+    output_bias: Row | None = None
+    initial: list[str] = []
+    own: list[str] = []
+
+
+class ParameterTable(Strict):
+    """A parameter: start value, unit and what is known of it."""
+
+    name: str
+    value: float = 0.0
+    unit: str = "1"
+    fixed: bool = False
+    lower: float = -np.inf
+    upper: float = np.inf
+    prior: float | None = None
+    prior_error: float | None = None
+    tied: str | None = None
+    factor: float = 1.0
+
+
+class StateSpaceFile(Strict):
+    """A file that declares a linear model."""
+
+    state_space: StateSpaceTable
+    parameter: list[ParameterTable] = []
+
+    def model(self, records: Sequence[TimeHistory]) -> StateSpace:
+        """The model of these records; a state starts as first measured where no output of its name
+        says it better.
+
+        Raises InputError for names that are not in the model, and for wrong matrices.
+        """
+        table = self.state_space
+        entries = _names(table)
+        described = {each.name: each for each in self.parameter}
+        for what, names, known in (
+            ("entry", [*described, *table.own], entries),
+            ("state", table.initial, tuple(table.states)),
+        ):
+            for name in names:
+                if name not in known:
+                    raise InputError(f"no {what} '{name}'", "state space", nearest(name, known))
+        items = list[Parameter]()
+        for name in entries:
+            given = described.get(name, ParameterTable(name=name))
+            ends = [f"[{record.name}]" for record in records] if name in table.own else [""]
+            items += [_parameter(given, end) for end in ends]
+        items += [
+            Parameter(f"initial_{state}[{record.name}]", _first(record, state))
+            for state in table.initial
+            for record in records
+        ]
+        return state_space(
+            table.states,
+            table.inputs,
+            table.outputs,
+            Parameters(tuple(items)),
+            a=table.a,
+            b=table.b,
+            c=table.c,
+            d=table.d,
+            state_bias=table.state_bias,
+            output_bias=table.output_bias,
+        )
+
+
+def declares_state_space(text: str) -> bool:
+    """Whether a model file (TOML) declares a linear model, not increments.
+
+    Raises InputError for a text that is no TOML.
+    """
+    return "state_space" in parsed_toml(text, "model file")
+
+
+def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
+    """Return the linear model that a file (TOML) declares.
+
+    Raises InputError for unknown keys, wrong matrices and names that are nowhere.
+    """
+    file = validated(StateSpaceFile, parsed_toml(text, where), where)
+    file.model(())
+    return file
+
+
+def state_space_fit(
+    method: Method, flights: Sequence[IdentificationFlight], file: StateSpaceFile
+) -> Fit:
+    """The fit of a method to the manoeuvres of the flights, each a record.
+
+    Raises InputError for a method of equation error, and for channels that no manoeuvre has.
+    """
+    if method.kind != "dynamic":
+        raise InputError(
+            "it solves equations, not a model that is integrated",
+            method.name,
+            "use a dynamic method, such as output-error, for a linear state-space model",
+        )
+    records = [
+        record
+        for each in flights
+        for since, until in each.windows
+        if (record := _record(file.state_space, each, since, until)) is not None
+    ]
+    if not records:
+        raise InputError(
+            "no manoeuvre has all inputs and outputs of the model",
+            method.name,
+            "use channels of the flights (aerodb flight show), or name the manoeuvres",
+        )
+    return method.load()(file.model(records), records)
+
+
+def _names(table: StateSpaceTable) -> tuple[str, ...]:
+    """Parameters in the entries, in order."""
+    from aerodb.estimation.affine import affine_matrix
+
+    matrices = [table.a, table.b, table.c, table.d or []]
+    matrices += [[[entry] for entry in bias or []] for bias in (table.state_bias, table.output_bias)]
+    found: dict[str, None] = {}
+    for rows in matrices:
+        found |= dict.fromkeys(affine_matrix(rows, "state space").slopes)
+    return tuple(found)
+
+
+def _parameter(given: ParameterTable, end: str) -> Parameter:
+    return Parameter(
+        given.name + end,
+        given.value,
+        given.unit,
+        not given.fixed,
+        given.lower,
+        given.upper,
+        given.prior,
+        given.prior_error,
+        None if given.tied is None else (given.tied, given.factor),
+    )
+
+
+def _first(record: TimeHistory, state: str) -> float:
+    values = record.outputs.get(state, np.zeros(1))
+    good = values[np.isfinite(values)]
+    return float(good[0]) if len(good) else 0.0
+
+
+def _record(
+    table: StateSpaceTable, each: IdentificationFlight, since: float, until: float
+) -> TimeHistory | None:
+    """A manoeuvre with the model's channels; None where it lacks one or an input has a gap."""
+    flight = each.flight
+    start = float(flight.time[0])
+    inside = (flight.time >= start + since) & (flight.time <= start + until)
+    inputs, outputs = dict[str, Array](), dict[str, Array]()
+    for names, found in ((table.inputs, inputs), (table.outputs, outputs)):
+        for name in names:
+            if name not in flight:
+                return None
+            values = np.where(flight.usable([name]), flight[name], np.nan)[inside]
+            found[name] = values
+    if inside.sum() < 3 or not all(np.isfinite(values).all() for values in inputs.values()):
+        return None
+    if not all(np.isfinite(values).any() for values in outputs.values()):
+        return None
+    return TimeHistory(f"{flight.id[:8]} {since:.1f} s", flight.time[inside], inputs, outputs)
