@@ -1,3 +1,4 @@
+from .affine import affine_matrix
 from .dynamic_model import DynamicModel, Values
 from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
@@ -45,6 +46,7 @@ __all__ = [
     "Theil",
     "TimeHistory",
     "Values",
+    "affine_matrix",
     "bounds_of",
     "chosen_knots",
     "coloured_sum",

@@ -189,9 +189,10 @@ def normal_equations(
 
 def coloured_information(
     records: Sequence[Measured], responses: Sequence[Response], noise: Noise, unknowns: int
-) -> Array:
+) -> tuple[Array, float]:
     """``sum_ij S_i' R^-1 Rvv(i-j) R^-1 S_j`` (f, f), with the autocorrelation Rvv of the residuals
-    v: what the information would be for white noise.
+    v, which is the information where they are white; and how many independent samples the residuals
+    of all outputs count as.
 
     The residuals are first made uncorrelated between outputs at each sample; the autocorrelation
     of each is that of an autoregressive model (`coloured_noise`).
@@ -213,6 +214,7 @@ def coloured_information(
     values, vectors = np.linalg.eigh(correlation)
     mix = np.linalg.cholesky((vectors * np.maximum(values, 1e-9)) @ vectors.T)
     apart = np.linalg.inv(mix)
+    independent = 0.0
     for j in range(len(mix)):
         model = autoregressive_noise(
             [
@@ -221,8 +223,9 @@ def coloured_information(
                 if record.mask[:, j].any()
             ]
         )
+        independent += model.independent
         for slope, response in zip(slopes, responses, strict=True):
             own = np.einsum("nog,o->ng", slope, mix[:, j])
             at = response.columns
             total[np.ix_(at, at)] += model.summed(own)
-    return total
+    return total, independent

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.estimation.dynamic_model import DynamicModel
+from aerodb.estimation.equation_error import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.gauss_newton import SINGULAR, Solution, projected, search
 from aerodb.estimation.instability import instability
@@ -114,7 +116,8 @@ def fit_of(
     """
     unknown, vector = model.parameters.unknown, solution.vector
     why = unstable or _divergence(model, records, solution)
-    white, coloured = _covariances(model.parameters, solution)
+    found = _covariances(model.parameters, solution)
+    white, coloured = found.white, found.coloured
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
         judged = {item.name: ("diverged", why) for item in unknown}
@@ -138,6 +141,7 @@ def fit_of(
         estimates=_estimates(model.parameters, vector, white, coloured, judged),
         names=tuple(item.name for item in unknown),
         covariance=coloured,
+        degrees_of_freedom=found.freedom,
         residuals=residuals,
         fitted=fitted,
         noise=dict(zip(model.outputs, deviation.tolist(), strict=True)),
@@ -146,7 +150,7 @@ def fit_of(
         iterations=solution.iterations,
         log_likelihood=solution.noise.log_likelihood,
         assumes=assumes,
-        notes=_notes(model, solution, why, white, coloured),
+        notes=_notes(why, found),
     )
 
 
@@ -177,22 +181,37 @@ def _divergence(model: DynamicModel, records: Sequence[TimeHistory], solution: S
     return ""
 
 
-def _covariances(parameters: Parameters, solution: Solution) -> tuple[Array, Array]:
-    """(f, f) as if the residuals were white, and corrected for coloured ones."""
+class _Covariances(NamedTuple):
+    """Covariance (f, f) as if the residuals were white, and corrected for coloured ones; how many
+    independent samples these count as; and how many directions the unknowns have."""
+
+    white: Array
+    coloured: Array
+    independent: float
+    rank: int
+
+    @property
+    def freedom(self) -> float:
+        return max(self.independent - self.rank, 1.0)
+
+
+def _covariances(parameters: Parameters, solution: Solution) -> _Covariances:
     f = len(solution.vector)
     lower, upper = (np.array([getattr(u, side) for u in parameters.unknown]) for side in _SIDES)
     inside = (solution.vector > lower) & (solution.vector < upper)
     if not solution.information.any():
-        return np.full((f, f), np.nan), np.full((f, f), np.nan)
+        none = np.full((f, f), np.nan)
+        return _Covariances(none, none, np.inf, 0)
     directions = projected(solution.information, solution.normal, inside)
-    samples = float(solution.noise.count.sum())
-    # residuals are smaller than the noise by what the parameters take up
-    larger = samples / max(samples - directions.shape[1], 1.0)
-    white = directions @ directions.T
-    data = coloured_information(solution.records, solution.responses, solution.noise, f)
+    white, rank = directions @ directions.T, directions.shape[1]
+    data, independent = coloured_information(
+        solution.records, solution.responses, solution.noise, f
+    )
     prior = solution.information - solution.normal.information
-    whole = white @ (larger * data + prior) @ white
-    return larger * white, whole
+    # residuals are smaller than the noise by what the parameters take up
+    samples = float(solution.noise.count.sum())
+    whole = white @ (data * independent / max(independent - rank, 1.0) + prior) @ white
+    return _Covariances(white * samples / max(samples - rank, 1.0), whole, independent, rank)
 
 
 _SIDES = ("lower", "upper")
@@ -226,17 +245,23 @@ def _estimates(
     return tuple(made)
 
 
-def _notes(
-    model: DynamicModel, solution: Solution, why: str, white: Array, coloured: Array
-) -> tuple[str, ...]:
-    notes = [f"The search diverged: {why}."] if why else []
+def _notes(why: str, found: _Covariances) -> tuple[str, ...]:
+    if why:
+        return (f"The search diverged: {why}.",)
+    notes = []
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(np.diag(coloured) / np.diag(white))
+        ratio = np.sqrt(np.diag(found.coloured) / np.diag(found.white))
     ratio = ratio[np.isfinite(ratio)]
-    if not why and len(ratio) and float(np.median(ratio)) > 1.5:
+    if len(ratio) and float(np.median(ratio)) > 1.5:
         notes.append(
             "The residuals are coloured: standard errors are"
             f" {float(np.median(ratio)):.1f} times the Cramer-Rao bounds (median); the model lacks"
             " something, or the noise is not white."
+        )
+    if found.independent < ENOUGH_PER_ESTIMATE * found.rank:
+        notes.append(
+            f"Too short: the residuals count as {found.independent:.0f} independent samples for"
+            f" {found.rank} estimates; below {ENOUGH_PER_ESTIMATE} for each, 95 % intervals hold"
+            " the truth less often than that."
         )
     return tuple(notes)

@@ -6,6 +6,7 @@ from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
 from .identification_flight import IdentificationFlight
 from .methods import METHODS, REGRESSION, Method, chosen_methods
+from .model_file import StateSpaceFile, declares_state_space, parse_state_space, state_space_fit
 from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
 from .problem import fits_of
 
@@ -20,13 +21,20 @@ __all__ = [
     "MethodComparison",
     "OnlineEstimation",
     "OnlineSettings",
+    "StateSpaceFile",
+    "SteadyFlight",
     "chosen_methods",
     "compare_methods",
     "converted",
+    "declares_state_space",
+    "dimensional_derivatives",
+    "exact",
     "fit_report",
     "fits_of",
     "flight_dynamics",
     "no_database",
     "parse_derivative_file",
+    "parse_state_space",
+    "state_space_fit",
     "update_by",
 ]

@@ -21,18 +21,28 @@ Entries are numbers or sums of parameters, such as ``2*Lp - 0.1*Lr``; their unit
 unknown, `own` the parameters that every record has of its own.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import Fit, Parameter, Parameters, StateSpace, TimeHistory, state_space
+from aerodb.estimation import (
+    Fit,
+    Parameter,
+    Parameters,
+    StateSpace,
+    TimeHistory,
+    affine_matrix,
+    state_space,
+)
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.support import Array, Strict, parsed_toml, validated
 
 Row = list[float | str]
+
+#: A record with which a file is checked.
+_ANY = TimeHistory("any", np.arange(2.0), {}, {})
 
 
 class StateSpaceTable(Strict):
@@ -126,7 +136,7 @@ def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
     Raises InputError for unknown keys, wrong matrices and names that are nowhere.
     """
     file = validated(StateSpaceFile, parsed_toml(text, where), where)
-    file.model(())
+    file.model([_ANY])
     return file
 
 
@@ -160,10 +170,10 @@ def state_space_fit(
 
 def _names(table: StateSpaceTable) -> tuple[str, ...]:
     """Parameters in the entries, in order."""
-    from aerodb.estimation.affine import affine_matrix
-
     matrices = [table.a, table.b, table.c, table.d or []]
-    matrices += [[[entry] for entry in bias or []] for bias in (table.state_bias, table.output_bias)]
+    matrices += [
+        [[entry] for entry in bias or []] for bias in (table.state_bias, table.output_bias)
+    ]
     found: dict[str, None] = {}
     for rows in matrices:
         found |= dict.fromkeys(affine_matrix(rows, "state space").slopes)

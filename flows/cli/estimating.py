@@ -18,7 +18,7 @@ _SIDE_BY_SIDE = 4
 def estimate(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
-    model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
+    model: Annotated[Path, typer.Option(help="Model file (TOML): increments or a linear model.")],
     method: Annotated[
         list[str] | None,
         typer.Option("--method", "--methods", help="Methods by name, or `all`; repeat the option."),
@@ -38,14 +38,14 @@ def estimate(
     Example: aerodb estimate --vehicle my-glider --model increments.toml --methods all
     """
     from aerodb.flows.estimate import estimate_flow
-    from aerodb.identification import chosen_methods
+    from aerodb.identification import chosen_methods, declares_state_space, parse_state_space
     from aerodb.increments import parse_model_file
 
     session: Session = context.obj
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
     text = read_text(model)
-    parse_model_file(text, str(model))
+    (parse_state_space if declares_state_space(text) else parse_model_file)(text, str(model))
     chosen = chosen_methods(method or ["regression"])
     rows = (
         [catalogue.flight(ref, name) for ref in flights]

@@ -14,11 +14,14 @@ from aerodb.identification import (
     Method,
     chosen_methods,
     compare_methods,
+    declares_state_space,
     fit_report,
     fits_of,
     no_database,
+    parse_state_space,
+    state_space_fit,
 )
-from aerodb.increments import ModelFile, parse_model_file
+from aerodb.increments import parse_model_file
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Reference
@@ -119,12 +122,17 @@ def _fits(
     database: AeroDatabase,
 ) -> tuple[dict[str, list[Fit]], dict[str, str]]:
     """Fits of each method over all axes, empty where it gave none; and then the reason."""
-    model: ModelFile = parse_model_file(text)
     fits: dict[str, list[Fit]] = {}
     reasons: dict[str, str] = {}
+
+    def fitted(method: Method) -> list[Fit]:
+        if declares_state_space(text):
+            return [state_space_fit(method, flights, parse_state_space(text))]
+        return fits_of(method, flights, parse_model_file(text), database)
+
     for method in methods:
         try:
-            fits[method.name] = fits_of(method, flights, model, database)
+            fits[method.name] = fitted(method)
         except InputError as error:
             fits[method.name], reasons[method.name] = [], str(error)
     return fits, reasons

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from aerodb.errors import InputError
 from aerodb.estimation import Parameter, Parameters, TimeHistory, output_error, state_space
@@ -176,3 +177,37 @@ def test_a_record_without_excitation_and_wrong_records():
         output_error(model, [still, still])
     with pytest.raises(InputError, match="it has no r"):
         output_error(model, [TimeHistory("x", time, {"d": time}, {"p": time})])
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("colour", [0.0, 0.9, 0.97])
+def test_intervals_hold_the_truth_as_often_as_they_say(trials, colour):
+    """95 % intervals of derivatives, biases and initial states, white and coloured noise (first
+    order, correlation time up to .65 s); where that is near the limit, the fit says so."""
+    names = ("one", "two")
+    own = [Parameter("bias_p", 0.0, free=False)]
+    own += [Parameter(f"bias_p[{name}]", 0.01) for name in names]
+    own += [Parameter(f"initial_{state}[{name}]", 0.02) for state in "pr" for name in names]
+    planted = parameters_of(own)
+    model = roll_and_yaw(planted, output_bias=["bias_p", 0])
+    clean = flown(np.random.default_rng(0), planted, names, noise=(0.0, 0.0), seconds=20.0)
+    rng, held, short, count = np.random.default_rng(7), [], 0, trials(40, 300)
+    for _ in range(count):
+        noisy = []
+        for record in clean:
+            outputs = {}
+            for name, sigma in (("p", 0.004), ("r", 0.003)):
+                white = rng.standard_normal(len(record.time) + 300)
+                noise = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], white)[300:]
+                outputs[name] = record.outputs[name] + sigma * noise
+            noisy.append(replace(record, outputs=outputs))
+        fit = output_error(model, noisy)
+        assert fit.converged
+        short += any(note.startswith("Too short") for note in fit.notes)
+        for item in planted.unknown:
+            low, high = fit.interval(item.name)
+            held.append(low < item.value < high)
+    # the unknowns of one fit are not independent: few trials scatter by 2 %
+    margin = 0.0 if count >= 300 else 0.05
+    assert 0.92 - margin <= np.mean(held) <= 0.98 + margin
+    assert (short > 0.9 * count) == (colour == 0.97)
