@@ -12,7 +12,7 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.storage.catalogue import Catalogue, StoredFile, measured
-from aerodb.storage.disk_errors import is_temporary, remove, temporary_beside
+from aerodb.storage.disk_errors import is_abandoned, is_temporary, remove, temporary_beside
 from aerodb.storage.files.cache import (
     concurrently,
     is_recording_uploaded,
@@ -211,9 +211,10 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
     without `size`, the limit of the settings, or no limit if they set none.
 
     Files that are not in the object store, or were used in the last ten minutes, stay; `left` lists
-    them if the folder is still larger than `size`.
+    them if the folder is still larger than `size`. What a killed process left unfinished goes too.
     """
     objects = required_objects(workspace)
+    _remove_abandoned(workspace)
     size = load_settings(workspace.root).store.cache or None if size is None else size
     here = sorted(_cached(workspace)) if size is not None else []
     over = sum(entry[1] for entry in here) - (size or 0)
@@ -235,6 +236,15 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
         else:
             left.append(workspace.relative(place))
     return TransferReport(len(gone), sum(gone), tuple(left) if over > 0 else ())
+
+
+def _remove_abandoned(workspace: Workspace) -> None:
+    """Remove temporary files of processes that have ended: nobody may write those paths again."""
+    for folder in STORE:
+        for place in (workspace.root / folder).glob("??/.*.tmp"):
+            if is_abandoned(place):
+                with suppress(OSError):  # another removes it too
+                    remove(place)
 
 
 def _cached(workspace: Workspace) -> Iterator[tuple[float, int, Path]]:

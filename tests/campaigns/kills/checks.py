@@ -48,6 +48,7 @@ def picture(place: Place) -> dict[str, Any]:
         root = place.here / name
         if (root / "catalogue.sqlite").is_file():
             found[name] = _content(Workspace.open(root))
+    found["problems"] = problems(place)
     told: dict[str, Any] = json.loads(json.dumps(found))
     return told
 
@@ -78,9 +79,6 @@ def _content(workspace: Workspace) -> dict[str, Any]:
             "logs": sorted((row.sha256, row.status) for row in catalogue.logs()),
             "users": [(row.name, row.role) for row in catalogue.users()],
             "rows": _numbers(workspace, catalogue),
-            "problems": sorted(
-                (found.kind, found.where) for found in verify(workspace, catalogue).problems
-            ),
             "files": {
                 name: sha256
                 for name, sha256 in state_of(workspace.root).items()
@@ -136,18 +134,24 @@ print(json.dumps({
 
 
 def answers(place: Place) -> dict[str, Any]:
-    """What the queries answer: vehicles, flights, versions, what is released, and the status.
+    """What the queries answer: vehicles, flights, versions, what is released, and the status; and
+    the problems that are found.
 
     Raises AssertionError if one does not answer with a document, and exit code 0.
     """
     if not place.has_catalogue:
-        return {"vehicles": [], "flights": [], "versions": [], "released": {}, "status": {}}
+        return {
+            "vehicles": [], "flights": [], "versions": [], "released": {}, "status": {},
+            "problems": [],
+        }  # fmt: skip
+    found = problems(place)
     done = run_forked(place.arguments(()), environment(**place.more), place.here, code=_ASKING)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     lists = told.pop("lists")
     return {
         **told,
+        "problems": found,
         "versions": [entry["version"] for entries in lists.values() for entry in entries],
         "released": {
             name: entry["version"]
@@ -197,14 +201,20 @@ def asked_sqlite(place: Place, statement: str) -> list[Any]:
             raise
 
 
-def problems(place: Place, expected: Undisturbed) -> list[tuple[str, str]]:
-    """What `aerodb verify` finds beyond what it finds after an undisturbed run."""
+def problems(place: Place) -> list[list[str]]:
+    """Kind and place of what `aerodb verify` finds."""
     if not place.has_catalogue:
         return []
     with Catalogue.open(place.workspace.catalogue) as catalogue:
         found = verify(place.workspace, catalogue).problems
-    known = [tuple(each) for each in expected.picture.get("w", {}).get("problems", [])]
-    return [(each.kind, each.where) for each in found if (each.kind, each.where) not in known]
+    return sorted([each.kind, each.where] for each in found)
+
+
+def further_problems(place: Place, expected: Undisturbed) -> list[list[str]]:
+    """What `aerodb verify` finds that is neither so before nor after an undisturbed run (what is
+    not pushed yet, for example)."""
+    known = expected.before["problems"] + expected.after["problems"]
+    return [each for each in problems(place) if each not in known]
 
 
 def differences(expected: Undisturbed, place: Place) -> list[str]:

@@ -71,6 +71,7 @@ class Trial:
         until the end, and its writes. AssertionError if it fails."""
         self._record.unlink(missing_ok=True)
         watched = {"KILLS_RECORD": str(self._record)} if record else {}
+        self.command.ready(self.place)
         seen, start = snapshot(self.place), time.monotonic()
         with (
             self.command.load(self.place) as load,
@@ -91,6 +92,7 @@ class Trial:
             "KILLS_REACH": moment.reach,
             "KILLS_STRUCK": str(self._struck),
         }
+        self.command.ready(self.place)
         seen = snapshot(self.place)
         with (
             self.command.load(self.place) as load,
@@ -245,7 +247,7 @@ class Campaign:
             "integrity": [row[0] for row in checks.asked_sqlite(place, "PRAGMA integrity_check")],
         }
         answered = checks.answers(place)
-        found = checks.problems(place, expected)
+        found = checks.further_problems(place, expected)
         return said | {
             "wrong_answers": checks.wrong_answers(answered, expected, place),
             "remains": sorted({kind for kind, _ in found if kind in checks.HARMLESS}),

@@ -24,6 +24,8 @@ from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import aerodb, asked
+from tests.support.end_to_end import environment
+from tests.support.forking import run_forked
 from tests.support.glider_runs import ingest_and_update, prepared, rows, stored, ways
 from tests.support.object_service import ObjectService
 from tests.support.object_store_runs import (
@@ -192,6 +194,22 @@ def test_the_cache_is_kept_small_and_gives_up_nothing_that_is_not_put(
     assert {workspace.relative(path) for path in left} == {used.path, only.path}
     assert kinds(checked(workspace)) == ["not put"]
     assert read_all(workspace) > 15
+
+
+def test_what_a_killed_trim_has_put_aside_goes_with_the_next(kept: tuple[Workspace, str]) -> None:
+    workspace, _ = kept
+    file = the(workspace, "conditioning")
+    code = (
+        "import os, sys; from pathlib import Path\n"
+        "from aerodb.storage.disk_errors import temporary_beside\n"
+        "os.replace(sys.argv[1], temporary_beside(Path(sys.argv[1])))\n"
+    )
+    done = run_forked([str(workspace.root / file.path)], environment(), code=code)
+    assert done.returncode == 0, done.stderr
+    assert kinds(checked(workspace)) == ["half-written"]
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        transfer.trim(workspace, catalogue, 1 << 40)
+    assert kinds(checked(workspace)) == []
 
 
 def as_plain(workspace: Workspace, plain: Workspace) -> None:
