@@ -176,6 +176,9 @@ COMMANDS: Final[dict[str, Command]] = {
     "update, under Prefect": Command(
         "ingested", ("update", "--vehicle", NAME, "--model", "{files}/model.toml")
     ),
+    "estimate": Command(
+        "ingested", ("estimate", "--vehicle", NAME, "--model", "{files}/model.toml")
+    ),
     "close-loop": Command(
         "ingested",
         ("close-loop", "--vehicle", NAME, *(p for a in _ACCEPT for p in ("--accept-suspected", a)),
@@ -263,7 +266,10 @@ READS: Final[dict[str, tuple[str, ...]]] = {
     "calibration list": (),
     "calibration show": ("0" * 12,),
     "user list": (),
-}
+    "estimate-online": (
+        "--vehicle", NAME, "--model", "{files}/model.toml", "--log", "{files}/flight1.csv",
+    ),
+}  # fmt: skip
 
 
 def names_of_commands() -> set[str]:
