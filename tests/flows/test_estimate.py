@@ -9,6 +9,22 @@ from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, TRUTH
 
+LINEAR = """
+[state_space]
+states = ["alpha"]
+inputs = ["delta_elevator", "q"]
+outputs = ["alpha"]
+a = [["Za"]]
+b = [["Zd", 1]]
+c = [[1]]
+state_bias = ["Z0"]
+initial = ["alpha"]
+own = ["Z0"]
+[[parameter]]
+name = "Za"
+value = -1.0
+"""
+
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
@@ -84,3 +100,21 @@ def test_the_report_names_estimates_and_what_the_method_assumes(root: Path) -> N
         assert any(
             text.strip().startswith(line) and "+-" in text for text in told.stdout.splitlines()
         )
+
+
+def test_a_linear_model_of_a_file_is_fitted(root: Path) -> None:
+    """The short period's angle of attack as a first-order lag of the elevator: what its matrices
+    are is said, or why there is no answer; a method of equation error has none."""
+    file = root.parent / "linear.toml"
+    file.write_text(LINEAR)
+    given = ("estimate", "--vehicle", NAME, "--model", str(file))
+    document = asked(root, *given, "--method", "output-error", "--method", "regression")
+    error, regression = document["methods"]
+    assert "solves equations" in regression["reason"]
+    found = {each["name"]: each for each in error["estimates"]}
+    assert {"Za", "Zd", "Z0"} <= {name.split("[")[0] for name in found}
+    assert all(each["standing"] for each in error["estimates"])
+    file.write_text(LINEAR.replace("Zd", "Zd*Zd"))
+    refused = aerodb(root, *given)
+    assert refused.returncode == 3
+    assert "no sum of parameters" in refused.stderr
