@@ -19,6 +19,9 @@ While a log is being written, `OnlineEstimation` gives the estimates so far by r
 A file may declare a linear model of the flights' channels instead (`parse_state_space`,
 `state_space_fit`: model_file).
 
+`design_manoeuvre` finds the manoeuvre, within limits, that determines parameters best
+(`experiment`).
+
 Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
 with unknown parameters. `conversion` turns dimensional derivatives of linear models
 (`matrix_derivatives`) into coefficients and back, with covariance (`coefficient_derivatives`,

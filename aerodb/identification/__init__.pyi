@@ -1,7 +1,8 @@
 from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
 from .derivative_file import converted, parse_derivative_file
-from .equations import no_database
+from .equations import no_database, parameter_name
+from .experiment import DesignedManoeuvre, design_manoeuvre, expected_noise, manoeuvre_text
 from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
 from .identification_flight import IdentificationFlight
@@ -15,6 +16,7 @@ __all__ = [
     "ONLINE_METHODS",
     "REGRESSION",
     "Agreement",
+    "DesignedManoeuvre",
     "FlightDynamics",
     "IdentificationFlight",
     "Method",
@@ -26,10 +28,14 @@ __all__ = [
     "compare_methods",
     "converted",
     "declares_state_space",
+    "design_manoeuvre",
+    "expected_noise",
     "fit_report",
     "fits_of",
     "flight_dynamics",
+    "manoeuvre_text",
     "no_database",
+    "parameter_name",
     "parse_derivative_file",
     "parse_state_space",
     "state_space_fit",

@@ -12,7 +12,7 @@ from .engine import Actuator, Engine, FlightModel, Simulation, flight_model, sim
 from .flight import History, fly
 from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
-from .manoeuvre import Manoeuvre, parse_manoeuvre
+from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
 from .modes import Mode, modes
 from .motion import quaternion_from_euler
 from .oscillation import Oscillation, at_rest_from, oscillation
@@ -28,7 +28,7 @@ from .replay import (
 from .sensors import Instrument, Signal, at_instruments, measure
 from .stabilisation import stabilising_feedback
 from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
-from .trim import Condition, NoTrimError, Trim, trim
+from .trim import Condition, NoTrimError, Trim, control_inputs, trim
 from .turbulence import DrydenGusts
 
 __all__ = [
@@ -59,11 +59,13 @@ __all__ = [
     "SweepPoint",
     "Tolerances",
     "Trim",
+    "Wave",
     "airframe",
     "at_instruments",
     "at_rest_from",
     "check_responses",
     "control_derivatives",
+    "control_inputs",
     "flight_model",
     "fly",
     "fly_stretch",

@@ -15,7 +15,7 @@ def estimate_online(
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
     log: Annotated[
-        str, typer.Option(help="ULog that is being written: a pipe or a file; - is standard input.")
+        str, typer.Option(help="ULog as it arrives: a pipe or a growing file; - is standard input.")
     ] = "-",
     method: Annotated[
         str, typer.Option(help="recursive, normalised-recursive or fourier-regression.")
@@ -43,8 +43,7 @@ def estimate_online(
     """Estimate declared increments while the log arrives, and print them as they converge. Nothing
     is stored.
 
-    Example: mkfifo flight; aerodb estimate-online --vehicle my-glider --model increments.toml --log
-    flight
+    Example: aerodb estimate-online --vehicle my-glider --model increments.toml --log fifo
     """
     from aerodb.identification import ONLINE_METHODS, OnlineSettings
     from aerodb.increments import parse_model_file

@@ -14,6 +14,7 @@ from aerodb.flows.cli import (
     databases,
     demonstration,
     derivatives,
+    designing,
     estimating,
     estimating_online,
     flights,
@@ -49,6 +50,7 @@ app = typer.Typer(
 )
 versions.app.command("fly")(responses.fly)
 versions.app.command("validate")(responses.validate)
+versions.app.command("design")(designing.design)
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
 versions.app.command("diff")(lineage.diff)

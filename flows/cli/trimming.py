@@ -91,6 +91,25 @@ class _Stated:
         )
 
 
+def steady_flight(
+    session: Session,
+    row: "VersionRow",
+    speed: str,
+    altitude: str,
+    climb: str | None,
+    glide: bool,
+    fuel: str | None,
+    given: list[str] | None,
+) -> "SteadyFlight":
+    """A straight steady flight of a version, as its options state it."""
+    from aerodb.tasks.view import glides
+
+    stated = _Stated(
+        speed, altitude, climb, glide, None, None, None, None, False, fuel, given, None
+    )
+    return stated.flight(glides(session.catalogue(), row))
+
+
 def trim(
     context: typer.Context,
     version: str,

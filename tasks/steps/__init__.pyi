@@ -12,6 +12,7 @@ from .consistency import (
     remaining_errors,
 )
 from .counting import repeat_documents, repeating
+from .design import design_flight
 from .export import FORMS, export_version
 from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
 from .fly_manoeuvre import fly_manoeuvre
@@ -55,6 +56,7 @@ __all__ = [
     "default_tolerances",
     "deliver",
     "describe_inputs",
+    "design_flight",
     "due",
     "estimate",
     "estimate_by_methods",

@@ -22,7 +22,7 @@ from aerodb.simulation import (
     trim,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
-from aerodb.tables import parse
+from aerodb.tables import AeroDatabase, parse
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view.evaluation import database_of
 from aerodb.vehicle import Vehicle, parse_vehicle
@@ -54,9 +54,15 @@ class SteadyFlight:
 class _Flown:
     """A version ready to be trimmed."""
 
-    def __init__(self, catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> None:
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        row: VersionRow,
+        flight: SteadyFlight,
+        database: AeroDatabase | None = None,
+    ) -> None:
         vehicle = parse_vehicle(catalogue.vehicle(row.vehicle).text, f"vehicle {row.vehicle}")
-        database = database_of(catalogue, row)
+        database = database_of(catalogue, row) if database is None else database
         stated = dict(_pair(text, "--set") for text in flight.given)
         self.inputs = {name: value_of(name, text) for name, text in stated.items()}
         masses = _masses(vehicle, flight.fuel, self.inputs)
@@ -76,7 +82,9 @@ class _Flown:
         self.options = {
             "thrust": "thrust" if engines else "force_x",
             "limits": {
-                name: ends for name, ends in _limits(vehicle).items() if name in self.model.inputs
+                name: ends
+                for name, ends in surface_limits(vehicle).items()
+                if name in self.model.inputs
             },
             "controls": dict(_control(text) for text in flight.controls),
         }
@@ -91,9 +99,15 @@ def glides(catalogue: Catalogue, row: VersionRow) -> bool:
     return parse_vehicle(text, f"vehicle {row.vehicle}").thrust.source == "none"
 
 
-def trim_of(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> Trim:
-    """Trim a version; a vehicle without thrust glides. Raises NoTrimError where there is none."""
-    return _Flown(catalogue, row, flight).trim()
+def trim_of(
+    catalogue: Catalogue,
+    row: VersionRow,
+    flight: SteadyFlight,
+    database: AeroDatabase | None = None,
+) -> Trim:
+    """Trim a version, or a `database` made of it; a vehicle without thrust glides. Raises
+    NoTrimError where there is none."""
+    return _Flown(catalogue, row, flight, database).trim()
 
 
 def trim_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
@@ -203,7 +217,7 @@ def _control(text: str) -> tuple[str, dict[str, float]]:
     return axis, gains
 
 
-def _limits(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
+def surface_limits(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
     """Limits of the surfaces [rad], and of combinations of two, each by itself."""
     ends = {name: surface.limits for name, surface in vehicle.surfaces.items()}
     for name, pair in vehicle.combinations.items():

@@ -31,6 +31,7 @@ REDUCED = [
 #: What the small glider, which only pitches, may not have: a steady flight; a calibration, a ULog.
 _MAY_REFUSE = {
     "calibration show",
+    "derivatives",
     "version trim",
     "version modes",
     "version sweep",

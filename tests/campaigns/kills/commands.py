@@ -207,6 +207,11 @@ COMMANDS: Final[dict[str, Command]] = {
     "version validate": Command(
         "updated", ("version", "validate", "candidate", "--flight", "{flight}", *_PAGE), code=4
     ),
+    "version design": Command(
+        "updated",
+        ("version", "design", "candidate", *_STEADY, "--model", "{files}/model.toml", "--duration",
+         "8", "--output", "{here}/next.toml"),
+    ),
     "report flight": Command("ingested", ("report", "flight", "{flight}", *_PAGE)),
     "report update": Command("updated", ("report", "update", "{candidate}", *_PAGE)),
     "report version": Command("updated", ("report", "version", "released", *_PAGE)),
@@ -263,12 +268,18 @@ READS: Final[dict[str, tuple[str, ...]]] = {
         "--steps",
         "2",
     ),
+    "derivatives": ("{files}/model.toml",),
+    "estimate-online": (
+        "--vehicle",
+        NAME,
+        "--model",
+        "{files}/model.toml",
+        "--log",
+        "{files}/flight1.csv",
+    ),
     "calibration list": (),
     "calibration show": ("0" * 12,),
     "user list": (),
-    "estimate-online": (
-        "--vehicle", NAME, "--model", "{files}/model.toml", "--log", "{files}/flight1.csv",
-    ),
 }  # fmt: skip
 
 

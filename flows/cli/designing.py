@@ -1,0 +1,118 @@
+"""``aerodb version design``: the next manoeuvre to fly, as a file."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.errors import InputError
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed, steady_flight
+from aerodb.flows.cli.vehicles import read_text
+
+
+def design(
+    context: typer.Context,
+    version: str,
+    speed: Speed,
+    altitude: Altitude,
+    model: Annotated[
+        Path, typer.Option(help="Model file (TOML): the terms that are to be told apart.")
+    ],
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(help="CHANNEL=LEAST:GREATEST, such as alpha=-2deg:10deg or az=-20:0 (m/s2)."),
+    ] = None,
+    duration: Annotated[str, typer.Option(help="Length of the manoeuvre, in s.")] = "20",
+    flights: Annotated[
+        list[str] | None,
+        typer.Option(help="Flights to count as flown, or `none`; default: all of the vehicle."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="File to write, for aerodb version fly --manoeuvre.")
+    ] = None,
+    climb: Climb = None,
+    glide: Glide = False,
+    fuel: Fuel = None,
+    given: Given = None,
+    vehicle: Vehicle = None,
+) -> None:
+    """Design the doublet, 3-2-1-1 or multisine that tells the terms of a model file apart best
+    within limits, with the standard errors expected before and after it.
+
+    Example: aerodb version design released --speed 25 --altitude 300 --model increments.toml
+    --limit alpha=0deg:9deg --output next.toml
+    """
+    from aerodb.tasks.references import value_of, version_of
+    from aerodb.tasks.steps import design_flight
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle)
+    steady = steady_flight(session, row, speed, altitude, climb, glide, fuel, given)
+    if flights == ["none"]:
+        chosen = []
+    elif flights:
+        chosen = [catalogue.flight(ref, row.vehicle).id for ref in flights]
+    else:
+        chosen = [f.id for f in catalogue.flights(row.vehicle) if f.verdict != "rejected"]
+    document = design_flight(
+        row.id,
+        workspace=str(session.workspace().root),
+        run="",
+        model=read_text(model),
+        steady=steady,
+        limits=dict(_limit(text) for text in limit or []),
+        duration=value_of("time", duration),
+        flights=chosen,
+    )
+    _print(session, document)
+    if output is not None:
+        output.write_text(document["manoeuvre"], "utf-8")
+        session.say(f"written: {output} (aerodb version fly {version} --manoeuvre {output})")
+    session.answer(document)
+
+
+def _limit(text: str) -> tuple[str, tuple[float, float]]:
+    from aerodb.tasks.references import value_of
+
+    name, equals, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    if not equals or not colon:
+        raise InputError(f"'{text}' is no limit", remedy="write CHANNEL=LEAST:GREATEST")
+    return name, (value_of(name, low), value_of(name, high))
+
+
+def _print(session: Session, document: dict[str, Any]) -> None:
+    from aerodb.report import channel_scale
+
+    session.say(document["manoeuvre"])
+    session.table(
+        ["parameter", "standard error before", "after"],
+        [
+            [
+                row["parameter"],
+                "unknown"
+                if row["standard_error_before"] is None
+                else f"{row['standard_error_before']:.3g}",
+                f"{row['standard_error_after']:.3g}",
+            ]
+            for row in document["parameters"]
+        ],
+        numbers=(1, 2),
+    )
+    pair = document["separated"]
+    if pair is not None:
+        session.say(
+            f"correlation of {' and '.join(pair['parameters'])}: {pair['correlation_before']:+.2f}"
+            f" before, {pair['correlation_after']:+.2f} after"
+        )
+    for name, (low, high) in document["reached"].items():
+        factor, label = channel_scale(name)
+        session.say(f"{label} moves from {low * factor:.3g} to {high * factor:.3g}")
+    if document["feedback"]:
+        session.say("flown with feedback: the vehicle is unstable without it")
+    session.say(f"{document['within']} of {document['tried']} manoeuvres stay within the limits")
+    for note in document["notes"]:
+        session.say(f"- {note}")
