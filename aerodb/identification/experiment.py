@@ -113,7 +113,7 @@ def design_manoeuvre(
         raise InputError(
             "no control with limits can be moved", "design", "state surfaces in the vehicle file"
         )
-    time = np.arange(round(duration / STEP) + 1) * STEP
+    time: Array = np.arange(round(duration / STEP) + 1, dtype=np.float64) * STEP
     candidates = list(_candidates(trimmed, controls, duration))
     model, gains = _stabilised(trimmed, candidates, time)
     best: tuple[float, Any] | None = None
