@@ -19,6 +19,12 @@ TWIN_OTTER_LATERAL = {
     "Cn_beta": 0.08638, "Cn_p": -0.06441, "Cn_r": -0.19059, "Cn_da": -0.00298, "Cn_dr": -0.13548,
 }  # fmt: skip
 
+#: The same, longitudinal (totter_demo).
+TWIN_OTTER_LONGITUDINAL = {
+    "CZ_alpha": -6.760, "CZ_de": -0.409, "CZ_0": -0.448,
+    "Cm_alpha": -1.543, "Cm_q": -33.25, "Cm_de": -1.835,
+}  # fmt: skip
+
 _DEG = np.pi / 180.0
 
 
@@ -124,3 +130,42 @@ def twin_otter_lateral(path) -> tuple[StateSpace, TimeHistory]:
         {name: values[name] for name in model.outputs},
     )
     return model, record
+
+
+def twin_otter_longitudinal(path, lag: float) -> tuple[StateSpace, TimeHistory]:
+    """Short period at the mean flight condition, gravity by the measured attitude; the angle of
+    attack is taken `lag` [s] earlier than recorded."""
+    data = scipy.io.loadmat(path, variable_names=["fdata"])["fdata"]
+    column = lambda number: data[:, number - 1]  # noqa: E731
+    mean = lambda number: float(column(number).mean())  # noqa: E731
+    speed, pressure, mass, inertia = (mean(j) for j in (2, 27, 48, 50))
+    area, chord, g = mean(77), mean(79), 32.174
+    force, moment = pressure * area / mass, pressure * area * chord / inertia
+    time = column(1)
+    alpha = np.interp(time + lag, time, column(4)) * _DEG
+    motion = f"{force / speed:.15e}*CZ_"
+    pitch, load = f"{moment:.15e}*Cm_", f"{force / g:.15e}*CZ_"
+    start = dict.fromkeys([*TWIN_OTTER_LONGITUDINAL, "Cm_0"], 0.0)
+    start |= {"CZ_alpha": -5.0, "Cm_alpha": -1.0, "Cm_q": -20.0}
+    model = state_space(
+        ["alpha", "q"],
+        ["de", "gravity"],
+        ["alpha", "q", "az"],
+        Parameters(tuple(Parameter(name, value) for name, value in start.items())),
+        a=[
+            [f"{motion}alpha", 1],
+            [f"{pitch}alpha", f"{moment * chord / (2.0 * speed):.15e}*Cm_q"],
+        ],
+        b=[[f"{motion}de", 1], [f"{pitch}de", 0]],
+        c=[[1, 0], [0, 1], [f"{load}alpha", 0]],
+        d=[[0, 0], [0, 0], [f"{load}de", 0]],
+        state_bias=[f"{motion}0", f"{pitch}0"],
+        output_bias=[0, 0, f"{load}0"],
+    )
+    gravity = g / column(2) * np.cos(column(9) * _DEG - alpha)
+    return model, TimeHistory(
+        "demo",
+        time,
+        {"de": column(14) * _DEG, "gravity": gravity},
+        {"alpha": alpha, "q": column(6) * _DEG, "az": column(13)},
+    )
