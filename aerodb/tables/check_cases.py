@@ -63,6 +63,9 @@ def failed_check_cases(
     each; empty when all pass."""
     if not cases:
         return ()
+    first = cases[0].inputs.keys()
+    if others := [k for k, case in enumerate(cases) if case.inputs.keys() != first]:
+        return tuple(f"check case {k + 1}: its inputs are not those of the first" for k in others)
     points = {name: np.array([case.inputs[name] for case in cases]) for name in cases[0].inputs}
     values = _at_all(database, points, len(cases))
     deviations = []

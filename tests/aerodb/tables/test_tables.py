@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.nomenclature import AXES
-from aerodb.tables.check_cases import failed_check_cases, make_check_cases
+from aerodb.tables.check_cases import CheckCase, failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
@@ -383,6 +383,13 @@ def test_increments_that_do_not_fit_are_refused() -> None:
 def test_reference_geometry_must_be_positive(change: dict[str, object]) -> None:
     with pytest.raises(InputError):
         replace(REFERENCE, **change)
+
+
+def test_a_check_case_with_other_inputs_fails_and_says_so():
+    """As in a file whose name of one input was changed."""
+    cases = [CheckCase({"alpha": 0.1}, {}), CheckCase({"clpha": 0.1}, {})]
+    (said,) = failed_check_cases(AeroDatabase("x", REFERENCE), cases)
+    assert said == "check case 2: its inputs are not those of the first"
 
 
 def test_check_cases_of_a_database_without_inputs():
