@@ -118,3 +118,28 @@ def test_a_linear_model_of_a_file_is_fitted(root: Path) -> None:
     refused = aerodb(root, *given)
     assert refused.returncode == 3
     assert "no sum of parameters" in refused.stderr
+
+
+def test_a_candidate_by_another_method_passes_through_the_same_update(root: Path) -> None:
+    """The candidate holds the method's estimates, remembers the method, and `--like` repeats it."""
+    model = str(root.parent / "model.toml")
+    given = ("update", "--vehicle", NAME, "--direct", "--hold-out", "none")
+    made = asked(root, *given, "--model", model, "--method", "frequency-domain")
+    plain = asked(root, *given, "--model", model)
+    assert (made["method"], plain["method"]) == ("frequency-domain", "regression")
+    assert made["candidate"] != plain["candidate"]
+    estimated = _estimated(root, "--method", "frequency-domain")["methods"][0]["estimates"]
+    values = {each["name"]: each["value"] for each in estimated}
+    for entry in made["increments"]:
+        for term in entry["terms"]:
+            name = f"{entry['axis']}_{'0' if term['term'] == '1' else term['term']}"
+            assert term["value"] == pytest.approx(values[name], rel=1e-9)
+    again = asked(root, *given, "--like", made["label"])
+    assert again["candidate"] == made["candidate"]
+
+
+def test_a_display_makes_no_candidate(root: Path) -> None:
+    model = str(root.parent / "model.toml")
+    refused = aerodb(root, "update", "--vehicle", NAME, "--model", model, "--method", "stepwise")
+    assert refused.returncode == 3
+    assert "display" in refused.stderr
