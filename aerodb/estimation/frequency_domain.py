@@ -37,8 +37,8 @@ _SMOOTHED_SHARE, _SMOOTHED_BINS = 0.25, 4.0
 FEWEST_FREE: Final = 20.0
 
 ASSUMES = (
-    "the regressors are measured without error within the band",
-    "the spectrum of the equation's error changes slowly over the band",
+    "Regressors are free of error within the band.",
+    "The spectrum of the equation's error changes slowly over the band.",
 )
 
 

@@ -144,14 +144,15 @@ class RecursiveLeastSquares:
             names=found,
             covariance=final,
             degrees_of_freedom=float(max(used / (_CORRELATED + 1) - count, 1.0)),
-            assumes=("the regressors are measured without error", *self._memory()),
-            notes=("too short: the standard errors are known to be too small",) if short else (),
+            assumes=("Regressors are free of error.", *self._memory()),
+            notes=("Too short: the standard errors are known to be too small.",) if short else (),
         )
 
     def _memory(self) -> tuple[str, ...]:
         if self._forgetting == 1.0:
-            return ("the parameters do not change",)
-        return (f"the parameters change little in {1.0 / (1.0 - self._forgetting):.0f} samples",)
+            return ("Parameters do not change.",)
+        length = 1.0 / (1.0 - self._forgetting)
+        return (f"Parameters change little in {length:.0f} samples.",)
 
 
 class FourierRegression:
@@ -216,7 +217,7 @@ class FourierRegression:
             names=fit.names,
             covariance=fit.covariance,
             degrees_of_freedom=max(fit.free, 1.0),
-            assumes=(*ASSUMES, "the parameters do not change"),
+            assumes=(*ASSUMES, "Parameters do not change."),
             notes=fit.notes,
         )
 
