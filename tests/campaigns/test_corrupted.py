@@ -70,10 +70,8 @@ def test_right_flights_of_jsbsims_aircraft_raise_nothing(tmp_path: Path) -> None
 
 
 @pytest.mark.campaign
-def test_few_corruptions_are_silent(
-    flights: list[Pair], measured_folder: Path, tmp_path: Path
-) -> None:
-    pairs = [*flights, *measured_pairs(measured_folder), *fleet(tmp_path)]
+def test_few_corruptions_are_silent(measured_folder: Path, tmp_path: Path) -> None:
+    pairs = [*simulated(), *measured_pairs(measured_folder), *fleet(tmp_path)]
     files = attack(pairs, FILES) | {"another aircraft": other_aircraft(pairs)}
     for what, table in (("flights", attack(pairs, FLIGHTS)), ("files", files)):
         cases = sum(count.cases for count in table.values())
