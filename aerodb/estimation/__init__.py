@@ -33,6 +33,12 @@ Equation error over a band of frequencies, and sample by sample:
    sample after the other, with constant memory. `recursive_least_squares` and
    `normalised_recursive_least_squares` run them through records.
 
+Frequency responses:
+
+1. `frequency_responses` gives a `FrequencyResponse` per input, with coherence, conditioned on the
+   other inputs.
+2. `transfer_function_fit` fits a `TransferFunction` of low order with a delay to one.
+
 Models that are integrated:
 
 1. `state_space` makes a linear `StateSpace` model of named entries (`affine`), each a sum of

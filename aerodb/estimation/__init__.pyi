@@ -3,6 +3,7 @@ from .dynamic_model import DynamicModel, Values
 from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
+from .frequency_response import FrequencyResponse, frequency_responses
 from .linear_equation import EquationRecord, LinearEquation
 from .multiple_shooting import multiple_shooting
 from .ordinary_least_squares import (
@@ -27,12 +28,14 @@ from .splines import SplineKind, chosen_knots, piecewise_polynomials
 from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
+from .transfer_function import TransferFunction, transfer_function_fit
 
 __all__ = [
     "DynamicModel",
     "EquationRecord",
     "Fit",
     "FourierRegression",
+    "FrequencyResponse",
     "LinearEquation",
     "Parameter",
     "ParameterEstimate",
@@ -45,6 +48,7 @@ __all__ = [
     "StateSpace",
     "Theil",
     "TimeHistory",
+    "TransferFunction",
     "Values",
     "affine_matrix",
     "bounds_of",
@@ -52,6 +56,7 @@ __all__ = [
     "coloured_sum",
     "filter_error",
     "frequency_domain_regression",
+    "frequency_responses",
     "least_squares",
     "multiple_shooting",
     "normalised_recursive_least_squares",
@@ -67,5 +72,6 @@ __all__ = [
     "stabilised",
     "state_space",
     "theil",
+    "transfer_function_fit",
     "with_mean_constant",
 ]

@@ -18,6 +18,7 @@ from aerodb.flows.cli import (
     estimating,
     estimating_online,
     flights,
+    frequency_responses,
     keeping,
     lineage,
     mappings,
@@ -48,6 +49,7 @@ app = typer.Typer(
         " --vehicle my-glider"
     ),
 )
+flights.app.command("frequency-response")(frequency_responses.frequency_response)
 versions.app.command("fly")(responses.fly)
 versions.app.command("validate")(responses.validate)
 versions.app.command("design")(designing.design)

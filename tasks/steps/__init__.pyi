@@ -16,6 +16,7 @@ from .design import design_flight
 from .export import FORMS, export_version
 from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
 from .fly_manoeuvre import fly_manoeuvre
+from .frequency_response import respond
 from .importing import import_database
 from .inbox import (
     files_of_inbox,
@@ -90,6 +91,7 @@ __all__ = [
     "remaining_errors",
     "repeat_documents",
     "repeating",
+    "respond",
     "response_page",
     "roll_back",
     "run_loop",
