@@ -21,6 +21,7 @@ from typing import Any
 from tests.bench.closed_loop import closed_loop
 from tests.bench.estimation import estimation
 from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
+from tests.bench.online import online
 from tests.bench.record import RECORD, append
 from tests.bench.running import running
 from tests.bench.simulation import simulation
@@ -298,6 +299,7 @@ PARTS = (
     "simulation",
     "estimation",
     "running",
+    "online",
 )
 
 
@@ -343,6 +345,8 @@ def main() -> None:
             figures |= closed_loop(folder, measure)
         if "simulation" in options.only:
             figures |= simulation()
+        if "online" in options.only:
+            online()
         if "estimation" in options.only:
             figures |= estimation(_measured_data())
         if "running" in options.only:

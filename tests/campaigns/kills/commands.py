@@ -201,6 +201,10 @@ COMMANDS: Final[dict[str, Command]] = {
     "version diff": Command(
         "updated", ("version", "diff", "v0001", "candidate", "--figure", "{here}/diff.png")
     ),
+    "flight frequency-response": Command(
+        "ingested",
+        ("flight", "frequency-response", "{flight}", "--input", "delta_elevator", "--output", "q"),
+    ),
     "version fly": Command(
         "updated", ("version", "fly", "candidate", "--flight", "{flight}", *_PAGE)
     ),
