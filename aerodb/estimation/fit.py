@@ -42,6 +42,8 @@ class ParameterEstimate:
     reason : what the standing means here, and what would help; empty for ``estimated``.
     cramer_rao : lower bound of the standard error, as if the residuals were white; NaN where the
         method has none.
+    insensitivity : standard error, for white residuals, if all other parameters were known: how far
+        the outputs do not notice it; NaN where the method has none.
     """
 
     name: str
@@ -51,6 +53,7 @@ class ParameterEstimate:
     standing: Standing = "estimated"
     reason: str = ""
     cramer_rao: float = np.nan
+    insensitivity: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)

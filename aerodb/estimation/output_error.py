@@ -117,7 +117,7 @@ def fit_of(
     unknown, vector = model.parameters.unknown, solution.vector
     why = unstable or _divergence(model, records, solution)
     found = _covariances(model.parameters, solution)
-    white, coloured = found.white, found.coloured
+    white, coloured, held = found.white, found.coloured, np.diag(solution.information)
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
         judged = {item.name: ("diverged", why) for item in unknown}
@@ -138,7 +138,7 @@ def fit_of(
     deviation = np.sqrt(np.diag(solution.noise.covariance))
     return Fit(
         method=method,
-        estimates=_estimates(model.parameters, vector, white, coloured, judged),
+        estimates=_estimates(model.parameters, vector, white, coloured, held, judged),
         names=tuple(item.name for item in unknown),
         covariance=coloured,
         degrees_of_freedom=found.freedom,
@@ -222,26 +222,31 @@ def _estimates(
     vector: Array,
     white: Array,
     coloured: Array,
+    held: Array,
     judged: Mapping[str, tuple[Standing, str]],
 ) -> tuple[ParameterEstimate, ...]:
+    """held : (f,) information of each unknown alone."""
     number = {item.name: j for j, item in enumerate(parameters.unknown)}
     values = parameters.values(vector)
     made = []
     for item in parameters.items:
         source, factor = item.tied or (item.name, 1.0)
         standing, reason = judged.get(source, ("estimated", ""))
-        value, error, bound = float(values[item.name]), np.nan, np.nan
+        value, error, bound, alone = float(values[item.name]), np.nan, np.nan, np.nan
         if source in number and standing not in ("diverged", "at bound"):
             j = number[source]
             error = abs(factor) * float(np.sqrt(coloured[j, j]))
             bound = abs(factor) * float(np.sqrt(white[j, j]))
+            alone = abs(factor) / float(np.sqrt(held[j])) if held[j] > 0 else np.nan
         if standing in ("not excited", "not identifiable"):
-            value = error = bound = np.nan
+            value = error = bound = alone = np.nan
         if source not in number:
             standing, reason = "fixed", "not estimated"
         elif item.tied is not None and standing == "estimated":
             standing, reason = "tied", f"{factor:g} times {source}"
-        made.append(ParameterEstimate(item.name, value, error, item.unit, standing, reason, bound))
+        made.append(
+            ParameterEstimate(item.name, value, error, item.unit, standing, reason, bound, alone)
+        )
     return tuple(made)
 
 

@@ -18,8 +18,9 @@ def fit_report(fit: Fit, least_correlation: float = LEAST_CORRELATION) -> str:
     """Return the report of a fit as text.
 
     Estimates with standard errors (corrected for coloured residuals), 95 % intervals, p-values of
-    a value of zero and Cramer-Rao bounds where the method has them; correlations of at least
-    `least_correlation`; fit and Theil's parts per output; how coloured the residuals are.
+    a value of zero, Cramer-Rao bounds and insensitivities where the method has them; correlations
+    of at least `least_correlation`; fit and Theil's parts per output; how coloured the
+    residuals are.
     """
     return "\n".join(
         line
@@ -59,6 +60,8 @@ def _estimates(fit: Fit) -> Iterator[str]:
             text += f"  p {fit.p_value(e.name):.2g}"
         if np.isfinite(e.cramer_rao):
             text += f"  Cramer-Rao {e.cramer_rao:.3g}"
+        if np.isfinite(e.insensitivity):
+            text += f"  insensitivity {e.insensitivity:.3g}"
         if e.unit != "1":
             text += f"  {e.unit}"
         if e.standing != "estimated":

@@ -184,6 +184,23 @@ def test_a_prior_adds_its_information():
     assert fit["Lr"].cramer_rao == pytest.approx(error / np.sqrt(2.0), rel=0.05)
 
 
+def test_insensitivity_is_the_error_with_all_others_known():
+    own = [Parameter("bias_p", 0.0, free=False)]
+    planted = parameters_of(own)
+    records = flown(np.random.default_rng(5), planted)
+    fit = output_error(roll_and_yaw(planted), records)
+    for name in ("Lr", "Nd"):
+        known = Parameters(
+            tuple(
+                replace(item, value=fit[item.name].value, free=item.name == name)
+                for item in planted.items
+            )
+        )
+        alone = output_error(roll_and_yaw(known), records)
+        assert fit[name].insensitivity == pytest.approx(alone[name].cramer_rao, rel=0.01)
+        assert fit[name].insensitivity < 0.9 * fit[name].cramer_rao
+
+
 def test_a_record_without_excitation_and_wrong_records():
     own = [Parameter("bias_p", 0.0, free=False)]
     model = roll_and_yaw(parameters_of(own))
