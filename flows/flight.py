@@ -46,6 +46,16 @@ def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[s
     return {"flight": flight, **{name: step.get(flight) for name, step in documents.items()}}
 
 
+def compare_flow(
+    steps: Steps, *, workspace: str, run: str, flight: str, version: str
+) -> dict[str, Any]:
+    """Compare a stored flight with a version (ids); see `aerodb.tasks.steps.compare`."""
+    result: dict[str, Any] = steps(
+        compare_with_version, flight, workspace=workspace, run=run, version=version
+    )
+    return result
+
+
 def _beside_released(
     steps: Steps, flights: list[str], vehicle: str, workspace: str, run: str
 ) -> dict[str, dict[str, Any]]:

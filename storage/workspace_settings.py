@@ -150,12 +150,14 @@ class WorkSettings(Strict):
     A Dask scheduler authenticates clients only over TLS. Beyond this machine, ``tcp://`` requires
     `trusted_network`. With `confined`, what a step computes from a log runs in a process of its own
     under ``[limits]``; without, in the process of the run, which a hostile log can then take down.
+    With `direct`, commands run without Prefect, as with ``--direct``.
     """
 
     engine: Literal["threads", "dask"] = "threads"
     confined: bool = True
     address: str = ""
     trusted_network: bool = False
+    direct: bool = False
 
     @model_validator(mode="after")
     def _addressed(self) -> Self:

@@ -8,6 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import angular, say_consistency
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="calibration",
+    cls=Commands,
     no_args_is_help=True,
     help="Calibrations: sensor errors from flights, as versions.",
 )

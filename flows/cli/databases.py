@@ -7,10 +7,13 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 
-app = typer.Typer(name="database", no_args_is_help=True, help="Baseline databases from files.")
+app = typer.Typer(
+    name="database", cls=Commands, no_args_is_help=True, help="Baseline databases from files."
+)
 
 
 @app.command("import")

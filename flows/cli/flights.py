@@ -1,6 +1,7 @@
 """``aerodb log`` and ``aerodb flight``: inspect logs, ingest, list, show and retract flights."""
 
 import tempfile
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session, complaint, visible
 from aerodb.flows.cli.vehicles import say_placeholders
 
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
     from aerodb.storage.catalogue import FlightRow
     from aerodb.storage.readers import Parsed
 
-logs = typer.Typer(name="log", no_args_is_help=True, help="Raw logs.")
-app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: ingested logs.")
+logs = typer.Typer(name="log", cls=Commands, no_args_is_help=True, help="Raw logs.")
+app = typer.Typer(name="flight", cls=Commands, no_args_is_help=True, help="Flights: ingested logs.")
 
 
 @logs.command()
@@ -227,6 +229,8 @@ def ingest(
     outcomes = session.run(flight_flow, parameters, direct)
     for outcome in outcomes:
         _report(session, outcome)
+    if len(outcomes) > 1:
+        _summarise(session, outcomes)
     session.answer(outcomes)
     if any(outcome["status"] == "refused" for outcome in outcomes):
         raise typer.Exit(3)
@@ -251,24 +255,81 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
             session.say(f"  no {step}: {result['reason']}")
     comparison = outcome["comparison"]
     if comparison is not None and comparison["key"] is not None:
-        rows = [
-            [
-                axis,
-                f"{v['rms_measured']:.4g}",
-                f"{v['rms_residual']:.4g}",
-                f"{v['noise_floor']:.2g}",
-                str(v["samples"]),
-            ]
-            for axis, v in comparison["axes"].items()
+        _say_comparison(session, comparison)
+
+
+def _say_comparison(session: Session, comparison: dict[str, Any]) -> None:
+    rows = [
+        [
+            axis,
+            f"{v['rms_measured']:.4g}",
+            f"{v['rms_residual']:.4g}",
+            f"{v['noise_floor']:.2g}",
+            str(v["samples"]),
         ]
-        session.table(
-            ["axis", "flight rms", "flight - database rms", "noise floor", "samples"],
-            rows,
-            numbers=(1, 2, 3, 4),
-        )
-        say_suspicions(session, comparison["suspicions"], "  ")
-        for note in comparison["notes"]:
-            session.say(f"  note: {note}")
+        for axis, v in comparison["axes"].items()
+    ]
+    session.table(
+        ["axis", "flight rms", "flight - database rms", "noise floor", "samples"],
+        rows,
+        numbers=(1, 2, 3, 4),
+    )
+    for note in comparison["notes"]:
+        session.say(f"  note: {note}")
+
+
+def _summarise(session: Session, outcomes: Sequence[dict[str, Any]]) -> None:
+    """Say what became of a batch of logs, in five lines."""
+    taken = [each for each in outcomes if each["status"] != "refused"]
+    verdicts = Counter(
+        each["consistency"]["verdict"] for each in taken if each["consistency"] is not None
+    )
+    compared = [each for each in taken if (each["comparison"] or {}).get("key") is not None]
+    refused = [Path(each["log"]).name for each in outcomes if each["status"] == "refused"]
+    suspected = sum(1 for each in taken if each["suspicions"])
+    judged = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
+    session.say()
+    session.say(f"{len(outcomes)} logs: {len(taken)} taken, {len(refused)} refused")
+    session.say(f"consistency: {judged or 'not checked'}")
+    session.say(f"compared with the released version: {len(compared)} of {len(taken)}")
+    session.say(
+        f"with suspicions: {suspected}, with damage: {sum(bool(e['damage']) for e in taken)}"
+    )
+    session.say(
+        f"refused: {visible(', '.join(refused[:5])) or 'none'}{', ...' * (len(refused) > 5)}"
+    )
+
+
+@app.command()
+def compare(
+    context: typer.Context,
+    flight: str,
+    version: Annotated[str, typer.Argument(help="Any version of the flight's vehicle.")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="The vehicle, if several flights have this name.")
+    ] = None,
+) -> None:
+    """Compare a stored flight with any version: rms of the flight and of what is left, per axis.
+
+    Example: aerodb flight compare 1a2b3c v0002
+    """
+    from aerodb.flows.flight import compare_flow
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.flight(flight, vehicle)
+    other = catalogue.version(row.vehicle, version)
+    parameters = {"flight": row.id, "version": other.id}
+    document = session.run(compare_flow, parameters, direct=True)
+    session.say(f"flight {row.label} beside {other.label} of {row.vehicle}")
+    if document["key"] is None:
+        session.say(f"no comparison: {document['reason']}")
+    else:
+        _say_comparison(session, document)
+        say_suspicions(session, document["suspicions"])
+    session.answer({**document, "version": other.id, "label": other.label})
+    if document["key"] is None:
+        raise typer.Exit(3)
 
 
 @app.command("list")
@@ -286,11 +347,12 @@ def list_flights(
     catalogue = session.catalogue()
     rows = catalogue.flights(vehicle)
     documents = flights_document(catalogue, rows)
+    file_of = catalogue.log_names(row.log_sha256 for row in rows)
     session.table(
         ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
         [
             [
-                r.name or "",
+                r.name or Path(file_of.get(r.log_sha256, "")).name,
                 r.id[:12],
                 r.vehicle,
                 _when(r),

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -34,14 +35,15 @@ from aerodb.flows.cli import (
     versions,
     web,
 )
+from aerodb.flows.cli.groups import Program
 from aerodb.flows.cli.output import Session, complaint, visible
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
 
 app = typer.Typer(
     name="aerodb",
+    cls=Program,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help=(
@@ -89,6 +91,12 @@ app.command("backup")(keeping.backup)
 app.command("restore")(keeping.restore)
 
 
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"aerodb {version('aerodb')}")
+        raise typer.Exit
+
+
 @app.callback()
 def session(
     context: typer.Context,
@@ -102,6 +110,12 @@ def session(
         bool, typer.Option("--json", help="One JSON document on standard output.")
     ] = False,
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Say the version of aerodb.", is_eager=True, callback=_say_version
+        ),
+    ] = False,
 ) -> None:
     """Keep the options that all commands share."""
     root = workspace or Path(os.environ.get("AERODB_WORKSPACE") or "aerodb-workspace")

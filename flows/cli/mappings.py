@@ -8,9 +8,12 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 
-app = typer.Typer(name="mapping", no_args_is_help=True, help="Which field of a log is what.")
+app = typer.Typer(
+    name="mapping", cls=Commands, no_args_is_help=True, help="Which field of a log is what."
+)
 
 
 @app.command()

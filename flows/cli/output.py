@@ -2,7 +2,7 @@
 bars."""
 
 import sys
-import time
+import threading
 import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -138,15 +138,21 @@ class Session:
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
         """Run a flow, with a progress bar for steps that take longer than two seconds."""
         from aerodb.flows.run import run_flow
+        from aerodb.storage.workspace_settings import load_settings
 
-        how: How = "direct" if direct else "auto"
-        with _progress(self.as_json) as report:
-            return run_flow(body, parameters, self.workspace(create=True), how, report)
+        workspace = self.workspace(create=True)
+        how: How = "direct" if direct or load_settings(workspace.root).work.direct else "auto"
+        waited_for = "starting" if how == "direct" else "starting Prefect (not with --direct)"
+        with _progress(waited_for) as report:
+            return run_flow(body, parameters, workspace, how, report)
 
 
 @contextmanager
-def _progress(as_json: bool) -> Iterator[Any]:
-    """A progress bar on standard error that appears after two seconds; none without a terminal."""
+def _progress(waited_for: str) -> Iterator[Any]:
+    """A progress bar on standard error that appears after two seconds; none without a terminal.
+
+    waited_for : what is said until the first step reports.
+    """
     console = Console(stderr=True)
     columns = (
         SpinnerColumn(),
@@ -155,14 +161,18 @@ def _progress(as_json: bool) -> Iterator[Any]:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    started = time.monotonic()
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task("starting", total=None, visible=False)
+        task = bar.add_task(waited_for, total=None, visible=False)
+        appears = threading.Timer(2.0, lambda: bar.update(task, visible=True))
+        appears.daemon = True
+        appears.start()
 
         def report(step: str, done: int, total: int) -> None:
-            visible = time.monotonic() - started > 2.0
-            bar.update(task, description=step, completed=done, total=total, visible=visible)
+            bar.update(task, description=step, completed=done, total=total)
 
-        yield report
+        try:
+            yield report
+        finally:
+            appears.cancel()

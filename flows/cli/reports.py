@@ -6,11 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 
 app = typer.Typer(
-    name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF."
+    name="report",
+    cls=Commands,
+    no_args_is_help=True,
+    help="Reports as one self-contained HTML page, or as PDF.",
 )
 
 Output = Annotated[Path, typer.Option(help="The file to write.")]

@@ -5,13 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 
 if TYPE_CHECKING:
     from aerodb.storage.files import TransferReport
 
 app = typer.Typer(
-    name="store", no_args_is_help=True, help="The object store, and the folder that is its cache."
+    name="store",
+    cls=Commands,
+    no_args_is_help=True,
+    help="The object store, and the folder that is its cache.",
 )
 
 

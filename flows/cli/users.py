@@ -4,10 +4,14 @@ from typing import Annotated
 
 import typer
 
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 
 app = typer.Typer(
-    name="user", no_args_is_help=True, help="Users of the workspace, their roles and tokens."
+    name="user",
+    cls=Commands,
+    no_args_is_help=True,
+    help="Users of the workspace, their roles and tokens.",
 )
 Role = Annotated[str, typer.Option(help="read, ingest (and read) or release (and both).")]
 

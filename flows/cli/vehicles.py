@@ -8,10 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 
 app = typer.Typer(
-    name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors."
+    name="vehicle",
+    cls=Commands,
+    no_args_is_help=True,
+    help="Vehicles: geometry, mass, surfaces, sensors.",
 )
 
 

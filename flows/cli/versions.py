@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="version",
+    cls=Commands,
     no_args_is_help=True,
     help="Database versions: list, evaluate, compare, release.",
 )

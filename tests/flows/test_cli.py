@@ -39,6 +39,8 @@ COMMANDS = [
     ["flight", "list"],
     ["flight", "show"],
     ["flight", "retract"],
+    ["flight", "compare"],
+    ["mapping", "init"],
     ["calibration", "list"],
     ["calibration", "show"],
     ["recalibrate"],
