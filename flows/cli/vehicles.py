@@ -141,10 +141,15 @@ def show(context: typer.Context, name: str) -> None:
 
     Example: aerodb vehicle show my-glider
     """
+    from aerodb.vehicle import parse_vehicle, placeholders
+
     session: Session = context.obj
     row = session.catalogue().vehicle(name)
     session.say(row.text.rstrip())
-    session.answer({"vehicle": row.name, "sha256": row.sha256, "text": row.text})
+    left = list(placeholders(parse_vehicle(row.text, row.name)))
+    session.answer(
+        {"vehicle": row.name, "sha256": row.sha256, "placeholders": left, "text": row.text}
+    )
 
 
 def read_text(file: Path) -> str:
