@@ -91,7 +91,7 @@ def measured(folder: Path) -> Iterator[Pair]:
         yield Pair(record, flag_unusable(flight), vehicle, database_of(vehicle))
 
 
-def simulated(flights: int = 3, seed: int = 4) -> Iterator[Pair]:
+def simulated(flights: int = 4, seed: int = 4) -> Iterator[Pair]:
     """Flights of the built-in example as its instruments log them, and of the made-up aircraft of
     the tests of effects."""
     vehicle = parse_vehicle(read_example("vehicle.toml"))
