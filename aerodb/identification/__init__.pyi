@@ -1,6 +1,7 @@
 from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
 from .derivative_file import converted, parse_derivative_file
+from .envelope_expansion import Expansion, Growth, Margins, expand_envelope
 from .equations import no_database, parameter_name
 from .experiment import DesignedManoeuvre, design_manoeuvre, expected_noise, manoeuvre_text
 from .fit_report import fit_report
@@ -17,8 +18,11 @@ __all__ = [
     "REGRESSION",
     "Agreement",
     "DesignedManoeuvre",
+    "Expansion",
     "FlightDynamics",
+    "Growth",
     "IdentificationFlight",
+    "Margins",
     "Method",
     "MethodComparison",
     "OnlineEstimation",
@@ -29,6 +33,7 @@ __all__ = [
     "converted",
     "declares_state_space",
     "design_manoeuvre",
+    "expand_envelope",
     "expected_noise",
     "fit_report",
     "fits_of",

@@ -63,7 +63,7 @@ def design(
         run="",
         model=read_text(model),
         steady=steady,
-        limits=dict(_limit(text) for text in limit or []),
+        limits=dict(limit_of(text) for text in limit or []),
         duration=value_of("time", duration),
         flights=chosen,
     )
@@ -74,7 +74,8 @@ def design(
     session.answer(document)
 
 
-def _limit(text: str) -> tuple[str, tuple[float, float]]:
+def limit_of(text: str) -> tuple[str, tuple[float, float]]:
+    """A channel and its least and greatest value, from ``CHANNEL=LEAST:GREATEST``."""
     from aerodb.tasks.references import value_of
 
     name, equals, ends = text.partition("=")

@@ -18,6 +18,7 @@ from aerodb.flows.cli import (
     designing,
     estimating,
     estimating_online,
+    expanding,
     flights,
     frequency_responses,
     keeping,
@@ -55,6 +56,7 @@ flights.app.command("frequency-response")(frequency_responses.frequency_response
 versions.app.command("fly")(responses.fly)
 versions.app.command("validate")(responses.validate)
 versions.app.command("design")(designing.design)
+versions.app.command("expand")(expanding.expand)
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
 versions.app.command("diff")(lineage.diff)

@@ -16,6 +16,7 @@ from .status import status_of
 from .table_documents import table_document
 from .trimming import (
     SteadyFlight,
+    expansion_document,
     glides,
     modes_document,
     surface_limits,
@@ -38,6 +39,7 @@ __all__ = [
     "database_of",
     "envelopes_of",
     "evaluate_at",
+    "expansion_document",
     "finding_document",
     "findings_page",
     "flight_details",

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.identification import Growth, Margins, expand_envelope
 from aerodb.simulation import (
     Condition,
     Engine,
@@ -76,7 +78,9 @@ class _Flown:
             if vehicle.thrust.source == "channel"
             else []
         )
-        self.model = flight_model(database, engines=engines)
+        self.database = database
+        self.build = partial(flight_model, engines=engines)
+        self.model = self.build(database)
         self.inputs = {**masses, **self.inputs}
         self.condition = flight.condition
         self.options = {
@@ -197,6 +201,29 @@ def sweep_document(
             for point in points
         ],
     }
+
+
+def expansion_document(
+    catalogue: Catalogue,
+    row: VersionRow,
+    flight: SteadyFlight,
+    variable: str,
+    reach: tuple[float, float],
+    largest_step: float,
+    margins: Margins,
+    growth: Sequence[Growth],
+) -> dict[str, Any]:
+    """The next permitted point of a version along one variable, from the edge of what has been
+    flown towards a target (`reach`) [SI].
+
+    Returns a document: version, variable, value, reached, stopped_by, points (value, violations).
+    """
+    flown = _Flown(catalogue, row, flight)
+    found = expand_envelope(
+        flown.database, flown.condition, flown.inputs, variable, *reach, largest_step, margins,
+        growth, build=flown.build, **flown.options,
+    )  # fmt: skip
+    return {"version": row.id, "variable": variable, **asdict(found)}
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

@@ -61,6 +61,7 @@ COMMANDS = [
     ["version", "list"],
     ["version", "show"],
     ["version", "design"],
+    ["version", "expand"],
     ["version", "history"],
     ["version", "lineage"],
     ["version", "impact"],

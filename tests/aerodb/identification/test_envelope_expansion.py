@@ -1,0 +1,82 @@
+"""The next permitted point, and campaigns flown with it in the simulator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.identification import Growth, Margins, expand_envelope
+from aerodb.simulation import Condition, trim
+from tests.support.expanding_campaign import (
+    GROWTH, LIMITS, MARGINS, START, STEP, TARGET, campaign, true_violations,
+)  # fmt: skip
+from tests.support.flying_increments import ALTITUDE, BODY, light_aircraft
+
+RANGE = ("V", 48.0, 36.0, 6.0)
+
+
+def _expansion(margins=MARGINS, growth=(), limits=LIMITS):
+    condition = Condition(48.0, ALTITUDE)
+    return expand_envelope(
+        light_aircraft().database, condition, BODY, *RANGE, margins, growth, limits=limits
+    )
+
+
+def test_without_uncertainty_the_step_is_the_full_one() -> None:
+    found = _expansion()
+    assert found.value == pytest.approx(42.0)
+    assert not found.reached
+    assert found.stopped_by == ()
+
+
+def test_the_step_ends_where_the_trimmed_elevator_reaches_its_margin() -> None:
+    """Elevator limits that the exact trim at 45 m/s just needs: the last point before it."""
+    needed = trim(light_aircraft(), Condition(45.0, ALTITUDE), BODY).deflections["delta_elevator"]
+    limits = {**LIMITS, "delta_elevator": (needed - 1e-6, 0.35)}
+    found = _expansion(replace(MARGINS, control=0.0), limits=limits)
+    assert found.value == pytest.approx(45.0)
+    assert "delta_elevator" in found.stopped_by[0]
+
+
+def test_the_step_shrinks_as_the_uncertainty_grows() -> None:
+    values = [
+        _expansion(growth=[Growth("Cm", "alpha", size)]).value for size in (1e-3, 30.0, 3000.0)
+    ]
+    assert values[0] == pytest.approx(42.0)
+    assert values[0] < values[1] <= values[2] == 48.0
+
+
+def test_margins_that_fail_at_the_edge_are_an_error() -> None:
+    with pytest.raises(InputError, match="itself"):
+        _expansion(Margins(channels={"alpha": (0.0, 0.01)}))
+
+
+def test_with_a_benign_truth_the_campaign_reaches_its_target() -> None:
+    flown, last = campaign({}, seed=1)
+    assert last.reached
+    assert flown[0] == START
+    assert np.all(np.abs(np.diff([*flown, TARGET])) <= STEP + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("truth", "seed"),
+    [
+        ({"Cm": "0.02 + 15*max(alpha - 0.1, 0)*delta_elevator"}, 2),
+        ({"Cm": "0.02 + 6*max(alpha - 0.1, 0)*alpha"}, 3),
+    ],
+    ids=["elevator loses its effectiveness", "static margin vanishes"],
+)
+def test_the_campaign_stops_before_the_true_margins_are_left(truth, seed) -> None:
+    assert true_violations(truth, TARGET)  # the target cannot be flown
+    flown, last = campaign(truth, seed)
+    assert not last.reached
+    assert last.stopped_by
+    assert len(flown) > 1
+    for value in flown:
+        assert not true_violations(truth, value)
+
+
+def test_growth_is_stated_for_channels_of_a_trim() -> None:
+    with pytest.raises(InputError, match="no channel"):
+        _expansion(growth=[replace(GROWTH[0], across="nothing")])
