@@ -7,7 +7,15 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.simulation import Condition, FlightModel, SweepPoint, flight_model, sweep
+from aerodb.simulation import (
+    Condition,
+    FlightModel,
+    SweepPoint,
+    Trim,
+    flight_model,
+    linear_model,
+    sweep,
+)
 from aerodb.tables import AeroDatabase, Increment, parse
 
 #: Points at which the margins are looked at, from the edge of the envelope to its largest step.
@@ -22,7 +30,8 @@ class Growth:
 
     Parameters
     ----------
-    axis : of the coefficient. term : regressor, such as ``delta_elevator``.
+    axis : of the coefficient.
+    term : regressor, such as ``delta_elevator``; that of `across` itself counts from the edge.
     standard_error : of the derivative, per unit [SI] of `across` beyond the edge.
     across : channel in which the distance is measured.
     """
@@ -92,8 +101,8 @@ def expand_envelope(
     build: Callable[[AeroDatabase], FlightModel] = flight_model,
     **options: Any,
 ) -> Expansion:
-    """Return the point farthest from the edge of the flown envelope such that all margins hold at it
-    and on the way to it.
+    """Return the point farthest from the edge of the flown envelope such that all margins hold at
+    it and on the way to it.
 
     Parameters
     ----------
@@ -102,8 +111,8 @@ def expand_envelope(
     variable : V, altitude or another of the condition. edge, target, largest_step : of it [SI].
     growth : what may change beyond the edge. build : from a database to what flies.
 
-    Trims and modes move with the estimates to first order (`aerodb.simulation.trim`); a margin
-    holds if it does at `margins.sigmas` of the standard error. Without `growth`, only the
+    Trims and linear models move with the estimates to first order (`aerodb.simulation.trim`); a
+    margin holds if it does at `margins.sigmas` of the standard error. Without `growth`, only the
     estimates' own covariance counts.
 
     Raises InputError where the margins do not even hold at the edge, or the range is empty.
@@ -143,7 +152,9 @@ def _with_growth(
     for each in growth:
         if each.across not in edge:
             raise InputError(f"a trim has no channel '{each.across}'", "growth", "such as alpha")
-        expression = parse(f"({each.term})*abs({each.across} - ({edge[each.across]!r}))")
+        beyond = f"({each.across} - ({edge[each.across]!r}))"
+        term = beyond if each.term == each.across else f"({each.term})"
+        expression = parse(f"{term}*abs{beyond}")
         variance = np.array([[each.standard_error**2]])
         added.append(Increment(each.axis, (expression,), np.array([_NOTHING]), variance))
     return replace(database, increments=(*database.increments, *added))
@@ -197,11 +208,32 @@ def _violations(
                 f"{name} is {value:.4g} with standard error {error:.2g},"
                 f" permitted from {low:.4g} to {high:.4g}"
             )
-    for mode in point.modes if steady else ():
-        rate, error = mode.eigenvalue.real, mode.standard_errors.get("real", 0.0)
-        if not rate + margins.sigmas * error <= margins.growth_rate:
+    if steady:
+        expected, greatest = _growth_rates(point.trim, margins.sigmas)
+        if not greatest <= margins.growth_rate:
             texts.append(
-                f"the {mode.name} grows at {rate:.3g}/s with standard error {error:.2g},"
-                f" permitted {margins.growth_rate:.3g}/s"
+                f"a mode may grow at {greatest:.3g}/s within {margins.sigmas:g} standard errors"
+                f" ({expected:.3g}/s expected), permitted {margins.growth_rate:.3g}/s"
             )
     return texts
+
+
+def _growth_rates(found: Trim, sigmas: float) -> tuple[float, float]:
+    """Largest real part of the eigenvalues [1/s], expected and within `sigmas` standard errors.
+
+    For each entry of A the estimates move together, within their ellipsoid, to where that entry is
+    smallest and largest. Standard errors of eigenvalues would not do: to first order, the real part
+    of a short period does not depend on the static stability that keeps it from diverging.
+    """
+    linear = linear_model(found)
+    every = [linear.A]
+    if linear.A_slopes is not None and linear.covariance is not None:
+        p = len(linear.covariance)
+        slopes = linear.A_slopes.reshape(-1, p)
+        directions = slopes @ linear.covariance
+        sizes = np.sqrt(np.maximum(np.einsum("ep,ep->e", directions, slopes), 0.0))
+        moved = directions[sizes > 0.0] / sizes[sizes > 0.0, None]
+        change = sigmas * np.einsum("ijp,ep->eij", linear.A_slopes, moved)
+        every += [*(linear.A + change), *(linear.A - change)]
+    rates = np.linalg.eigvals(np.array(every)).real.max(axis=1)
+    return float(rates[0]), float(rates.max())

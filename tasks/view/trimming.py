@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -223,7 +223,16 @@ def expansion_document(
         flown.database, flown.condition, flown.inputs, variable, *reach, largest_step, margins,
         growth, build=flown.build, **flown.options,
     )  # fmt: skip
-    return {"version": row.id, "variable": variable, **asdict(found)}
+    return {
+        "version": row.id,
+        "variable": variable,
+        "value": found.value,
+        "reached": found.reached,
+        "stopped_by": list(found.stopped_by),
+        "points": [
+            {"value": point.value, "violations": list(point.violations)} for point in found.points
+        ],
+    }
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

@@ -105,3 +105,17 @@ def test_refusals_say_what_to_do(workspace: Path, wrong: tuple[str, ...], said: 
     assert refused.returncode == 3
     assert said in refused.stderr
     assert refused.stdout == ""
+
+
+def test_the_next_permitted_point_says_what_stops_it(workspace: Path) -> None:
+    """Full step with wide margins; none beyond the angle of attack that is permitted."""
+    ask = ("version", "expand", "candidate", *AT, "--variable", "V", "--from", "25", "--to", "23",
+           "--step", "1", "--growth-rate", "10")  # fmt: skip
+    full = asked(workspace, *ask)
+    assert full["value"] == 24.0
+    assert not full["reached"]
+    assert full["stopped_by"] == []
+    at = asked(workspace, "version", "trim", "candidate", *AT)["channels"]["alpha"]
+    short = asked(workspace, *ask, "--growth", "CZ:alpha=0.1", "--limit", f"alpha=0:{at + 0.005}")
+    assert 24.0 < short["value"] < 25.0
+    assert "alpha" in short["stopped_by"][0]

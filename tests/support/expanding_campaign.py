@@ -18,11 +18,11 @@ from aerodb.identification import (
 from aerodb.simulation import Condition, Stretch, flight_model, simulate, trim
 from tests.support.flying_increments import ALTITUDE, BODY, NOISE, TRUTH, light_aircraft
 
-START, TARGET, STEP = 42.0, 33.0, 4.0
+START, TARGET, STEP = 42.0, 30.0, 4.0
 LIMITS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.35, 0.35))
-MARGINS = Margins(sigmas=3.0, control=0.1, growth_rate=0.3)
+MARGINS = Margins(sigmas=2.0, control=0.1, growth_rate=0.3)
 #: What a designer would expect of the derivatives beyond what was flown, per rad.
-GROWTH = (Growth("Cm", "delta_elevator", 8.0), Growth("Cm", "alpha", 4.0))
+GROWTH = (Growth("Cm", "delta_elevator", 3.0), Growth("Cm", "alpha", 4.0))
 _SECONDS = 8.0
 
 
@@ -50,8 +50,8 @@ def campaign(truth, seed) -> tuple[list[float], Expansion]:
         flown.append(value)
         known = _estimated(known, _flight(known, truth, value, rng))
         found = expand_envelope(
-            known.database, Condition(value, ALTITUDE), BODY, "V", value, TARGET, STEP, MARGINS, GROWTH,
-            limits=LIMITS,
+            known.database, Condition(value, ALTITUDE), BODY, "V", value, TARGET, STEP, MARGINS,
+            GROWTH, limits=LIMITS,
         )  # fmt: skip
         if found.reached or found.value == value:
             return flown, found
