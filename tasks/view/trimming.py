@@ -83,7 +83,7 @@ class _Flown:
         self.model = self.build(database)
         self.inputs = {**masses, **self.inputs}
         self.condition = flight.condition
-        self.options = {
+        self.options: dict[str, Any] = {
             "thrust": "thrust" if engines else "force_x",
             "limits": {
                 name: ends
@@ -94,7 +94,7 @@ class _Flown:
         }
 
     def trim(self) -> Trim:
-        return trim(self.model, self.condition, self.inputs, **self.options)  # type: ignore[arg-type]
+        return trim(self.model, self.condition, self.inputs, **self.options)
 
 
 def glides(catalogue: Catalogue, row: VersionRow) -> bool:
