@@ -4,6 +4,7 @@ from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .frequency_response import FrequencyResponse, frequency_responses
+from .kalman import extended_kalman, unscented_kalman
 from .linear_equation import EquationRecord, LinearEquation
 from .multiple_shooting import multiple_shooting
 from .ordinary_least_squares import (
@@ -54,6 +55,7 @@ __all__ = [
     "bounds_of",
     "chosen_knots",
     "coloured_sum",
+    "extended_kalman",
     "filter_error",
     "frequency_domain_regression",
     "frequency_responses",
@@ -73,5 +75,6 @@ __all__ = [
     "state_space",
     "theil",
     "transfer_function_fit",
+    "unscented_kalman",
     "with_mean_constant",
 ]

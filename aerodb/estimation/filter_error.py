@@ -33,6 +33,8 @@ _HORIZON = 20
 _GAINED = 0.05
 #: The first search, for the order of magnitude of all noise, takes so many steps.
 _ROUGH = 25
+#: Steps of a search for the noise alone.
+_NOISE_STEPS = 50
 
 
 def filter_error(
@@ -73,7 +75,7 @@ def filter_error(
     Self & Liang, Journal of the American Statistical Association 82, 1987: likelihood ratio where a
     parameter is at its bound.
     """
-    disturbed = _checked(model, records, process_noise)
+    disturbed = checked_states(model, records, process_noise)
     kinds = (covariance,) if covariance else _KINDS[: 2 if gain == "steady" else 1]
     start, tried = first_noise(model, records, disturbed), list[tuple[Optimum, FilterProblem]]()
     for kind in kinds:
@@ -91,7 +93,7 @@ def filter_error(
     return fit_of("filter-error", used, chosen, test, disturbed)
 
 
-def _checked(
+def checked_states(
     model: DynamicModel, records: Sequence[TimeHistory], process_noise: Sequence[str] | None
 ) -> tuple[int, ...]:
     """Numbers of the states with process noise."""
@@ -112,6 +114,14 @@ def _checked(
         if name not in model.states:
             raise InputError(f"no state '{name}'", "process noise", nearest(name, model.states))
     return tuple(j for j, name in enumerate(model.states) if name in wanted)
+
+
+def likely_noise(
+    model: DynamicModel, records: Sequence[TimeHistory], disturbed: tuple[int, ...]
+) -> Point:
+    """Process and measurement noise that are most likely, with the parameters free."""
+    problem = FilterProblem(model, tuple(records), disturbed, "diagonal", True)
+    return maximise(problem, first_noise(model, records, disturbed), _NOISE_STEPS).point
 
 
 def first_noise(

@@ -74,6 +74,8 @@ _METHODS = (
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
     Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error")),
+    Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman")),
+    Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman")),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
 )
 

@@ -19,7 +19,7 @@ def model(start: dict[str, float], **changes: dict) -> StateSpace:
     gust angle has Dryden's spectrum: white noise through two lags."""
     first = {"initial_alpha": 0.0, "initial_q": 0.0, "bias_az": 0.0}
     items = [
-        Parameter(name, value, **changes.get(name, {}))
+        Parameter(name, **{"value": value, **changes.get(name, {})})
         for name, value in {**start, **first}.items()
     ]
     gusts = [Parameter(f"initial_{name}", 0.0, free=False) for name in ("g1", "g2")]

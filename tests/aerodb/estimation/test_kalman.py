@@ -1,0 +1,96 @@
+"""Kalman filters augmented by the parameters: the answer of linear algebra, planted truth, and what
+is not in the record."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from aerodb.estimation import (
+    Fit,
+    Parameter,
+    Parameters,
+    TimeHistory,
+    extended_kalman,
+    state_space,
+    unscented_kalman,
+)
+from aerodb.estimation.kalman import _tracked
+from aerodb.estimation.scoring import Point
+from tests.support import short_period
+
+METHODS = (extended_kalman, unscented_kalman)
+
+
+@pytest.mark.parametrize("transform", ["extended", "unscented"])
+def test_linear_regression_is_its_special_case(transform: str) -> None:
+    """A bias and a slope of an output: the posterior of linear least squares with priors, at once and
+    in closed form."""
+    rng = np.random.default_rng(1)
+    time, drive = 0.1 * np.arange(60), rng.normal(size=60)
+    y = 0.3 + 2.0 * drive + 0.1 * rng.normal(size=60)
+    y[20:25] = np.nan
+    items = [Parameter("slope", 1.0, prior=1.0, prior_error=2.0), Parameter("bias", 0.0)]
+    model = state_space(
+        ("x",), ("u",), ("y",), Parameters((*items, Parameter("initial_x", 0.0, free=False))),
+        a=[[0.0]], b=[[0.0]], c=[[1.0]], d=[["slope"]], output_bias=["bias"],
+    )  # fmt: skip
+    record = TimeHistory("r", time, {"u": drive}, {"y": y})
+    noise = Point(np.zeros(2), np.zeros(1), np.array([[0.01]]))
+    prior = np.diag([4.0, 1.0])
+    track = _tracked(model, record, noise, np.array([1.0, 0.0]), prior, transform)
+    seen = np.isfinite(y)
+    x = np.column_stack([drive, np.ones(60)])[seen]
+    covariance = np.linalg.inv(x.T @ x / 0.01 + np.linalg.inv(prior))
+    mean = covariance @ (x.T @ y[seen] / 0.01 + np.linalg.solve(prior, [1.0, 0.0]))
+    np.testing.assert_allclose(track.mean[-1, 1:], mean, rtol=1e-8)
+    np.testing.assert_allclose(track.covariance[-1, 1:, 1:], covariance, rtol=1e-7)
+
+
+@pytest.mark.parametrize("transform", ["extended", "unscented"])
+def test_smoother_is_the_conditional_distribution(transform: str) -> None:
+    """A random walk seen with noise: the smoothed states are the mean and variance of all states given
+    all measurements, by their joint covariance."""
+    rng = np.random.default_rng(2)
+    n, step, q, r = 30, 0.2, 0.7, 0.5
+    walk = np.concatenate([[0.0], np.cumsum(q * np.sqrt(step) * rng.normal(size=n - 1))])
+    y = walk + r * rng.normal(size=n)
+    model = state_space(
+        ("x",), (), ("y",), Parameters((Parameter("initial_x", 0.0),)),
+        a=[[0.0]], b=[[]], c=[[1.0]],
+    )  # fmt: skip
+    record = TimeHistory("r", step * np.arange(n), {}, {"y": y})
+    noise = Point(np.zeros(1), np.array([q]), np.array([[r**2]]))
+    track = _tracked(model, record, noise, np.zeros(1), np.eye(1), transform)
+    order = np.arange(n)
+    joint = 1.0 + q**2 * step * np.minimum.outer(order, order)
+    gain = np.linalg.solve(joint + r**2 * np.eye(n), joint).T
+    np.testing.assert_allclose(track.mean[:, 0], gain @ y, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(track.covariance[:, 0, 0], np.diag(joint - gain @ joint), rtol=1e-6)
+    _, determinant = np.linalg.slogdet(2.0 * np.pi * (joint + r**2 * np.eye(n)))
+    density = -0.5 * (y @ np.linalg.solve(joint + r**2 * np.eye(n), y) + determinant)
+    assert track.log_likelihood == pytest.approx(density, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_short_period_in_turbulence(method: Callable[..., Fit]) -> None:
+    """Truth within two standard errors, from start values 40 % off."""
+    truth = short_period.STABLE
+    record = short_period.flown(truth, 0.02, 2)
+    model = short_period.model({name: 0.6 * value for name, value in truth.items()})
+    fit = method(model, [record], process_noise=("g1",))
+    for name, value in truth.items():
+        assert abs(fit[name].value - value) < 2.0 * fit[name].standard_error
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_the_record_does_not_hold_is_told(method: Callable[..., Fit]) -> None:
+    truth = short_period.STABLE
+    record = short_period.flown(truth, 0.02, 3, seconds=10.0)
+    quiet = TimeHistory("quiet", record.time, {"de": 0.0 * record.time}, record.outputs)
+    model = short_period.model(truth, M_de={"value": -7.0, "lower": -9.0, "upper": -5.0})
+    fit = method(model, [quiet], process_noise=("g1",))
+    assert fit["M_de"].standing == "not excited"
+    assert np.isnan(fit["M_de"].value)
+    assert fit["initial_g1"].standing == "fixed"
+    assert fit["M_alpha"].standing == "estimated"
