@@ -37,6 +37,8 @@ _COLOURED, _CORRELATED = 0.01, 0.2
 _ASSUMES = (
     "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
     "The parameters are constant, and the motion is close to linear within their uncertainty.",
+    "What is most likely is motion and parameters together: in turbulence that lies up to about one"
+    " standard error from the most likely parameters, which filter error gives.",
 )
 
 
