@@ -9,7 +9,7 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import Parameter, Parameters, TimeHistory, Values
 from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 
 #: From the CG [m], body axes.
 Position = tuple[float, float, float]
@@ -88,8 +88,9 @@ class FlightDynamics:
         return self._measured(own, record, run), last
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        """Time derivatives (s, k) of a state (s, k), in steady wind."""
-        own = _own(values, record.name)
+        """Time derivatives (s, k) of a state (s, k), in steady wind; NaN where it cannot fly."""
+        own, lost = _own(values, record.name), ~_flyable(state)
+        state = self._replaced(state, lost, record)
         run = self._instant(own, record, sample, state)
         quaternion = np.stack([run.state[j] for j in range(6, 10)])
         spin = _spin(quaternion, run.rates[6:10])
@@ -109,13 +110,21 @@ class FlightDynamics:
             spin[1] * cosine - spin[2] * sine,
             *run.rates[13 : 13 + len(self.states) - len(MOTION)],
         ]
-        return np.stack(rows)
+        return np.where(lost, np.nan, np.stack(rows))
 
     def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        """Outputs (o, k) at a state (s, k), without delays of outputs."""
-        own = _own(values, record.name)
-        run = self._instant(own, record, sample, state)
-        return self._measured(own, record, run, delayed=False)[0]
+        """Outputs (o, k) at a state (s, k), without delays of outputs; NaN where it cannot fly."""
+        own, lost = _own(values, record.name), ~_flyable(state)
+        run = self._instant(own, record, sample, self._replaced(state, lost, record))
+        return np.where(lost, np.nan, self._measured(own, record, run, delayed=False)[0])
+
+    def _replaced(self, state: Array, lost: Mask, record: TimeHistory) -> Array:
+        """The state (s, k) with that of the record's start in the runs that are lost."""
+        if not lost.any():
+            return state
+        start = self.starts[record.name]
+        first = np.array([start.get(name, 0.0) for name in self.states])
+        return np.where(lost, first[:, None], state)
 
     def _instant(
         self, own: Mapping[str, Array], record: TimeHistory, sample: float, state: Array
@@ -274,6 +283,12 @@ def _factors(model: FlightModel) -> dict[str, float]:
     states = {state.name for state in model.total.states}
     own = {*model.total.inputs, *model.parameters, *states}
     return {name: 1.0 for name in model.total.machine.inputs if name not in own}
+
+
+def _flyable(state: Array) -> Mask:
+    """Runs (k,) whose state (s, k) has airspeed and is finite."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.isfinite(state).all(axis=0) & (state[0] > 0.0))
 
 
 def _own(values: Values, record: str) -> dict[str, Array]:

@@ -25,12 +25,16 @@ class Method:
         `DynamicModel` and its `TimeHistory` records.
     function : module and name of the function; it is imported when it is first called.
     display : a help for judgement, never a candidate.
+    disturbed : its states have process noise: those that outputs show.
+    slow : takes minutes for each flight; ``all`` leaves it out.
     """
 
     name: str
     kind: Kind
     function: tuple[str, str]
     display: bool = False
+    disturbed: bool = False
+    slow: bool = False
 
     def load(self) -> Callable[..., Fit]:
         """The function that estimates."""
@@ -39,6 +43,7 @@ class Method:
         return found
 
 
+_FILTERS: Final = {"disturbed": True, "slow": True}
 _METHODS = (
     Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),
     Method(
@@ -73,9 +78,9 @@ _METHODS = (
         display=True,
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
-    Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error")),
-    Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman")),
-    Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman")),
+    Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error"), **_FILTERS),
+    Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman"), **_FILTERS),
+    Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman"), **_FILTERS),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
 )
 
@@ -84,12 +89,12 @@ METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
 def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is no display.
+    """Methods by name; ``all`` for every one that is neither a display nor slow.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
-        return tuple(method for method in METHODS.values() if not method.display)
+        return tuple(m for m in METHODS.values() if not m.display and not m.slow)
     for name in names:
         if name not in METHODS:
             raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS))

@@ -25,7 +25,9 @@ def fits_of(
     function = method.load()
     if method.kind == "dynamic":
         dynamics, records, named = flown_problem(flights, model, database)
-        return [with_names(function(dynamics, records), named)]
+        shown = [state for state in dynamics.states if state in dynamics.outputs]
+        options = {"process_noise": shown} if method.disturbed else {}
+        return [with_names(function(dynamics, records, **options), named)]
     equations = axis_equations(
         [f.flight for f in flights], [f.comparison for f in flights], model, database
     )

@@ -201,6 +201,10 @@ COMMANDS: Final[dict[str, Command]] = {
     "version diff": Command(
         "updated", ("version", "diff", "v0001", "candidate", "--figure", "{here}/diff.png")
     ),
+    "mapping init": Command(
+        "none", ("mapping", "init", "{files}/flight1.csv", "--output", "{here}/m.toml"), once=True
+    ),
+    "flight compare": Command("updated", ("flight", "compare", "{flight}", "candidate")),
     "flight frequency-response": Command(
         "ingested",
         ("flight", "frequency-response", "{flight}", "--input", "delta_elevator", "--output", "q"),
