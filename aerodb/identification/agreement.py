@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.estimation import Fit, ParameterEstimate
+from aerodb.estimation import Fit, ParameterEstimate, output_or_filter_error
 from aerodb.identification.methods import METHODS
 
 #: Methods agree where their estimates differ by no more than this many standard errors.
@@ -88,8 +88,9 @@ def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreeme
 
 def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, ...]]:
     """The method to believe, and why: of those that converged with most of their parameters
-    estimated, one that flies the model and follows each output, because noise of the measured
-    motion does not bias it; else the first."""
+    estimated, filter error where its likelihood ratio shows process noise, else one that flies the
+    model and follows each output, because noise of the measured motion does not bias it; else the
+    first."""
     reasons: list[str] = []
     standing: list[str] = []
     for method, each in fits.items():
@@ -103,6 +104,11 @@ def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, 
             standing.append(method)
     if not standing:
         return None, (*reasons, "no method gives an answer to believe")
+    if fits.get("output-error") and fits.get("filter-error"):
+        turbulence = output_or_filter_error(fits["output-error"][0], fits["filter-error"][0])
+        reasons.append(turbulence.reason)
+        if turbulence.method in standing:
+            return turbulence.method, tuple(reasons)
     for method in standing:
         if METHODS[method].kind == "dynamic":
             worst = _least_followed(fits[method])

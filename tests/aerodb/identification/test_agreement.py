@@ -1,0 +1,55 @@
+"""Methods beside each other: spread, and which one to believe."""
+
+import numpy as np
+import pytest
+
+from aerodb.estimation import Fit, ParameterEstimate
+from aerodb.identification import compare_methods
+
+
+def fit(method: str, values: dict[str, tuple[float, float]], **more) -> Fit:
+    estimates = tuple(ParameterEstimate(name, *pair) for name, pair in values.items())
+    errors = [error for _, error in values.values()]
+    return Fit(method, estimates, tuple(values), np.diag(np.square(errors)), **more)
+
+
+def test_the_spread_is_the_largest_difference_in_standard_errors() -> None:
+    fits = {
+        "regression": [fit("regression", {"Cm_alpha": (-1.0, 0.03), "Cm_0": (0.0, 1.0)})],
+        "recursive": [fit("recursive", {"Cm_alpha": (-1.01, 0.04)})],
+        "output-error": [fit("output-error", {"Cm_alpha": (-1.25, 0.04)})],
+    }
+    slope, constant = compare_methods(fits).parameters
+    assert slope.spread == pytest.approx(0.25 / 0.05)
+    assert slope.furthest == ("regression", "output-error")
+    assert not slope.agree
+    assert np.isnan(constant.spread) and constant.agree
+
+
+def test_what_did_not_converge_is_not_believed() -> None:
+    fits = {
+        "regression": [fit("regression", {"Cm_alpha": (-1.0, 0.03)})],
+        "output-error": [fit("output-error", {"Cm_alpha": (-1.1, 0.03)}, converged=False)],
+    }
+    comparison = compare_methods(fits)
+    assert comparison.believe == "regression"
+    assert "output-error did not converge" in comparison.reasons
+
+
+@pytest.mark.parametrize(("p_value", "believed"), [(1e-6, "filter-error"), (0.4, "output-error")])
+def test_process_noise_decides_between_output_and_filter_error(p_value, believed) -> None:
+    fits = {
+        name: [fit(name, {"CL_alpha": (value, 0.1)}, tests={"process noise": p_value})]
+        for name, value in (("output-error", 3.2), ("filter-error", 4.3))
+    }
+    comparison = compare_methods(fits)
+    assert comparison.believe == believed
+    assert any("rocess noise" in reason for reason in comparison.reasons)
+
+
+def test_nothing_is_believed_where_nothing_is_determined() -> None:
+    lost = ParameterEstimate("Cm_q", np.nan, np.nan, standing="not excited")
+    none = Fit("regression", (lost,), (), np.zeros((0, 0)))
+    comparison = compare_methods({"regression": [none]})
+    assert comparison.believe is None
+    assert any("no method" in reason for reason in comparison.reasons)
