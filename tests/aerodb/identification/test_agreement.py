@@ -23,7 +23,8 @@ def test_the_spread_is_the_largest_difference_in_standard_errors() -> None:
     assert slope.spread == pytest.approx(0.25 / 0.05)
     assert slope.furthest == ("regression", "output-error")
     assert not slope.agree
-    assert np.isnan(constant.spread) and constant.agree
+    assert np.isnan(constant.spread)
+    assert constant.agree
 
 
 def test_what_did_not_converge_is_not_believed() -> None:
