@@ -62,6 +62,25 @@ print(json.dumps({"first": taken[0], "ours": min(taken), "ours cpu": min(spent),
                   "iterations": fit.iterations, "converged": fit.converged}))
 """
 
+#: A short period in turbulence, 401 samples: eight unknowns of the model and four of the noise.
+FILTERS: Final = """
+import json, time
+from aerodb.estimation import extended_kalman, filter_error, unscented_kalman
+from tests.support import short_period
+
+truth = short_period.STABLE
+record = short_period.flown(truth, 0.02, 1)
+model = short_period.model({name: 0.8 * value for name, value in truth.items()})
+figures = {}
+for method in (filter_error, extended_kalman, unscented_kalman):
+    method(model, [record], process_noise=("g1",))
+    begun, used = time.perf_counter(), time.process_time()
+    method(model, [record], process_noise=("g1",))
+    figures[method.__name__] = time.perf_counter() - begun
+    figures[method.__name__ + " cpu"] = time.process_time() - used
+print(json.dumps(figures))
+"""
+
 
 def _run(body: str, *given: str) -> dict[str, float]:
     done = subprocess.run(
@@ -96,4 +115,9 @@ def estimation(measured: Path) -> dict[str, float]:
         f" converged {bool(t['converged'])}; first {t['first']:.2f} s"
     )
     figures["six degrees"] = t["ours"]
+    t = _run(FILTERS)
+    for name in ("filter_error", "extended_kalman", "unscented_kalman"):
+        print(
+            f"short period in turbulence, {name}: {t[name]:.2f} s (processor {t[f'{name} cpu']:.2f} s)"
+        )
     return figures
