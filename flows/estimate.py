@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps import estimate_by_methods
+from aerodb.tasks.steps import estimate_by_methods, estimates_page
 
 
 def estimate_flow(
@@ -15,9 +15,11 @@ def estimate_flow(
     model: str,
     methods: list[str],
     version: str | None = None,
+    page: bool = False,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) from `flights` (ids) on a
-    version (its id), or on none. Returns the document of `estimate_by_methods`."""
+    version (its id), or on none. Returns the document of `estimate_by_methods`, with the HTML
+    ``page`` if asked for."""
     document: dict[str, Any] = steps(
         estimate_by_methods,
         flights,
@@ -27,4 +29,6 @@ def estimate_flow(
         methods=methods,
         version=version,
     )
+    if page:
+        document |= {"page": steps(estimates_page, document, workspace=workspace, run=run)}
     return document

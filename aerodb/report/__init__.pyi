@@ -3,6 +3,7 @@ from .decimation import decimated, flagged_stretches
 from .diff_documents import diff_document
 from .diff_figures import diff_figure
 from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
+from .estimates_page import estimates_report
 from .flight_page import FlightStory, flight_report
 from .headlines import error_rows, headline
 from .lineage_figure import Relative, lineage_graph
@@ -32,6 +33,7 @@ __all__ = [
     "diff_document",
     "diff_figure",
     "error_rows",
+    "estimates_report",
     "flagged_stretches",
     "flight_report",
     "for_people",

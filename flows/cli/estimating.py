@@ -30,6 +30,9 @@ def estimate(
         list[str] | None,
         typer.Option(help="Flights to use; default: all of the vehicle that are not rejected."),
     ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="HTML page to write, with fitted responses and residuals.")
+    ] = None,
     report: Annotated[bool, typer.Option(help="Print the whole report of each method.")] = False,
 ) -> None:
     """Estimate declared increments by one or several methods, and say which to believe and why.
@@ -63,10 +66,15 @@ def estimate(
             "model": text,
             "methods": [each.name for each in chosen],
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
+            "page": output is not None,
         },
         direct=True,
     )
+    page = document.pop("page", None)
     _print(session, document, report)
+    if output is not None and page is not None:
+        output.write_text(page, "utf-8")
+        session.say(f"page: {output}")
     session.answer(document)
 
 

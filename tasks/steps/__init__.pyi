@@ -30,7 +30,7 @@ from .inbox import (
 from .ingest import store_log
 from .inputs import describe_inputs
 from .inspect_log import look_over
-from .methods import estimate_by_methods
+from .methods import estimate_by_methods, estimates_page
 from .notify import deliver, tell
 from .publish import publish_candidate, publish_loop
 from .release import promote, roll_back
@@ -61,6 +61,7 @@ __all__ = [
     "due",
     "estimate",
     "estimate_by_methods",
+    "estimates_page",
     "export_version",
     "files_of_inbox",
     "find_sensor_rivals",

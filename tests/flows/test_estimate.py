@@ -143,3 +143,15 @@ def test_a_display_makes_no_candidate(root: Path) -> None:
     refused = aerodb(root, "update", "--vehicle", NAME, "--model", model, "--method", "stepwise")
     assert refused.returncode == 3
     assert "display" in refused.stderr
+
+
+def test_the_page_shows_each_method_with_its_residuals(root: Path, tmp_path: Path) -> None:
+    model, page = str(root.parent / "model.toml"), tmp_path / "estimates.html"
+    given = ("estimate", "--vehicle", NAME, "--model", model, "--output", str(page))
+    document = asked(root, *given, "--method", "regression", "--method", "frequency-domain")
+    assert "page" not in document
+    text = page.read_text(encoding="utf-8")
+    for method in ("regression", "frequency-domain"):
+        assert f"<h2>{method}</h2>" in text
+    assert text.count("<figure>") >= 2
+    assert "CZ_alpha" in text and "autocorrelation of the residual" in text

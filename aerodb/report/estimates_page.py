@@ -1,0 +1,100 @@
+"""Page of estimates by several methods: the table, fitted responses, and whiteness of residuals."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from aerodb.report.page import render
+from aerodb.report.style import (
+    FLIGHT,
+    UPDATED,
+    Picture,
+    channel_scale,
+    panel_grid,
+    picture,
+    plain_panel,
+)
+from aerodb.support import Array
+
+#: Most records of a method that are drawn.
+_MOST: Final = 4
+#: Lags of an autocorrelation that are drawn.
+_LAGS: Final = 60
+
+#: Method -> record -> response -> fitted and residual, (n,) each.
+Responses = Mapping[str, Mapping[str, Mapping[str, tuple[Array, Array]]]]
+
+
+def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
+    """Return the HTML page of the document of `estimate_by_methods`.
+
+    responses : fitted responses and residuals of each method.
+    """
+    believe = document["believe"]
+    several = len(document["methods"]) > 1
+    verdict = (
+        "No method gives an answer to believe."
+        if believe is None
+        else f"Believe here: {believe}."
+        if several
+        else f"Estimates by {believe}."
+    )
+    return render(
+        "estimates.html",
+        title="Estimates",
+        document=document,
+        verdict=verdict,
+        drawn={
+            entry["method"]: [
+                _picture(entry["method"], record, outputs)
+                for record, outputs in [*responses.get(entry["method"], {}).items()][:_MOST]
+            ]
+            for entry in document["methods"]
+        },
+    )
+
+
+def _picture(method: str, record: str, outputs: Mapping[str, tuple[Array, Array]]) -> Picture:
+    caption = (
+        f"Record {record[:16]}. Above: measured and fitted. Below: autocorrelation of the residual;"
+        " white residuals stay within the dashed lines 95 % of the time."
+    )
+    return picture(_figure(outputs), f"{method}: fitted responses of a record.", caption)
+
+
+def _figure(outputs: Mapping[str, tuple[Array, Array]]) -> Figure:
+    columns = max(1, len(outputs))
+    figure, panels = panel_grid((min(13.0, 1.5 + 2.6 * columns), 4.4), 2, columns)
+    panels = np.reshape(panels, (2, columns))
+    for k, (name, (fitted, residual)) in enumerate(outputs.items()):
+        factor, label = channel_scale(name)
+        above, below = panels[0, k], panels[1, k]
+        above.plot(factor * (fitted + residual), color=FLIGHT, lw=1.4, label="measured")
+        above.plot(factor * fitted, color=UPDATED, lw=1.0, label="fitted")
+        above.set_ylabel(label)
+        above.set_xlabel("sample")
+        correlation, bound = _autocorrelation(residual)
+        below.plot(correlation, color=UPDATED, lw=1.2)
+        for sign in (-1.0, 1.0):
+            below.axhline(sign * bound, color="0.5", ls="--", lw=0.8)
+        below.set_ylim(-1.05, 1.05)
+        below.set_xlabel("lag [samples]")
+        for panel in (above, below):
+            plain_panel(panel)
+    if outputs:
+        panels[0, 0].legend(fontsize=7, frameon=False)
+    return figure
+
+
+def _autocorrelation(residual: Array) -> tuple[Array, float]:
+    """Autocorrelation (l,) of a residual (n,), and the bound of that of white noise."""
+    good = residual[np.isfinite(residual)]
+    n = len(good)
+    power = float(good @ good)
+    if n < 3 or power <= 0.0:
+        return np.ones(1), 1.0
+    lags = min(_LAGS, n - 1)
+    values = [float(good[: n - k] @ good[k:]) / power for k in range(lags)]
+    return np.array(values), 1.96 / float(np.sqrt(n))
