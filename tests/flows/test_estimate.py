@@ -154,4 +154,5 @@ def test_the_page_shows_each_method_with_its_residuals(root: Path, tmp_path: Pat
     for method in ("regression", "frequency-domain"):
         assert f"<h2>{method}</h2>" in text
     assert text.count("<figure>") >= 2
-    assert "CZ_alpha" in text and "autocorrelation of the residual" in text
+    assert "CZ_alpha" in text
+    assert "autocorrelation of the residual" in text
