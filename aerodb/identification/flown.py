@@ -42,6 +42,8 @@ _SUPPORT: Final = {
     "Cl": ("1", "beta", "p_hat", "r_hat", "delta_aileron", "delta_rudder"),
     "Cn": ("1", "beta", "p_hat", "r_hat", "delta_aileron", "delta_rudder"),
 }
+#: States that turbulence drives; attitudes follow from the rates.
+DISTURBED: Final = ("V", "alpha", "beta", "p", "q", "r")
 #: Reasons for stretches left out that an error quotes.
 _SHOWN: Final = 3
 

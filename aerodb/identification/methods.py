@@ -26,7 +26,7 @@ class Method:
     function : module and name of the function; it is imported when it is first called.
     display : a help for judgement, never a candidate.
     disturbed : its states have process noise: those that outputs show.
-    slow : takes minutes for each flight; ``all`` leaves it out.
+    slow : takes minutes for a flight of a vehicle; ``all`` leaves it out there.
     """
 
     name: str
@@ -88,12 +88,15 @@ _METHODS = (
 METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
-def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is neither a display nor slow.
+def chosen_methods(names: Sequence[str], *, linear: bool = False) -> tuple[Method, ...]:
+    """Methods by name; ``all`` for every one that is neither a display nor slow, or of a `linear`
+    model, where filters are fast, every one that integrates a model.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
+        if linear:
+            return tuple(m for m in METHODS.values() if m.kind == "dynamic")
         return tuple(m for m in METHODS.values() if not m.display and not m.slow)
     for name in names:
         if name not in METHODS:

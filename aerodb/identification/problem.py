@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from aerodb.estimation import Fit
 from aerodb.identification.equations import axis_equations
-from aerodb.identification.flown import flown_problem, with_names
+from aerodb.identification.flown import DISTURBED, flown_problem, with_names
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.increments import ModelFile
@@ -25,7 +25,7 @@ def fits_of(
     function = method.load()
     if method.kind == "dynamic":
         dynamics, records, named = flown_problem(flights, model, database)
-        shown = [state for state in dynamics.states if state in dynamics.outputs]
+        shown = [state for state in DISTURBED if state in dynamics.outputs]
         options = {"process_noise": shown} if method.disturbed else {}
         return [with_names(function(dynamics, records, **options), named)]
     equations = axis_equations(

@@ -21,7 +21,11 @@ def estimate(
     model: Annotated[Path, typer.Option(help="Model file (TOML): increments or a linear model.")],
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", "--methods", help="Methods by name, or `all`; repeat the option."),
+        typer.Option(
+            "--method",
+            "--methods",
+            help="Methods by name, or `all` but filters, which take minutes; repeat the option.",
+        ),
     ] = None,
     baseline: Annotated[
         str, typer.Option(help="Version to build on; `none`: whole derivatives.")

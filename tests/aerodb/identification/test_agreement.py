@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerodb.estimation import Fit, ParameterEstimate
-from aerodb.identification import compare_methods
+from aerodb.identification import chosen_methods, compare_methods
 
 
 def fit(method: str, values: dict[str, tuple[float, float]], **more) -> Fit:
@@ -54,3 +54,12 @@ def test_nothing_is_believed_where_nothing_is_determined() -> None:
     comparison = compare_methods({"regression": [none]})
     assert comparison.believe is None
     assert any("no method" in reason for reason in comparison.reasons)
+
+
+def test_all_leaves_out_displays_and_what_takes_minutes_for_a_vehicle() -> None:
+    flown = {method.name for method in chosen_methods(["all"])}
+    linear = {method.name for method in chosen_methods(["all"], linear=True)}
+    assert {"regression", "output-error"} <= flown
+    assert not flown & {"stepwise", "filter-error", "ekf", "ukf"}
+    assert {"output-error", "filter-error", "ekf", "ukf"} <= linear
+    assert "regression" not in linear
