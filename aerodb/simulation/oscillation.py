@@ -64,7 +64,7 @@ def oscillation(time: Array, values: Array) -> Oscillation | None:
             left = float(np.var(y - _model(t, *parameters)))
             if best is None or left < best[0]:
                 best = left, parameters, covariance
-    if best is None:
+    if best is None or not np.isfinite(best[2]).all():  # a straight line has no frequency
         return None
     left, parameters, covariance = best
     s, w = float(parameters[0]), abs(float(parameters[1]))

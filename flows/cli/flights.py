@@ -256,6 +256,7 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
     comparison = outcome["comparison"]
     if comparison is not None and comparison["key"] is not None:
         _say_comparison(session, comparison)
+        say_suspicions(session, comparison["suspicions"], "  ")
 
 
 def _say_comparison(session: Session, comparison: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from .consistency import (
 )
 from .counting import repeat_documents, repeating
 from .design import design_flight
+from .estimates_page import estimates_page
 from .export import FORMS, export_version
 from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
 from .fly_manoeuvre import fly_manoeuvre
@@ -30,7 +31,7 @@ from .inbox import (
 from .ingest import store_log
 from .inputs import describe_inputs
 from .inspect_log import look_over
-from .methods import estimate_by_methods, estimates_page
+from .methods import estimate_by_methods
 from .notify import deliver, tell
 from .publish import publish_candidate, publish_loop
 from .release import promote, roll_back

@@ -22,7 +22,6 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
-from aerodb.report import estimates_report
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Reference
@@ -209,21 +208,3 @@ def _long(fits: Sequence[Fit]) -> dict[str, Array]:
     return {
         name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()
     }
-
-
-def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
-    """The HTML page of a document of `estimate_by_methods`, with fitted responses and residuals."""
-    path = access_workspace(workspace).path_of(document["key"])
-    if path is None:
-        raise InputError("its file is lost", f"result {document['key'][:12]}", "estimate again")
-    table, _ = read_results(path)
-    labels = [table[name].astype(str) for name in ("method", "record", "response")]
-    responses: dict[str, dict[str, dict[str, tuple[Array, Array]]]] = {}
-    starts = np.flatnonzero(table["sample"] == 0)
-    for start, end in zip(starts, [*starts[1:], len(table["sample"])], strict=True):
-        method, record, response = (str(label[start]) for label in labels)
-        responses.setdefault(method, {}).setdefault(record, {})[response] = (
-            table["fitted"][start:end],
-            table["residual"][start:end],
-        )
-    return estimates_report(document, responses)

@@ -11,10 +11,11 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import with_attenuation
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.identification import METHODS, REGRESSION, update_by
+from aerodb.identification import REGRESSION
 from aerodb.increments import (
     AxisValidation,
     Beyond,
+    ConsiderParameter,
     HoldOut,
     ModelFile,
     Update,
@@ -33,7 +34,6 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
-from aerodb.tasks.steps.methods import identification_flights
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import TracingSettings
 
@@ -191,9 +191,10 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
     if plan.method != REGRESSION:
-        method = METHODS[plan.method]
-        these = identification_flights(access, plan.hold_out.identified, database, run)
-        return keep_slope_signs(update_by(method, these, model, database, doubtful), database)
+        ids = plan.hold_out.identified
+        return keep_slope_signs(
+            _by_method(access, plan.method, ids, model, database, run, doubtful), database
+        )
     again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
     noisier = [
         estimate_increments([f for f, _ in each], [c for _, c in each], model, database)
@@ -202,6 +203,23 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     return keep_slope_signs(
         with_attenuation(update, noisier, TracingSettings().shift_factor), database
     )
+
+
+def _by_method(
+    access: WorkspaceAccess,
+    method: str,
+    flights: Sequence[str],
+    model: ModelFile,
+    database: AeroDatabase,
+    run: str,
+    consider: Mapping[str, Sequence[ConsiderParameter]] | None = None,
+) -> Update:
+    """The declared increments from flights (ids) by a method that is not the plain regression."""
+    from aerodb.identification import METHODS, update_by  # loads the simulation
+    from aerodb.tasks.steps.methods import identification_flights
+
+    given = identification_flights(access, flights, database, run)
+    return update_by(METHODS[method], given, model, database, consider)
 
 
 def validate(
@@ -229,8 +247,7 @@ def validate(
         def estimated(declared: ModelFile) -> Update:
             if plan.method != REGRESSION:
                 ids = [flights[k].id for k in others]
-                these = identification_flights(access, ids, baseline, run)
-                return update_by(METHODS[plan.method], these, declared, baseline)
+                return _by_method(access, plan.method, ids, declared, baseline, run)
             return estimate_increments(
                 [flights[k] for k in others], [comparisons[k] for k in others], declared, baseline
             )

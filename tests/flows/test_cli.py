@@ -40,6 +40,7 @@ COMMANDS = [
     ["flight", "show"],
     ["flight", "retract"],
     ["flight", "compare"],
+    ["flight", "frequency-response"],
     ["mapping", "init"],
     ["calibration", "list"],
     ["calibration", "show"],
