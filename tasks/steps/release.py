@@ -27,8 +27,6 @@ from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
 from aerodb.tasks.steps.consistency import BESIDE
-from aerodb.tasks.steps.fly import fly_version, read_tolerances
-from aerodb.tasks.steps.validate_responses import summarise_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
@@ -252,6 +250,9 @@ def _responses(
     if not held:
         return (Check(name, ("no flight was held out, so no response can be judged",)),)
     folder = str(access.workspace.root)
+    from aerodb.tasks.steps.fly import fly_version, read_tolerances  # loads the simulation
+    from aerodb.tasks.steps.validate_responses import summarise_responses
+
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
     flown = [
         fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)

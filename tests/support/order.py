@@ -50,6 +50,12 @@ LONGEST = (
     "test_conditioning_simulated.py",
     "test_phoenix.py",
     "test_smoother.py",
+    "test_kills.py",
+    "test_confined.py",
+    "test_envelope_expansion.py",
+    "test_filter_error.py",
+    "test_output_error.py",
+    "test_experiment.py",
 )
 
 
