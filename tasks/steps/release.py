@@ -244,15 +244,15 @@ def _responses(
     vehicle's settings do not demand it."""
     if not gate.responses:
         return ()
+    from aerodb.tasks.steps.fly import fly_version, read_tolerances  # loads the simulation
+    from aerodb.tasks.steps.validate_responses import summarise_responses
+
     name = "responses on held-out flights within tolerance"
     uses = access.catalogue.version_flights(row.id)
     held = [use.flight for use in uses if use.role == "held_out"]
     if not held:
         return (Check(name, ("no flight was held out, so no response can be judged",)),)
     folder = str(access.workspace.root)
-    from aerodb.tasks.steps.fly import fly_version, read_tolerances  # loads the simulation
-    from aerodb.tasks.steps.validate_responses import summarise_responses
-
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
     flown = [
         fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)
