@@ -43,7 +43,7 @@ Models that are integrated:
 
 1. `state_space` makes a linear `StateSpace` model of named entries (`affine`), each a sum of
    parameters, simulated exactly (`recursion` is its compiled loop); `stabilised` feeds measured
-   outputs back into an unstable one.
+   outputs back into an unstable one, `with_delays` lets inputs act and outputs be measured late.
 2. `output_error` finds the parameters whose outputs are most likely (`likelihood`,
    `gauss_newton`), with `sensitivities` of the model itself or by runs side by side; `standing`
    says what each estimate is worth.

@@ -1,4 +1,5 @@
 from .affine import affine_matrix
+from .delays import MOST_DELAY, DelayedStateSpace, delayed, with_delays
 from .dynamic_model import DynamicModel, Values
 from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
@@ -32,6 +33,8 @@ from .time_history import TimeHistory
 from .transfer_function import TransferFunction, transfer_function_fit
 
 __all__ = [
+    "MOST_DELAY",
+    "DelayedStateSpace",
     "DynamicModel",
     "EquationRecord",
     "Fit",
@@ -55,6 +58,7 @@ __all__ = [
     "bounds_of",
     "chosen_knots",
     "coloured_sum",
+    "delayed",
     "extended_kalman",
     "filter_error",
     "frequency_domain_regression",
@@ -76,5 +80,6 @@ __all__ = [
     "theil",
     "transfer_function_fit",
     "unscented_kalman",
+    "with_delays",
     "with_mean_constant",
 ]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.dynamic_model import DynamicModel, Values
 from aerodb.estimation.filter_kernels import linear_pass, predict, settled, update
 from aerodb.estimation.state_space import StateSpace
@@ -117,7 +118,7 @@ def run_filter(
     The first state is the model's, in the extended form without error: an unknown one is a
     parameter. Without process noise the filter is the simulation.
     """
-    if isinstance(model, StateSpace):
+    if isinstance(model, StateSpace | DelayedStateSpace):
         return _linear_filter(model, values, record, noise, steady)
     k = noise.process.shape[1]
     first = model.initial_state(values, record)
@@ -163,7 +164,11 @@ def run_filter(
 
 
 def _linear_filter(
-    model: StateSpace, values: Values, record: TimeHistory, noise: NoiseLevels, steady: bool
+    model: StateSpace | DelayedStateSpace,
+    values: Values,
+    record: TimeHistory,
+    noise: NoiseLevels,
+    steady: bool,
 ) -> FilterPass:
     """The same of a linear model, compiled."""
     k = noise.process.shape[1]

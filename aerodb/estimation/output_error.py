@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.equation_error import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
@@ -15,7 +16,7 @@ from aerodb.estimation.instability import instability
 from aerodb.estimation.likelihood import Covariance, coloured_information
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.standing import standings
-from aerodb.estimation.start_values import with_start_values
+from aerodb.estimation.start_values import LinearModel, has_start_values, with_start_values
 from aerodb.estimation.state_space import StateSpace
 from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory
@@ -25,6 +26,7 @@ ASSUMES = (
     "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
     "The noise of the outputs has no mean and is the same in every record.",
 )
+_FROM_SUBSPACE = "The search began at values from subspace identification."
 _UNCORRELATED = "The noise of different outputs is uncorrelated."
 
 #: The model explains nothing of an output whose residual is this many times what a constant leaves.
@@ -48,7 +50,8 @@ def output_error(
 
     Parameters
     ----------
-    model : a linear one whose start values are all zero gets some by subspace identification.
+    model : a linear one whose entries all start at zero, or from whose start values the search
+        does not end, starts from those of subspace identification.
     records : with the model's outputs; a sample that is NaN is left out.
     covariance : of the measurement noise: diagonal, or full with correlation between outputs.
 
@@ -65,25 +68,37 @@ def output_error(
     Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997.
     """
     checked_records(model, records, "output error")
-    model, notes = _started(model, records)
-    solution = search(model, records, covariance, most_iterations)
     assumes = (*ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
-    unstable = instability(model, records, solution.vector, SINGULAR**-0.5)
-    fit = fit_of("output-error", model, records, solution, assumes, unstable)
-    return replace(fit, notes=(*fit.notes, *notes))
+
+    def fitted(started: DynamicModel, note: str) -> Fit:
+        solution = search(started, records, covariance, most_iterations)
+        unstable = instability(started, records, solution.vector, SINGULAR**-0.5)
+        fit = fit_of("output-error", started, records, solution, assumes, unstable)
+        return replace(fit, notes=(*fit.notes, *([note] if note else [])))
+
+    if not isinstance(model, StateSpace | DelayedStateSpace):
+        return fitted(model, "")
+    if has_start_values(model):
+        fit = fitted(model, "")
+        if fit.converged:
+            return fit
+        again = _from_subspace(model, records)
+        if isinstance(again, str):
+            return fit
+        other = fitted(again, _FROM_SUBSPACE)
+        return other if other.converged else fit
+    started = _from_subspace(model, records)
+    if isinstance(started, str):
+        return fitted(model, f"The search began at zero: {started}.")
+    return fitted(started, _FROM_SUBSPACE)
 
 
-def _started(
-    model: DynamicModel, records: Sequence[TimeHistory]
-) -> tuple[DynamicModel, tuple[str, ...]]:
-    """A linear model whose start values are all zero, with some from the records, and how."""
-    if not isinstance(model, StateSpace) or model.parameters.start().any():
-        return model, ()
+def _from_subspace(model: LinearModel, records: Sequence[TimeHistory]) -> LinearModel | str:
+    """The model with start values from the records; or why there are none."""
     try:
-        started = with_start_values(model, records)
+        return with_start_values(model, records)
     except InputError as error:
-        return model, (f"The search began at zero: {error.what}.",)
-    return started, ("The search began at values from subspace identification.",)
+        return error.what
 
 
 def checked_records(model: DynamicModel, records: Sequence[TimeHistory], where: str) -> None:

@@ -6,21 +6,40 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.errors import InputError, nearest
+from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.state_space import StateSpace
 from aerodb.estimation.subspace import LinearIdentified, identified_linear_model, path
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
+#: A model that gets start values.
+LinearModel = StateSpace | DelayedStateSpace
 
-def with_start_values(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
+
+def has_start_values(model: LinearModel) -> bool:
+    """Whether an unknown entry of the matrices starts away from zero."""
+    entries = model.model.entries if isinstance(model, DelayedStateSpace) else model.entries
+    return any(
+        item.value and item.name.split("[", 1)[0] in entries for item in model.parameters.unknown
+    )
+
+
+def with_start_values(model: LinearModel, records: Sequence[TimeHistory]) -> LinearModel:
     """The model with start values for its unknown parameters, from a subspace model of its states.
 
     Every state must be an output of its name. Along the smooth paths of the subspace model the
     model's own equations are linear in the parameters, and are solved by least squares; parameters
-    that stand in none of them, or that bounds hold, keep their start values.
+    that stand in none of them, delays among them, or that bounds hold, keep their start values.
 
     Raises InputError as `identified_linear_model`, and for a state that is no output.
     """
+    if isinstance(model, DelayedStateSpace):
+        timely = [model.timely(record) for record in records]
+        return replace(model, model=_started(model.model, timely))
+    return _started(model, records)
+
+
+def _started(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
     lacking = [name for name in model.states if name not in model.outputs]
     if lacking:
         raise InputError(

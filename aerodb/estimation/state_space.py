@@ -164,7 +164,8 @@ class StateSpace:
         return {}
 
     @cached_property
-    def _entries(self) -> tuple[str, ...]:
+    def entries(self) -> tuple[str, ...]:
+        """Parameters in the matrices."""
         matrices = (self.a, self.b, self.c, self.d, self.state_bias, self.output_bias)
         return tuple(dict.fromkeys(name for matrix in matrices for name in matrix.slopes))
 
@@ -177,14 +178,14 @@ class StateSpace:
         return special if special in self._known else name
 
     def _local(self, values: Values, record: TimeHistory) -> dict[str, Array]:
-        return {name: values[self._own(name, record)] for name in self._entries}
+        return {name: values[self._own(name, record)] for name in self.entries}
 
     def _changes(self, names: Sequence[str], record: TimeHistory) -> tuple[Array, Array, Array]:
         """Derivatives of A (g, s, s), of B beside the bias (g, s, m + 1), and of all that gives the
         outputs, transposed, (s + m + 1, g o), with respect to parameters in this record."""
         key = (tuple(names), record.name)
         if key not in self._remembered:
-            local = {self._own(name, record): name for name in self._entries}
+            local = {self._own(name, record): name for name in self.entries}
             inside = [local.get(name, "") for name in names]
             rows = [
                 np.hstack([m.slope(n) for m in (self.c, self.d, self.output_bias)]) for n in inside

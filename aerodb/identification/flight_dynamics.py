@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import Parameter, Parameters, TimeHistory, Values
+from aerodb.estimation import MOST_DELAY, Parameter, Parameters, TimeHistory, Values, delayed
 from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
 from aerodb.support import Array, Mask
 
@@ -24,8 +24,8 @@ _UNITS: Final = {
 }  # fmt: skip
 #: Longest integration step [s].
 _LONGEST_STEP: Final = 0.04
-#: Largest delay [s] and scale error that are believable.
-_MOST_DELAY, _MOST_SCALE = 0.5, 0.5
+#: Largest scale error that is believable.
+_MOST_SCALE: Final = 0.5
 #: Place of a record that is no state: given by its inputs, or by its start.
 _PLACE: Final = ("psi", "altitude")
 
@@ -116,7 +116,7 @@ class FlightDynamics:
         """Outputs (o, k) at a state (s, k), without delays of outputs; NaN where it cannot fly."""
         own, lost = _own(values, record.name), ~_flyable(state)
         run = self._instant(own, record, sample, self._replaced(state, lost, record))
-        return np.where(lost, np.nan, self._measured(own, record, run, delayed=False)[0])
+        return np.where(lost, np.nan, self._measured(own, record, run, timely=True)[0])
 
     def _replaced(self, state: Array, lost: Mask, record: TimeHistory) -> Array:
         """The state (s, k) with that of the record's start in the runs that are lost."""
@@ -175,21 +175,21 @@ class FlightDynamics:
         taken = {name: v for name, v in record.inputs.items() if name not in _PLACE}
         for name in self.flight.inputs:
             if f"delay_{name}" in own:
-                taken[name] = _delayed(
-                    taken[name][:, None], np.atleast_1d(own[f"delay_{name}"]) / record.step
-                )
+                late = np.atleast_1d(own[f"delay_{name}"]) / record.step
+                taken[name] = delayed(taken[name][:, None], late)[0]
         return taken
 
     def _measured(
-        self, own: Mapping[str, Array], record: TimeHistory, run: Simulation, delayed: bool = True
+        self, own: Mapping[str, Array], record: TimeHistory, run: Simulation, timely: bool = False
     ) -> Array:
         """Outputs (n, o, k) as the instruments give them."""
         channels = _at_points(run.channels, self.accelerometer, self.vane)
         rows = []
         for name in self.outputs:
             value = channels[name]
-            if delayed and f"delay_{name}" in own:
-                value = _delayed(value, np.atleast_1d(own[f"delay_{name}"]) / record.step)
+            if not timely and f"delay_{name}" in own:
+                late = np.atleast_1d(own[f"delay_{name}"]) / record.step
+                value = delayed(value, late, held=False)[0]
             if f"scale_{name}" in own:
                 value = value * (1.0 + own[f"scale_{name}"])
             rows.append(value + own.get(f"bias_{name}", 0.0))
@@ -239,8 +239,7 @@ def flight_dynamics(
         for name in scales
     ]
     items += [
-        Parameter(f"delay_{name}", 0.0, "s", lower=-_MOST_DELAY, upper=_MOST_DELAY)
-        for name in delays
+        Parameter(f"delay_{name}", 0.0, "s", lower=-MOST_DELAY, upper=MOST_DELAY) for name in delays
     ]
     records = []
     for name, stretch in stretches.items():
@@ -299,19 +298,6 @@ def _own(values: Values, record: str) -> dict[str, Array]:
         for name, value in values.items()
         if name.endswith(f"[{record}]")
     }
-
-
-def _delayed(series: Array, late: Array) -> Array:
-    """Series (n, k) or (n, 1) later by `late` (k,) samples, linear between; its ends are held."""
-    n = len(series)
-    place = np.clip(np.arange(n)[:, None] - late, 0.0, n - 1.0)
-    low = np.minimum(place.astype(np.int64), max(n - 2, 0))
-    share = place - low
-    lanes = np.broadcast_to(np.arange(series.shape[1]), low.shape)
-    if series.shape[1] == 1:
-        lanes = np.zeros_like(low)
-    following = np.minimum(low + 1, n - 1)
-    return np.asarray((1.0 - share) * series[low, lanes] + share * series[following, lanes])
 
 
 def _spin(quaternion: Array, rate: Array) -> Array:

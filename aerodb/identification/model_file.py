@@ -18,7 +18,9 @@
 
 Entries are numbers or sums of parameters, such as ``2*Lp - 0.1*Lr``; their units are SI. What no
 ``[[parameter]]`` describes is free and starts at 0. `initial` names the states whose first value is
-unknown, `own` the parameters that every record has of its own.
+unknown, `own` the parameters that every record has of its own. ``late_inputs = ["delta_aileron"]``
+and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, in s, which a
+``[[parameter]]`` may start elsewhere, fix or bound.
 """
 
 from collections.abc import Sequence
@@ -27,6 +29,8 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import (
+    MOST_DELAY,
+    DelayedStateSpace,
     Fit,
     Parameter,
     Parameters,
@@ -34,6 +38,7 @@ from aerodb.estimation import (
     TimeHistory,
     affine_matrix,
     state_space,
+    with_delays,
 )
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
@@ -58,11 +63,13 @@ class StateSpaceTable(Strict):
     state_bias: Row | None = None
     output_bias: Row | None = None
     initial: list[str] = []
+    late_inputs: list[str] = []
+    late_outputs: list[str] = []
     own: list[str] = []
 
 
 class ParameterTable(Strict):
-    """A parameter: start value, unit and what is known of it."""
+    """A parameter: start value, unit and what is known of it. A delay is bounded anyway."""
 
     name: str
     value: float = 0.0
@@ -82,14 +89,15 @@ class StateSpaceFile(Strict):
     state_space: StateSpaceTable
     parameter: list[ParameterTable] = []
 
-    def model(self, records: Sequence[TimeHistory]) -> StateSpace:
+    def model(self, records: Sequence[TimeHistory]) -> StateSpace | DelayedStateSpace:
         """The model of these records; a state starts as first measured where no output of its name
         says it better.
 
         Raises InputError for names that are not in the model, and for wrong matrices.
         """
         table = self.state_space
-        entries = _names(table)
+        delays = [f"delay_{name}" for name in (*table.late_inputs, *table.late_outputs)]
+        entries = tuple(dict.fromkeys([*_names(table), *delays]))
         described = {each.name: each for each in self.parameter}
         for what, names, known in (
             ("entry", [*described, *table.own], entries),
@@ -101,6 +109,8 @@ class StateSpaceFile(Strict):
         items = list[Parameter]()
         for name in entries:
             given = described.get(name, ParameterTable(name=name))
+            if name in delays:
+                given = _believable(given)
             ends = [f"[{record.name}]" for record in records] if name in table.own else [""]
             items += [_parameter(given, end) for end in ends]
         items += [
@@ -108,7 +118,7 @@ class StateSpaceFile(Strict):
             for state in table.initial
             for record in records
         ]
-        return state_space(
+        model = state_space(
             table.states,
             table.inputs,
             table.outputs,
@@ -120,6 +130,7 @@ class StateSpaceFile(Strict):
             state_bias=table.state_bias,
             output_bias=table.output_bias,
         )
+        return with_delays(model, table.late_inputs, table.late_outputs) if delays else model
 
 
 def declares_state_space(text: str) -> bool:
@@ -178,6 +189,13 @@ def _names(table: StateSpaceTable) -> tuple[str, ...]:
     for rows in matrices:
         found |= dict.fromkeys(affine_matrix(rows, "state space").slopes)
     return tuple(found)
+
+
+def _believable(delay: ParameterTable) -> ParameterTable:
+    """A delay in seconds, within what is searched where the file sets no bounds."""
+    lower, upper = max(delay.lower, -MOST_DELAY), min(delay.upper, MOST_DELAY)
+    free = {} if delay.fixed else {"lower": lower, "upper": upper}
+    return delay.model_copy(update={"unit": "s", **free})
 
 
 def _parameter(given: ParameterTable, end: str) -> Parameter:
