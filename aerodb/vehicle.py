@@ -21,8 +21,10 @@ from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians
 from aerodb.support import Array, Strict, validated, validated_toml
 from aerodb.units import quantity
 
+#: Channels of the mass [kg], CG [m, from the datum] and inertia [kg m2].
+MASS_CHANNELS = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
 #: What `[measured]` can state beside deflections and errors of sensors.
-_MEASURABLE = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz", "thrust")
+_MEASURABLE = (*MASS_CHANNELS, "thrust")
 #: Ends of the names of errors: of a sensor, a surface or a mass property.
 _ERRORS = ("_bias", "_scale", "_delay", "_offset", "_share")
 _POSITION = ("air_data_x", "air_data_z")
@@ -459,7 +461,7 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
     InputError when the vehicle file expects logged values that the flight does not have.
     """
     properties, n = vehicle.mass, len(flight.time)
-    names = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
+    names = MASS_CHANNELS
     if properties.source == "channels":
         absent = [name for name in names if name not in flight]
         if absent:

@@ -79,8 +79,17 @@ def rollback(
 def export(
     context: typer.Context,
     version: str,
-    output: Annotated[Path, typer.Option(help="The file to write.")],
-    format: Annotated[str, typer.Option(help="daveml, jsbsim, csv, mat or netcdf.")],
+    format: Annotated[
+        str,
+        typer.Option(help="daveml, jsbsim, csv (one table; FILE.zip: many), mat or netcdf."),
+    ],
+    output: Annotated[
+        Path | None, typer.Option(help="The file to write; with --into, beside the aircraft.")
+    ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(help="A JSBSim aircraft file: replace its aerodynamics, keep the rest."),
+    ] = None,
     vehicle: Vehicle = None,
     as_of: AsOf = None,
 ) -> None:
@@ -96,11 +105,35 @@ def export(
     workspace = session.workspace()
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
-    document = export_version(workspace, catalogue, row, format, output)
+    document = export_version(workspace, catalogue, row, format, output, into)
     session.say(
         f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}, {document['checked']}"
     )
+    if format == "jsbsim":
+        _say_mass_and_merge(session, document)
     session.answer(document)
+
+
+def _say_mass_and_merge(session: Session, document: dict[str, Any]) -> None:
+    mass, into = document["mass"], document["into"]
+    if into is None:
+        session.say(
+            "WARNING: its mass is a placeholder: the vehicle's is logged, and no flight is stored"
+            if mass is None
+            else f"mass {mass['mass']:g} kg, CG and inertia: {mass['source']}"
+        )
+        return
+    session.say(f"everything but the aerodynamics is that of {into['file']}, mass and CG included")
+    if (into["moved"] or 0.0) > 1e-3:
+        session.say(
+            f"WARNING: its moment reference AERORP moved by {into['moved']:.3g} m; its origin must"
+            " be the datum of the vehicle file"
+        )
+    if into["lost"]:
+        session.say(
+            f"WARNING: other parts of it read {', '.join(into['lost'])}, which only the former"
+            " aerodynamics defined"
+        )
 
 
 def _say_move(session: Session, document: dict[str, Any]) -> None:

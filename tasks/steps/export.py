@@ -2,13 +2,17 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.errors import AeroError, InputError, nearest
 from aerodb.exchange import (
+    MassBalance,
     export_csv,
+    export_csv_table,
     export_daveml,
     export_jsbsim,
     export_mat,
@@ -20,39 +24,49 @@ from aerodb.exchange import (
     import_mat,
     import_netcdf,
     jsbsim_check_cases,
+    mass_balance_of,
+    merge_jsbsim,
     states_for_jsbsim,
     without_states,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
+from aerodb.storage.files import files_beside, read_flight
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.storage.writers import agreement_in_jsbsim, jsbsim_is_installed
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, make_check_cases
+from aerodb.tasks.workspace_access import WorkspaceAccess
+from aerodb.vehicle import MASS_CHANNELS, parse_vehicle
 
 
 @dataclass(frozen=True)
 class Form:
     """An export format.
 
-    cases : check cases to write with it. write : (database, name, cases) -> file. read : (file,
-    name) -> database. receive : runs the receiving program, where it is installed, under the
-    workspace's limits, and returns its verdict in one sentence; InputError if it disagrees.
+    cases : check cases to write with it. write : (database, name, cases, mass of the vehicle) ->
+    file. read : (file, name) -> database. receive : runs the receiving program, where it is
+    installed, under the workspace's limits, and returns its verdict in one sentence; InputError if
+    it disagrees.
     carried : reduces the database to what the format can carry (no states).
     """
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
-    write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
+    write: Callable[[AeroDatabase, str, Sequence[CheckCase], MassBalance | None], bytes]
     read: Callable[[bytes, str], AeroDatabase]
     receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase], Limits], str] = lambda *_: ""
     carried: Callable[[AeroDatabase], AeroDatabase] = lambda database: database
 
 
-def _jsbsim(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> bytes:
-    return export_jsbsim(database, name=name, cases=cases)
+def _jsbsim(
+    database: AeroDatabase, name: str, cases: Sequence[CheckCase], mass: MassBalance | None
+) -> bytes:
+    return export_jsbsim(database, name=name, cases=cases, mass=mass)
 
 
-def _daveml(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> bytes:
+def _daveml(
+    database: AeroDatabase, name: str, cases: Sequence[CheckCase], mass: MassBalance | None
+) -> bytes:
     # It writes check cases of its own, which also state the file's internal signals.
     return export_daveml(database, check_cases=len(cases))
 
@@ -83,7 +97,9 @@ FORMS: Final[dict[str, Form]] = {
         states_for_jsbsim,
     ),
     "csv": Form(
-        make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv
+        make_check_cases,
+        lambda database, _name, cases, _mass: export_csv_table(database, cases),
+        import_csv,
     ),
     "daveml": Form(
         make_check_cases,
@@ -92,19 +108,36 @@ FORMS: Final[dict[str, Form]] = {
         carried=without_states,
     ),
     "mat": Form(
-        make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat
+        make_check_cases,
+        lambda database, _name, cases, _mass: export_mat(database, cases),
+        import_mat,
     ),
     "netcdf": Form(
-        make_check_cases, lambda database, _, cases: export_netcdf(database, cases), import_netcdf
+        make_check_cases,
+        lambda database, _name, cases, _mass: export_netcdf(database, cases),
+        import_netcdf,
     ),
 }
 
 
+#: Formats of more than one file, by name and suffix: the archive of CSV files.
+_ARCHIVES: Final = {("csv", ".zip"): export_csv}
+
+
 def export_version(
-    workspace: Workspace, catalogue: Catalogue, version: VersionRow, format: str, output: Path
+    workspace: Workspace,
+    catalogue: Catalogue,
+    version: VersionRow,
+    format: str,
+    output: Path | None,
+    into: Path | None = None,
 ) -> dict[str, Any]:
     """Write a version to `output`; document: version, label, format, file, bytes, check_cases,
-    checked.
+    checked, and for JSBSim mass (kg, cg, inertia, source; None if not known) and into.
+
+    into : a JSBSim aircraft file whose aerodynamics are replaced in what is written; `output` None:
+    beside it, with the version's label in its name. `into` in the document: the file, lost (what
+    other parts of it read and only the former aerodynamics defined) and moved (its AERORP, m).
 
     The bytes are first read back by the product's own importer and must reproduce the check cases;
     otherwise nothing is written. Raises InputError for an unknown format (exit 3) and for an export
@@ -112,17 +145,29 @@ def export_version(
     """
     if format not in FORMS:
         raise InputError(f"no exporter for '{format}'", "--format", nearest(format, FORMS))
+    if into is not None and format != "jsbsim":
+        raise InputError("only JSBSim aircraft take an export", "--into", "--format jsbsim")
+    if output is None:
+        if into is None:
+            raise InputError("no file to write", "--output", "name it: --output FILE")
+        output = into.with_name(f"{into.stem}-{version.label}{into.suffix}")
     form = FORMS[format]
+    archive = _ARCHIVES.get((format, output.suffix.lower()))
     database = form.carried(
         from_document(json.loads(catalogue.version_documents(version.id).content))
     )
-    name = f"{version.vehicle}-{version.label}"
-    cases = form.cases(database)
-    data = form.write(database, name, cases)
-    _check(form, data, name, cases)
+    name, cases = f"{version.vehicle}-{version.label}", form.cases(database)
+    mass = _mass(workspace, catalogue, version.vehicle) if format == "jsbsim" else None
+    data = archive(database, cases) if archive else form.write(database, name, cases, mass)
     received = form.receive(database, data, cases, load_settings(workspace.root).limits)
+    merged = None
+    if into is not None:
+        aircraft = _aircraft(into)
+        merged = merge_jsbsim(aircraft, data, into.name, files_beside(into))
+        data = merged.xml
+    _check(form, data, name, cases)
     written = write_for_user(workspace, output, data)
-    return {
+    document = {
         "version": version.id,
         "label": version.label,
         "format": format,
@@ -131,6 +176,46 @@ def export_version(
         "check_cases": len(cases),
         "checked": " ".join(filter(None, (f"read back, {len(cases)} check cases pass", received))),
     }
+    if format == "jsbsim":
+        document["mass"] = None if mass is None else asdict(mass)
+        document["into"] = merged and {
+            "file": str(into),
+            "lost": merged.lost,
+            "moved": merged.moved,
+        }
+    return document
+
+
+def _aircraft(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"it cannot be read: {error}", str(path)[:200], "name a JSBSim aircraft file"
+        ) from error
+
+
+def _mass(workspace: Workspace, catalogue: Catalogue, vehicle: str) -> MassBalance | None:
+    """Mass, CG and inertia of a vehicle: of its file, else the medians of its newest flight."""
+    row = catalogue.vehicle(vehicle)
+    properties = parse_vehicle(row.text, f"vehicle {vehicle}").mass
+    stated = mass_balance_of(properties, f"vehicle file {vehicle} of {row.added_utc:%Y-%m-%d}")
+    if stated is not None:
+        return stated
+    access = WorkspaceAccess(workspace, catalogue)
+    for flight in reversed(catalogue.flights(vehicle)):
+        stored = catalogue.results_of(flight.id, "ingest")
+        if flight.retracted_utc is not None or not stored:
+            continue
+        recorded = read_flight(access.file_of(stored[-1].path))
+        if all(name in recorded for name in MASS_CHANNELS):
+            mass, x, y, z, *inertia = (
+                float(np.nanmedian(recorded[name])) for name in MASS_CHANNELS
+            )
+            ixx, iyy, izz, ixz = inertia
+            source = f"medians of {access.name_of(flight)}"
+            return MassBalance(mass, (x, y, z), (ixx, iyy, izz, ixz), source)
+    return None
 
 
 def _check(form: Form, data: bytes, name: str, cases: Sequence[CheckCase]) -> None:

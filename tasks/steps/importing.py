@@ -10,6 +10,7 @@ from typing import Any, Final
 from aerodb.coefficients import with_held_inputs
 from aerodb.errors import InputError
 from aerodb.exchange import (
+    CSV_HEAD,
     FileChecks,
     check_file,
     import_csv,
@@ -32,6 +33,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
     (0, b"PK\x03\x04", import_csv),
+    (0, CSV_HEAD, import_csv),
     (0, b"CDF", import_netcdf),
     (126, b"IM", import_mat),
     (126, b"MI", import_mat),

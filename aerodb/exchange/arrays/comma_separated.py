@@ -1,6 +1,7 @@
 """CSV: a ZIP of plain CSV files, one per table, with a manifest. Every spreadsheet opens them.
 
-Other programs would not read one CSV file with several sections, so the archive has several files:
+One file per kind of thing is what people edit and compare; `one_table` writes the same content as
+one table for programs. The archive has:
 
 - ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may be in any
   order;
@@ -13,11 +14,10 @@ Floats are written in their shortest form that reads back exactly. A text that a
 take for a formula is written after an apostrophe.
 """
 
-import csv
 import io
-import math
 import zipfile
-from collections.abc import Iterable, Sequence
+from codecs import BOM_UTF8
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -37,14 +37,20 @@ from aerodb.exchange.arrays.contents import (
     parse_manifest,
     to_contents,
 )
+from aerodb.exchange.arrays.csv_texts import (
+    as_numbers,
+    csv_rows,
+    csv_text,
+    from_text,
+    grid_of,
+)
+from aerodb.exchange.arrays.one_table import CSV_HEAD, from_one_table
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
 
 MAX_FILES: Final = 10_000
 _KIND: Final = "CSV"
-#: What begins a formula in a spreadsheet, and the apostrophe that marks a cell as text.
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "'")
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # equal databases give equal bytes
 
 
@@ -56,10 +62,10 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
     contents = to_contents(database, _KIND, check_cases)
     files = {
         "manifest.json": contents.manifest_text,
-        "terms.csv": _text(
+        "terms.csv": csv_text(
             TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in contents.terms)
         ),
-        "variables.csv": _text(
+        "variables.csv": csv_text(
             VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in contents.variables)
         ),
     }
@@ -71,7 +77,7 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             for label, unit in zip(arguments, units[name], strict=True)
         ]
         mesh = [x.ravel() for x in np.meshgrid(*axes, indexing="ij")]
-        files[f"tables/{name}.csv"] = _text(
+        files[f"tables/{name}.csv"] = csv_text(
             [*header, "value"], np.column_stack([*mesh, values.ravel()]).tolist()
         )
     for k, numbers in enumerate(contents.increments):
@@ -87,13 +93,13 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             "estimate",
             *[f"covariance with {j + 1}" for j in range(len(numbers.estimates))],
         ]
-        files[f"{stem}.csv"] = _text(header, ([text, value, *row] for text, value, row in rows))
+        files[f"{stem}.csv"] = csv_text(header, ([text, value, *row] for text, value, row in rows))
         bounds = zip(entry["envelope"], numbers.envelope.tolist(), strict=True)
-        files[f"{stem}_envelope.csv"] = _text(
+        files[f"{stem}_envelope.csv"] = csv_text(
             ["variable", *ENVELOPE], ([name, *row] for name, row in bounds)
         )
     cases = np.hstack([contents.cases.inputs, contents.cases.coefficients]).tolist()
-    files["check_cases.csv"] = _text([*contents.cases.names, *AXES], cases)
+    files["check_cases.csv"] = csv_text([*contents.cases.names, *AXES], cases)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
@@ -104,12 +110,15 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
 
 
 def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
-    """Return the database of a ZIP that `export_csv` wrote; its tables may have been edited.
+    """Return the database of a ZIP that `export_csv` wrote, or of one table of `export_csv_table`;
+    its tables may have been edited.
 
     Raises InputError that names the file in the archive: for damaged or too large files, grids with
     missing or repeated nodes, text in place of numbers, and check cases that fail.
     """
     check_size(data, where)
+    if data.removeprefix(BOM_UTF8).startswith(CSV_HEAD):
+        return from_one_table(data, where)
     files = _unpacked(data, where)
     manifest = parse_manifest(_file(files, "manifest.json", where), where)
     document = manifest.get("database")
@@ -133,25 +142,6 @@ def _stem(k: int, contents: Contents) -> str:
     entry = contents.manifest["database"]["increments"][k]
     axis = entry.get("axis", "") if isinstance(entry, dict) else ""
     return f"increments/{k + 1:02d}_{axis}"
-
-
-def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """CSV text; floats in their shortest form that reads back exactly; no text is a formula."""
-    written = io.StringIO(newline="")
-    writer = csv.writer(written, lineterminator="\n")
-    for row in (header, *rows):
-        writer.writerow([_as_text(cell) if isinstance(cell, str) else cell for cell in row])
-    return written.getvalue()
-
-
-def _as_text(cell: str) -> str:
-    """A cell that spreadsheets show as text: a description may begin with ``=cmd|...``."""
-    return f"'{cell}" if cell.startswith(_FORMULA) else cell
-
-
-def _from_text(cell: str) -> str:
-    """Inverse of `_as_text`."""
-    return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA) else cell
 
 
 def _unpacked(data: bytes, where: str) -> dict[str, str]:
@@ -188,90 +178,46 @@ def _file(files: dict[str, str], name: str, where: str) -> str:
     return files[name]
 
 
-def _rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
-    try:
-        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
-    except csv.Error as error:
-        raise InputError(f"not CSV: {error}", where, "separate columns by commas") from error
-    if not rows:
-        raise InputError("empty", where, "export the database again")
-    wrong = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
-    if wrong is not None:
-        raise InputError(
-            f"row {wrong + 1} has {len(rows[wrong])} columns, the header {len(rows[0])}",
-            where,
-            "use commas",
-        )
-    return [_from_text(cell) for cell in rows[0]], rows[1:]
-
-
-def _numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
-    try:
-        return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(
-            len(rows), width
-        )
-    except ValueError as error:
-        raise InputError(f"{error}", where, "write numbers with a decimal point") from error
-
-
 def _grid(text: str, where: str) -> tuple[list[Array], Array]:
-    """Breakpoints and values of a table from one row per node, in any order."""
-    header, rows = _rows(text, where)
+    """Breakpoints and values of a table from the text of its file."""
+    header, rows = csv_rows(text, where)
     if len(header) < 2:
         raise InputError(
             f"{len(header)} column", where, "give one column per argument, then the value"
         )
-    points = _numbers(rows, len(header), where)
-    if not np.all(np.isfinite(points)):
-        raise InputError("numbers that are not finite", where, "give every node a finite value")
-    axes = [np.unique(column) for column in points[:, :-1].T]
-    shape = tuple(axis.size for axis in axes)
-    what = f"{len(points)} rows for a grid of {' x '.join(map(str, shape))} nodes"
-    remedy = "give each combination of breakpoints exactly one row"
-    if math.prod(shape) != len(points):
-        raise InputError(what, where, remedy)
-    index = np.ravel_multi_index(
-        [np.searchsorted(a, x) for a, x in zip(axes, points[:, :-1].T, strict=True)], shape
-    )
-    if np.unique(index).size != len(points):
-        raise InputError(f"{what}, some of them repeated", where, remedy)
-    values = np.empty(len(points))
-    values[index] = points[:, -1]
-    return axes, values.reshape(shape)
+    return grid_of(as_numbers(rows, len(header), where), where)
 
 
 def _texts(
     files: dict[str, str], name: str, keys: Sequence[str], where: str
 ) -> list[dict[str, str]]:
-    header, rows = _rows(_file(files, name, where), f"{where}: {name}")
+    header, rows = csv_rows(_file(files, name, where), f"{where}: {name}")
     if header != list(keys):
         raise InputError(
             f"columns {', '.join(header)}", f"{where}: {name}", f"they must be {', '.join(keys)}"
         )
-    return [dict(zip(keys, map(_from_text, row), strict=True)) for row in rows]
+    return [dict(zip(keys, map(from_text, row), strict=True)) for row in rows]
 
 
 def _increment(
     files: dict[str, str], stem: str, entry: dict[str, object], where: str
 ) -> IncrementNumbers:
     place = f"{where}: {stem}.csv"
-    header, rows = _rows(_file(files, f"{stem}.csv", where), place)
-    regressors = [_from_text(row[0]) for row in rows]
+    header, rows = csv_rows(_file(files, f"{stem}.csv", where), place)
+    regressors = [from_text(row[0]) for row in rows]
     if not isinstance(entry, dict) or entry.get("regressors") != regressors:
         raise InputError(
             "regressors differ from the manifest's",
             place,
             "keep the regressors that were fitted",
         )
-    numbers = _numbers([row[1:] for row in rows], len(header) - 1, place)
+    numbers = as_numbers([row[1:] for row in rows], len(header) - 1, place)
     place = f"{where}: {stem}_envelope.csv"
-    header, rows = _rows(_file(files, f"{stem}_envelope.csv", where), place)
-    if [_from_text(row[0]) for row in rows] != entry.get("envelope") or header[1:] != list(
-        ENVELOPE
-    ):
+    header, rows = csv_rows(_file(files, f"{stem}_envelope.csv", where), place)
+    if [from_text(row[0]) for row in rows] != entry.get("envelope") or header[1:] != list(ENVELOPE):
         raise InputError("variables differ from the manifest's", place, "export the database again")
     return IncrementNumbers(
-        numbers[:, 0], numbers[:, 1:], _numbers([row[1:] for row in rows], 3, place)
+        numbers[:, 0], numbers[:, 1:], as_numbers([row[1:] for row in rows], 3, place)
     )
 
 
@@ -280,10 +226,10 @@ def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
     if "check_cases.csv" not in files:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     place = f"{where}: check_cases.csv"
-    header, rows = _rows(files["check_cases.csv"], place)
+    header, rows = csv_rows(files["check_cases.csv"], place)
     if header[-6:] != list(AXES):
         raise InputError(
             "the last columns are not CX CY CZ Cl Cm Cn", place, "export the database again"
         )
-    numbers = _numbers(rows, len(header), place)
+    numbers = as_numbers(rows, len(header), place)
     return CaseNumbers(tuple(header[:-6]), numbers[:, :-6], numbers[:, -6:])

@@ -1,8 +1,8 @@
 """Write an AeroDatabase as a minimal JSBSim aircraft whose aerodynamics give the same coefficients.
 
 Units, axes and the moment reference are converted explicitly (feet, slugs, inches, structural axes)
-and stated in the file. A database has no mass, ground reactions or propulsion; the file has a
-placeholder mass.
+and stated in the file. A database has no mass, ground reactions or propulsion; the mass is given
+beside it.
 """
 
 import re
@@ -14,10 +14,10 @@ from lxml import etree
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.jsbsim.axes import FACTORS, body_forces
 from aerodb.exchange.jsbsim.elements import Element, function, node, prop, total
+from aerodb.exchange.jsbsim.mass_balance import MassBalance, location, mass_balance
 from aerodb.exchange.jsbsim.properties import (
     CHANNEL_PROPERTIES,
     FOOT,
-    INCH,
     LIFT_SQUARED,
     OWN_CHANNEL,
     OWN_FREE,
@@ -39,6 +39,8 @@ _NATIVE_CONTROL: Final = re.compile(
     r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+"
 )
 
+#: Name of the system that declares the inputs which nothing else creates.
+INPUTS: Final = "aerodynamic inputs"
 _STATE: Final = {
     *(path for path, _ in CHANNEL_PROPERTIES.values()),
     STALL_HYSTERESIS,
@@ -64,16 +66,19 @@ _CASES: Final = (
     " property is which), moments about AERORP. JSBSim passes over them; it agrees within 1e-9 of"
     " the larger of the coefficient and 0.001."
 )
-_MASS: Final = (
-    "Placeholder: a database has no mass. Put the vehicle's own mass, inertia and centre of gravity"
-    " here."
-)
 
 
-def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCase] = ()) -> bytes:
+def export_jsbsim(
+    database: AeroDatabase,
+    *,
+    name: str,
+    cases: Sequence[CheckCase] = (),
+    mass: MassBalance | None = None,
+) -> bytes:
     """Return the JSBSim aircraft file of `database`, UTF-8.
 
     name : of the aircraft. cases : check cases that are written to the file; JSBSim ignores them.
+    mass : of the vehicle, from the database's datum; None writes placeholders.
 
     Terms, variables and tables become functions. Increments become functions with their envelope
     rule, without their covariance. Force terms remain in wind axes if all of them are; otherwise
@@ -90,7 +95,7 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
         "fdm_config",
         _header(database),
         _metrics(plain.reference),
-        _mass_balance(plain.reference),
+        mass_balance(mass, plain.reference.moment_reference),
         node("ground_reactions"),
         _declarations(writer),
         node(
@@ -146,31 +151,7 @@ def _metrics(reference: Reference) -> Element:
         "chord": ("FT", reference.chord / FOOT),
     }
     elements = [node(tag, text=repr(size), unit=unit) for tag, (unit, size) in sizes.items()]
-    return node("metrics", *elements, _location(reference, "AERORP"))
-
-
-def _location(reference: Reference, name: str) -> Element:
-    """The moment reference in structural axes, whose origin is the database's datum."""
-    x, y, z = reference.moment_reference
-    structural = {"x": -x / INCH + 0.0, "y": y / INCH, "z": -z / INCH + 0.0}
-    return node(
-        "location",
-        *[node(axis, text=repr(position)) for axis, position in structural.items()],
-        name=name,
-        unit="IN",
-    )
-
-
-def _mass_balance(reference: Reference) -> Element:
-    inertias = [node(tag, text="1000.0", unit="SLUG*FT2") for tag in ("ixx", "iyy", "izz")]
-    weight = node("emptywt", text="1000.0", unit="LBS")
-    return node(
-        "mass_balance",
-        node("documentation", text=_MASS),
-        *inertias,
-        weight,
-        _location(reference, "CG"),
-    )
+    return node("metrics", *elements, location(reference.moment_reference, "AERORP"))
 
 
 def _declarations(writer: FunctionWriter) -> Element:
@@ -182,7 +163,7 @@ def _declarations(writer: FunctionWriter) -> Element:
     return node(
         "system",
         *[node("property", text=path, value="0.0") for path in paths],
-        name="aerodynamic inputs",
+        name=INPUTS,
     )
 
 

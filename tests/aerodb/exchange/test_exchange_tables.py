@@ -21,6 +21,7 @@ from aerodb.exchange.arrays import contents as parts
 from aerodb.exchange.arrays.comma_separated import export_csv, import_csv
 from aerodb.exchange.arrays.mat import export_mat, import_mat
 from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
+from aerodb.exchange.arrays.one_table import export_csv_table
 from aerodb.nomenclature import AXES
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.consolidation import consolidate
@@ -34,6 +35,7 @@ from tests.support.generated_databases import equal, generated, points
 Exporter, Importer = Callable[..., bytes], Callable[..., AeroDatabase]
 FORMATS: dict[str, tuple[Exporter, Importer]] = {
     "csv": (export_csv, import_csv),
+    "csv table": (export_csv_table, import_csv),
     "mat": (export_mat, import_mat),
     "netcdf": (export_netcdf, import_netcdf),
 }
@@ -98,6 +100,38 @@ def test_csv_is_read_by_other_programs() -> None:
     )
 
 
+def test_one_csv_table_is_what_pandas_reads() -> None:
+    """A table of the database, its terms and an increment are rows of one data frame; edited and
+    written by pandas, it comes back."""
+    database = replace(with_grid(), increments=generated(3, 1).increments)
+    frame = pd.read_csv(io.BytesIO(export_csv_table(database)))
+    nodes = frame[(frame.kind == "node") & (frame.name == "T0")].dropna(axis="columns")
+    assert list(nodes.columns)[2:] == ["alpha [rad]", "beta [rad]", "mach [1]", "value"]
+    x = nodes[["alpha [rad]", "beta [rad]", "mach [1]"]].to_numpy()
+    table = database.tables["T0"]
+    assert table.evaluate(*x.T.copy()).tolist() == nodes["value"].tolist()
+    assert frame[frame.kind == "term"]["name"].tolist() == [t.name for t in database.terms]
+    increment = database.increments[0]
+    found = frame[frame.kind == "increment"]
+    assert found["value"].tolist() == increment.estimates.tolist()
+    errors = np.sqrt(np.diag(increment.covariance))
+    assert found["standard error"].to_numpy() == pytest.approx(errors)
+    raw = pd.read_csv(io.BytesIO(export_csv_table(database)), dtype=str, keep_default_na=False)
+    shuffled = pd.concat([raw[raw.kind != "node"], raw[raw.kind == "node"].sample(frac=1.0)])
+    text = "\ufeff" + shuffled.to_csv(index=False)
+    assert equal(import_csv(text.encode()), database)
+    raw.loc[raw.kind == "node", "value"] = "0.5"
+    with pytest.raises(InputError, match="check values differ"):
+        import_csv(raw.to_csv(index=False).encode(), "edited.csv")
+    edited = import_csv(raw[~raw.kind.str.startswith("check")].to_csv(index=False).encode())
+    assert np.all(edited.tables["T0"].values == 0.5)
+    for kind in ("manifest", "covariance", "term"):
+        with pytest.raises(InputError):
+            import_csv(raw[raw.kind != kind].to_csv(index=False).encode())
+    with pytest.raises(InputError, match="T0"):
+        import_csv(raw.drop(nodes.index[3]).to_csv(index=False).encode())
+
+
 @pytest.mark.parametrize(
     "text", ["=cmd|'/C calc'!A1", "@SUM(A1)", "-1+2", "+1", "\t=1", "'=1", "''"]
 )
@@ -114,6 +148,10 @@ def test_no_text_in_csv_is_a_formula(text: str) -> None:
                     assert not cell.startswith(("=", "@", "\t", "\r"))
                     assert not cell.startswith(("+", "-")) or float(cell)
     assert equal(import_csv(export_csv(database)), database)
+    rows = list(csv.DictReader(io.StringIO(export_csv_table(database).decode(), newline="")))
+    written = [row["description"] for row in rows if row["kind"] == "term"]
+    assert written == [f"'{text}"] * len(database.terms)
+    assert equal(import_csv(export_csv_table(database)), database)
 
 
 def test_mat_is_a_plain_struct() -> None:
@@ -312,8 +350,8 @@ def test_other_kinds_of_file_and_cut_ones_are_refused(export: Exporter, read: Im
     ):
         with pytest.raises(InputError, match="here"):
             read(bad, "here")
-    for other, _ in FORMATS.values():
-        if other is not export:
+    for other, reader in FORMATS.values():
+        if reader is not read:
             with pytest.raises(InputError, match="here"):
                 read(other(with_grid()), "here")
 

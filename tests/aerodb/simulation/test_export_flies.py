@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.exchange import export_jsbsim, import_jsbsim
+from aerodb.exchange import MassBalance, export_jsbsim, import_jsbsim
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES
 from aerodb.physics import Earth, standard_atmosphere
 from aerodb.simulation import flight_model, simulate
@@ -35,9 +35,12 @@ def updated() -> AeroDatabase:
     return replace(base, increments=tuple(increments))
 
 
-def test_an_export_flies_in_jsbsim_as_it_flies_here() -> None:
+def test_an_export_flies_in_jsbsim_with_the_vehicles_mass_as_it_flies_here() -> None:
     database = updated()
-    program = loaded_in_jsbsim(export_jsbsim(database, name="t37"))
+    x, y, z = database.reference.moment_reference
+    # The CG is ahead of the reference point, and the principal axes are not the body axes.
+    mass = MassBalance(2800.0, (x + 0.1, y, z + 0.05), (6000.0, 5600.0, 11000.0, 900.0), "weighed")
+    program = loaded_in_jsbsim(export_jsbsim(database, name="t37", mass=mass))
     for name, value in {
         "ic/h-sl-ft": 8000.0, "ic/vc-kts": 200.0, "ic/lat-geod-deg": 45.0, "ic/psi-true-deg": 30.0,
         "ic/alpha-deg": 2.0, "inertia/pointmass-weight-lbs[0]": 0.0,
@@ -73,7 +76,7 @@ def test_an_export_flies_in_jsbsim_as_it_flies_here() -> None:
     log |= {
         f"cg_{a}": (f"inertia/cg-{a}-in", s * 0.0254) for a, s in (("x", -1), ("y", 1), ("z", -1))
     }
-    log |= {i: (f"inertia/{i.lower()}-slugs_ft2", SLUG * FOOT**2) for i in ("Ixx", "Iyy", "Izz")}
+    inertias = dict(zip(("Ixx", "Iyy", "Izz", "Ixz"), mass.inertia, strict=True))
     log |= inputs
     surfaces = [
         name for name in ("delta_elevator", "delta_aileron", "delta_rudder") if name in inputs
@@ -91,9 +94,11 @@ def test_an_export_flies_in_jsbsim_as_it_flies_here() -> None:
     rows = rows[int(0.5 / STEP) :]
     told = dict(zip(log, np.array(rows).T, strict=True))
     air = standard_atmosphere(told["altitude"])
-    series = {
-        name: told[name] for name in (*inputs, "mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz")
-    }
+    np.testing.assert_allclose(told["mass"], mass.mass, rtol=1e-7)
+    for name, value in zip(("cg_x", "cg_y", "cg_z"), mass.cg, strict=True):
+        np.testing.assert_allclose(told[name], value, atol=1e-9)
+    series = {name: told[name] for name in (*inputs, "mass", "cg_x", "cg_y", "cg_z")}
+    series |= {name: np.full(len(rows), value) for name, value in inertias.items()}
     series["density_ratio"] = told["rho"] / air.density
     series["temperature_offset"] = told["temperature"] - air.temperature
     start = {
