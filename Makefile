@@ -36,7 +36,7 @@ lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/vulture
 	rm -rf $(WHOLE)/aerodb && mkdir -p $(WHOLE)/aerodb
-	ln -s $(CURDIR)/aerodb/__init__.py $(CURDIR)/aerodb/[a-z]* $(addprefix $(CURDIR)/,flows tasks storage) $(WHOLE)/aerodb
+	ln -s $(CURDIR)/aerodb/__init__.py* $(CURDIR)/aerodb/__main__.py $(CURDIR)/aerodb/[a-z]* $(addprefix $(CURDIR)/,flows tasks storage) $(WHOLE)/aerodb
 	cd $(WHOLE) && ../bin/mypy --config-file ../../pyproject.toml
 	cd $(WHOLE) && PYTHONPATH=$(CURDIR) ../bin/lint-imports --config ../../pyproject.toml
 

@@ -19,5 +19,7 @@ setup(
         ),
     ],
     package_dir={"aerodb": "aerodb", **{f"aerodb.{part}": part for part in PARTS}},
-    package_data={"": ["*.pyi", "*.toml", "*.mako", "templates/*", "static/*", "deploy/*"]},
+    package_data={
+        "": ["*.pyi", "py.typed", "*.toml", "*.mako", "templates/*", "static/*", "deploy/*"]
+    },
 )

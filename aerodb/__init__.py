@@ -1,5 +1,14 @@
 """Aerodynamic databases kept true to flight: from flight logs to a traced new database version.
 
+As a library (`aerodb.flows.library`)::
+
+    import aerodb
+
+    log = aerodb.load("flight.ulg", vehicle="glider.toml")
+    measured = aerodb.total_coefficients(aerodb.reconstruct(log))
+    compared = aerodb.compare(measured, aerodb.load_database("handbook.toml"))
+    print(compared.report())
+
 The way through the science packages, in the order in which a flight passes them:
 
 - `recording`, `logs`: a `Recording` (topics as logged) and a mapping file give a `Flight`.
@@ -23,3 +32,18 @@ Around them: `aerodb.storage` (files, catalogue, workspace), `aerodb.tasks` (one
 and `aerodb.flows` (command line, web console, orchestration). A package's public names are those
 of its ``__init__``; see each package's docstring for where to begin.
 """
+
+from typing import Any
+
+import lazy_loader as lazy
+
+_of_library, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name of the library; its module is imported when it is first asked for."""
+    if name == "__version__":
+        from importlib.metadata import version  # slow to import
+
+        return version("aerodb")
+    return _of_library(name)

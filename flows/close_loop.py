@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.loop import Accept, beside_larger_unnamed, without_gain
+from aerodb.loop import Accept, until_all_gain
 from aerodb.tasks.steps import (
     compare_with_version,
     freeze_library,
@@ -70,14 +70,11 @@ def close_loop_flow(
         library=frozen,
         database=access_workspace(workspace).database(baseline),
     )
-    loop = steps(run_loop, plan, frozen, **where, accept=accept)
-    proof, beyond, stalls = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
-    left = steps(what_is_left, plan, frozen, loop, **where)
-    while idle := without_gain(loop, proof) or beside_larger_unnamed(loop, proof, left):
-        out = loop.without_gain | idle
-        loop = steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out)
-        proof, beyond, stalls = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
-        left = steps(what_is_left, plan, frozen, loop, **where)
+    loop, (proof, beyond, stalls), left = until_all_gain(
+        lambda out: steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out),
+        lambda loop: steps(prove_loop, plan, frozen, loop, **where, accept=accept),
+        lambda loop: steps(what_is_left, plan, frozen, loop, **where),
+    )
     between = steps(what_differs, plan, frozen, loop, **where)
     loop = steps(with_bands, plan, frozen, loop, **where)
     document = steps(

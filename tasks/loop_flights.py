@@ -1,9 +1,9 @@
 """Flights of a workspace as a source for the closed loop; missing results are computed and
 stored."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
@@ -30,6 +30,19 @@ from aerodb.tracing import NormalEquations, normal_equations_of, thinned
 from aerodb.vehicle import Vehicle
 
 Value = TypeVar("Value")
+
+
+def reconstruction_of(document: Mapping[str, Any]) -> Reconstruction:
+    """Return what the closed loop needs of a reconstruction, from the document of a consistent
+    flight."""
+    return Reconstruction(
+        noise=noise_of(document),
+        angles=reconstructed_angles(document),
+        errors={e["parameter"]: e["standard_error"] for e in document.get("estimates", ())},
+        known=remaining_errors(document),
+        applied=tuple(applied_errors(document)),
+        calibrated=bool(document.get("calibration")),
+    )
 
 
 @dataclass(frozen=True)
@@ -71,18 +84,7 @@ class StoredFlights:
 
     def _reconstruction(self, flight: str) -> Reconstruction:
         row = self.access.catalogue.flight(flight)
-        document = load_consistent(self.access, row, self.run).document
-        errors = {
-            entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())
-        }
-        return Reconstruction(
-            noise=noise_of(document),
-            angles=reconstructed_angles(document),
-            errors=errors,
-            known=remaining_errors(document),
-            applied=tuple(applied_errors(document)),
-            calibrated=bool(document.get("calibration")),
-        )
+        return reconstruction_of(load_consistent(self.access, row, self.run).document)
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
         """Return the segments that conditioning found."""

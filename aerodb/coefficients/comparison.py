@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, Coefficients
 from aerodb.conditioning import low_passed, smooth
 from aerodb.errors import InputError, nearest
+from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.support import Array
@@ -60,6 +61,17 @@ class Comparison:
     def residual(self, axis: str) -> Array:
         """measured - predicted on `axis`, (n,)."""
         return self.measured[axis] - self.predicted[axis]
+
+    def summary(self, axis: str) -> dict[str, float]:
+        """Number of usable samples of `axis`, and over them the rms of what was measured, of the
+        residual and of sigma (``noise_floor``)."""
+        good = self.usable[axis]
+        return {
+            "samples": int(good.sum()),
+            "rms_measured": rms(self.measured[axis][good]),
+            "rms_residual": rms(self.residual(axis)[good]),
+            "noise_floor": rms(self.sigma[axis][good]),
+        }
 
 
 def compare(

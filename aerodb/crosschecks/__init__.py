@@ -9,7 +9,8 @@
 5. `database`: a flight against its vehicle's database, once there is one: level and slope of the
    lift, sign, size and delay of each control, a factor that all moments share (`derivatives`).
 
-`against_vehicle` runs the first four and `against_database` the last. They return suspicions
+`against_vehicle` runs the first four (`examined_beside` after conditioning's own checks) and
+`against_database` the last. They return suspicions
 (`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.
 """

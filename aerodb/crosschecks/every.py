@@ -1,8 +1,10 @@
 """All checks of a flight against its vehicle."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import Conditioning, Suspicion, examine
 from aerodb.crosschecks.air import air_suspicions
 from aerodb.crosschecks.controls import control_suspicions
 from aerodb.crosschecks.lift import lift_suspicions
@@ -47,3 +49,29 @@ def limits_flight(suspicion: Suspicion) -> bool:
     """Whether a suspicion limits the verdict on a flight: flight-path reconstruction judges motion,
     and a surface, the density, masses and sizes are beyond its reach."""
     return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
+
+
+def examined_beside(
+    flight: Flight, vehicle: Vehicle, clocks: tuple[Suspicion, ...] = ()
+) -> Conditioning:
+    """Return the findings on a flight whose unusable samples are flagged: those of conditioning,
+    then what contradicts physics beside its vehicle.
+
+    clocks : suspicions about the time stamps of its recording.
+    """
+    size = vehicle.reference
+    found = examine(flight, clocks, size.span, size.chord)
+    more = against_vehicle(flight, vehicle, {each.channel for each in found.suspicions})
+    return replace(found, suspicions=(*found.suspicions, *more))
+
+
+def limited_document(document: Mapping[str, Any], sentences: Sequence[str]) -> dict[str, Any]:
+    """Return the document of a consistent flight with what its reconstruction cannot judge as
+    reasons: a good flight becomes limited.
+
+    sentences : of suspicions for which `limits_flight` holds.
+    """
+    if not sentences:
+        return dict(document)
+    word = "limited" if document["verdict"] == "good" else document["verdict"]
+    return {**document, "verdict": word, "reasons": [*document["reasons"], *sentences]}

@@ -2,7 +2,7 @@ from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
 from .derivative_file import converted, parse_derivative_file
 from .envelope_expansion import Expansion, Growth, Margins, expand_envelope
-from .equations import no_database, parameter_name
+from .equations import no_database, no_database_beside, parameter_name
 from .experiment import DesignedManoeuvre, design_manoeuvre, expected_noise, manoeuvre_text
 from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
@@ -40,6 +40,7 @@ __all__ = [
     "flight_dynamics",
     "manoeuvre_text",
     "no_database",
+    "no_database_beside",
     "parameter_name",
     "parse_derivative_file",
     "parse_state_space",

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.coefficients import Comparison
+from aerodb.coefficients import Coefficients, Comparison
 from aerodb.errors import InputError
 from aerodb.estimation import EquationRecord, LinearEquation, Parameter, Parameters
 from aerodb.flight import Flight
@@ -23,6 +23,7 @@ from aerodb.increments import (
 )
 from aerodb.support import Array, Mask
 from aerodb.tables import AeroDatabase, Reference
+from aerodb.vehicle import Reference as VehicleReference
 
 #: Shortest stretch of usable samples that makes a record [s]: methods of the frequency domain and
 #: recursive ones need samples in a row, and all methods get the same ones.
@@ -41,6 +42,13 @@ def parameter_name(axis: str, term: str) -> str:
 def no_database(reference: Reference) -> AeroDatabase:
     """A database of zeros: increments on it are the whole derivatives."""
     return AeroDatabase("none", reference, description="zero on all axes")
+
+
+def no_database_beside(coefficients: Coefficients, own: VehicleReference) -> AeroDatabase:
+    """Return a database of zeros in a vehicle's reference geometry, about the moment reference of
+    the coefficients of its flight, or its mean where that is the moving CG."""
+    x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
+    return no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
 
 
 def axis_equations(

@@ -12,6 +12,7 @@ from .mapping import (
 from .mapping_draft import MappingDraft, draft_mapping
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg
+from .usable_flight import mapped_clock_suspicions, usable_flight
 from .vehicle_draft import draft_vehicle
 
 __all__ = [
@@ -30,9 +31,11 @@ __all__ = [
     "draft_vehicle",
     "empty_channels",
     "map_recording",
+    "mapped_clock_suspicions",
     "missing_by_topic",
     "parse_mapping",
     "read_autopilot",
+    "usable_flight",
     "velocity_at_cg",
     "wingless_sentence",
     "with_mapped_clock",

@@ -9,7 +9,7 @@ from .rivals import SensorRival, sensor_rivals
 from .rounds import Accept, LoopResult, run_loop
 from .stall_windows import StallWindow, stall_windows
 from .unexplained import unexplained_residuals
-from .validation import beside_larger_unnamed, validate_loop, without_gain
+from .validation import beside_larger_unnamed, until_all_gain, validate_loop, without_gain
 
 __all__ = [
     "Accept",
@@ -29,6 +29,7 @@ __all__ = [
     "sensor_rivals",
     "stall_windows",
     "unexplained_residuals",
+    "until_all_gain",
     "validate_loop",
     "with_model_error",
     "without_gain",

@@ -1,7 +1,8 @@
 """Validation of a loop: error before and after on flights, or parts of flights, that did not
 identify."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import UnexplainedResidual
+
+Proof = TypeVar("Proof", bound=tuple[Any, ...])
 
 
 def validate_loop(
@@ -72,6 +75,26 @@ def validate_loop(
         return source.comparison(left_out, again.candidate)[1]
 
     return validate_by_leaving_one_out(before, after, without)
+
+
+def until_all_gain(
+    run: Callable[[frozenset[str]], LoopResult],
+    prove: Callable[[LoopResult], Proof],
+    unexplained: Callable[[LoopResult], Sequence[UnexplainedResidual]],
+) -> tuple[LoopResult, Proof, Sequence[UnexplainedResidual]]:
+    """Return the first loop all of whose additions gain, its proof, and what it leaves unexplained.
+
+    run : of the ids that stay out. prove : of a loop; a tuple that begins with the validation of
+    its axes. A loop with additions that gain nothing (`without_gain`), or less than stayed without
+    a name (`beside_larger_unnamed`), is run again without these.
+    """
+    loop = run(frozenset())
+    while True:
+        proof, left = prove(loop), unexplained(loop)
+        idle = without_gain(loop, proof[0]) or beside_larger_unnamed(loop, proof[0], left)
+        if not idle:
+            return loop, proof, left
+        loop = run(loop.without_gain | idle)
 
 
 def without_gain(loop: LoopResult, proof: Sequence[AxisValidation]) -> frozenset[str]:

@@ -3,6 +3,7 @@ from .calibration import bind, calibrate
 from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
 from .coefficients import FlightCoefficients, load_coefficients, reconstruct
 from .compare import compare_loaded, compare_with_database, compare_with_version
+from .conditioning import mapping_of
 from .consistency import (
     applied_errors,
     check_consistency,
@@ -15,10 +16,16 @@ from .counting import repeat_documents, repeating
 from .design import design_flight
 from .estimates_page import estimates_page
 from .export import FORMS, export_version
-from .fly import default_tolerances, flown_responses, fly_version, read_tolerances
+from .fly import (
+    default_tolerances,
+    flown_responses,
+    fly_version,
+    manoeuvre_windows,
+    read_tolerances,
+)
 from .fly_manoeuvre import fly_manoeuvre
 from .frequency_response import respond
-from .importing import import_database
+from .importing import import_database, read_database
 from .inbox import (
     files_of_inbox,
     in_quarantine,
@@ -76,6 +83,8 @@ __all__ = [
     "load_coefficients",
     "load_consistent",
     "look_over",
+    "manoeuvre_windows",
+    "mapping_of",
     "mark_ended",
     "noise_of",
     "note_failure",
@@ -87,6 +96,7 @@ __all__ = [
     "prove_loop",
     "publish_candidate",
     "publish_loop",
+    "read_database",
     "read_tolerances",
     "reconstruct",
     "reconstructed_angles",

@@ -15,7 +15,6 @@ from aerodb.coefficients import (
 from aerodb.conditioning import Suspicion, suspicion_documents
 from aerodb.crosschecks import against_database, limits_flight
 from aerodb.errors import InputError, failing_alone
-from aerodb.estimation import rms
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
@@ -77,7 +76,7 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     access = access_workspace(workspace)
     loaded = load_comparison(access, flight, version, run)
     comparison = loaded.comparison
-    axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
+    axes = {axis: comparison.summary(axis) for axis in AXES if axis in comparison.usable}
     found = _contradictions(loaded, access.database(version))
     _judge(access, access.catalogue.flight(flight), version, found, run)
     return {
@@ -175,14 +174,4 @@ def _long(comparison: Comparison) -> dict[str, np.ndarray]:
         "predicted": stacked(comparison.predicted),
         "residual": np.concatenate([comparison.residual(axis) for axis in axes]),
         "usable": stacked(comparison.usable),
-    }
-
-
-def _summary(comparison: Comparison, axis: str) -> dict[str, float]:
-    good = comparison.usable[axis]
-    return {
-        "samples": int(good.sum()),
-        "rms_measured": rms(comparison.measured[axis][good]),
-        "rms_residual": rms(comparison.residual(axis)[good]),
-        "noise_floor": rms(comparison.sigma[axis][good]),
     }

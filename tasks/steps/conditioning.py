@@ -1,20 +1,14 @@
 """Conditioning findings of a stored flight: likely faults, segments and delays."""
 
-from dataclasses import replace
-
 from aerodb.conditioning import (
     Conditioning,
     Suspicion,
-    clock_suspicions,
-    examine,
     from_document,
     to_document,
 )
-from aerodb.crosschecks import against_vehicle
-from aerodb.errors import InputError
+from aerodb.crosschecks import examined_beside
 from aerodb.flight import Flight
-from aerodb.logs import Mapping, with_mapped_clock
-from aerodb.recording import Recording
+from aerodb.logs import Mapping, mapped_clock_suspicions
 from aerodb.storage.catalogue import FlightRow, StoredFile
 from aerodb.storage.files import read_recording, read_results, write_results
 from aerodb.tasks.stored_steps import StoredResult
@@ -29,25 +23,12 @@ def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
     return Mapping.model_validate([entry for entry in stated if entry["name"] == row.mapping][-1])
 
 
-def clocks_of(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
-    """Return the topics whose time stamps do not overlap the others'; none if the mapping has no
-    time."""
-    try:
-        return clock_suspicions(with_mapped_clock(recording, mapping))
-    except InputError:
-        return ()
-
-
 def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Conditioning:
     """Return the findings on a conditioned flight and on its recording, whose topics are stored."""
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
     vehicle, _ = access.vehicle(flight.vehicle)
-    size = vehicle.reference
-    found = examine(flight, clocks_of(recording, mapping), size.span, size.chord)
-    known = {suspicion.channel for suspicion in found.suspicions}
-    more = against_vehicle(flight, vehicle, known)
-    return replace(found, suspicions=(*found.suspicions, *more))
+    return examined_beside(flight, vehicle, mapped_clock_suspicions(recording, mapping))
 
 
 def load_conditioning(

@@ -18,7 +18,7 @@ from aerodb.consistency import (
     state_noise_from,
     unreadable_document,
 )
-from aerodb.crosschecks import limits_flight
+from aerodb.crosschecks import limited_document, limits_flight
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
@@ -97,7 +97,7 @@ def record_verdict(
     """
     if beside is None:
         beside = [reason for reason in row.reasons if reason.startswith(BESIDE)]
-    whole = _limited(dict(document), list(beside))
+    whole = limited_document(document, list(beside))
     access.catalogue.judge_flight(row.id, whole["verdict"], whole["reasons"])
 
 
@@ -129,7 +129,7 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
     document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
     found, _ = load_conditioning(access, row, flight, flight_key, run)
     suspected = [each.sentence for each in found.suspicions if limits_flight(each)]
-    document = _limited(document, suspected)
+    document = limited_document(document, suspected)
     table = _table(consistent)
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]
     result.keep(
@@ -142,14 +142,6 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
         file_key(result.path, flight_key), lambda: _restored(flight, table, document)
     )
     return ConsistentFlight(restored, document, result.key)
-
-
-def _limited(document: dict[str, Any], suspected: list[str]) -> dict[str, Any]:
-    """Return the document with the suspicions that its reconstruction cannot judge as reasons."""
-    if not suspected:
-        return document
-    word = "limited" if document["verdict"] == "good" else document["verdict"]
-    return {**document, "verdict": word, "reasons": [*document["reasons"], *suspected]}
 
 
 def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:

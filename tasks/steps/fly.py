@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.conditioning import STATES
+from aerodb.conditioning import STATES, Segment
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.simulation import (
@@ -187,12 +187,21 @@ def flown_windows(
     """Stretches to fly: from and to [s] from the first sample, and what is flown there."""
     if since is not None or until is not None:
         return [(since or 0.0, flight.duration if until is None else until, "stretch")]
-    found = sorted(segments_of(access, row.id, run), key=lambda segment: segment.start)
+    return manoeuvre_windows(segments_of(access, row.id, run), flight.duration)
+
+
+def manoeuvre_windows(found: Iterable[Segment], duration: float) -> list[Window]:
+    """Return the stretches to fly of a flight of `duration` [s]: its manoeuvres with what is flown
+    before and after, or the whole flight in pieces where it has none.
+
+    found : its segments, start and end [s] from the first sample.
+    """
+    found = sorted(found, key=lambda segment: segment.start)
     manoeuvres = [segment for segment in found if segment.kind not in STATES]
     windows: list[Window] = []
     for segment in manoeuvres:
         begin = max(segment.start - BEFORE, 0.0)
-        end = min(segment.end + AFTER, flight.duration)
+        end = min(segment.end + AFTER, duration)
         if windows and segment.start < windows[-1][1] - AFTER:  # they overlap
             last = windows[-1]
             kinds = dict.fromkeys([*last[2].split(" + "), segment.kind])
@@ -203,8 +212,8 @@ def flown_windows(
             windows.append((begin, end, segment.kind))
     if windows:
         return windows
-    count = max(1, int(np.ceil(flight.duration / LONGEST - 1e-9)))
-    edges = np.linspace(0.0, flight.duration, count + 1)
+    count = max(1, int(np.ceil(duration / LONGEST - 1e-9)))
+    edges = np.linspace(0.0, duration, count + 1)
     return [(float(a), float(b), "stretch") for a, b in pairwise(edges)]
 
 

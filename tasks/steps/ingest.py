@@ -9,7 +9,6 @@ from typing import Any
 from aerodb.conditioning import (
     Conditioning,
     fingerprint,
-    flag_unusable,
     suspicion_documents,
     without_wild_points,
 )
@@ -17,11 +16,8 @@ from aerodb.errors import CalculationError, InputError, StoreError, failing_alon
 from aerodb.flight import Flight
 from aerodb.logs import (
     Mapping,
-    airspeed_remedy,
     choose_mapping,
-    map_recording,
-    read_autopilot,
-    wingless_sentence,
+    usable_flight,
 )
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
@@ -44,7 +40,6 @@ from aerodb.tasks.freed_memory import return_freed_memory
 from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.admission import inadmissible, usable_mapping
 from aerodb.tasks.steps.conditioning import (
-    clocks_of,
     examined,
     keep_conditioning,
     load_conditioning,
@@ -259,30 +254,7 @@ def _mapped(
 ) -> Flight:
     """Return the conditioned flight of a recording; InputError if no coefficient could be
     computed."""
-    described, _ = access.vehicle(vehicle)
-    try:
-        flight = replace(
-            map_recording(recording, mapping, described, flight_id=sha256),
-            log_sha256=recording.sha256,
-        )
-    except InputError as error:
-        causes = [suspicion.sentence for suspicion in clocks_of(recording, mapping)]
-        raise InputError("; ".join([error.what, *causes]), error.where, error.remedy) from error
-    motion = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r")
-    if "qbar" not in flight or not any(name in flight for name in motion):
-        what = (
-            "no axis can be computed: dynamic pressure with specific force or body rates is needed"
-        )
-        remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
-        kind = read_autopilot(recording)
-        if not kind.has_wing:
-            what += f"; {wingless_sentence(kind.kind)}"
-        elif "qbar" not in flight and "V" in flight:
-            remedy += "; airspeed needs an air density: map it, or static pressure, or an altitude"
-        elif "qbar" not in flight:
-            remedy = "; ".join([remedy, *airspeed_remedy(("qbar", "V"))])
-        raise InputError(what, recording.source, remedy)
-    return flag_unusable(flight)
+    return usable_flight(recording, mapping, access.vehicle(vehicle)[0], flight_id=sha256)
 
 
 def _result(

@@ -8,10 +8,9 @@ from typing import Any
 from aerodb.conditioning import examine, flag_unusable, suspicion_documents, to_document
 from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
-from aerodb.logs import Mapping, map_recording, with_mapped_clock
+from aerodb.logs import Mapping, map_recording, mapped_clock_suspicions, with_mapped_clock
 from aerodb.storage.files import open_recording
 from aerodb.tasks.confined import confined
-from aerodb.tasks.steps.conditioning import clocks_of
 from aerodb.vehicle import parse_vehicle
 
 #: Enough of a vehicle to map a log: sensors count as being at the CG, and commands are not used.
@@ -68,8 +67,8 @@ def _looked_over(topics: Path, log: str, mapping: Mapping) -> dict[str, Any]:
     except InputError as error:
         if isinstance(error.__cause__, MemoryError):
             raise
-        return _refused(error, suspicion_documents(clocks_of(recording, mapping)))
-    found = examine(flight, clocks_of(recording, mapping))
+        return _refused(error, suspicion_documents(mapped_clock_suspicions(recording, mapping)))
+    found = examine(flight, mapped_clock_suspicions(recording, mapping))
     known = {suspicion.channel for suspicion in found.suspicions}
     air = (each for each in air_suspicions(flight) if each.channel not in known)
     return {

@@ -17,14 +17,14 @@ from aerodb.identification import (
     declares_state_space,
     fit_report,
     fits_of,
-    no_database,
+    no_database_beside,
     parse_state_space,
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Reference
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
 from aerodb.tasks.steps.fly import flown_windows
@@ -142,10 +142,8 @@ def _no_database(access: WorkspaceAccess, flight: str, run: str) -> AeroDatabase
     """A database of zeros in the vehicle's reference geometry, about the moment reference of the
     flight's coefficients, or its mean where that is the moving CG."""
     row = access.catalogue.flight(flight)
-    own = access.vehicle(row.vehicle)[0].reference
-    point = load_coefficients(access, row, run).coefficients.moment_reference.mean(axis=0)
-    x, y, z = (float(value) for value in point)
-    return no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
+    found = load_coefficients(access, row, run).coefficients
+    return no_database_beside(found, access.vehicle(row.vehicle)[0].reference)
 
 
 def _answer(fits: Sequence[Fit]) -> dict[str, Any]:

@@ -1,0 +1,59 @@
+"""A recording as a flight that can be used: mapped, its unusable samples flagged, or refused with
+what would help."""
+
+from dataclasses import replace
+
+from aerodb.conditioning import Suspicion, clock_suspicions, flag_unusable
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.logs.autopilot import read_autopilot, wingless_sentence
+from aerodb.logs.completeness import airspeed_remedy
+from aerodb.logs.mapping import map_recording, with_mapped_clock
+from aerodb.logs.mapping_file import Mapping
+from aerodb.recording import Recording
+from aerodb.vehicle import Vehicle
+
+_MOTION = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r")
+
+
+def usable_flight(
+    recording: Recording, mapping: Mapping, vehicle: Vehicle, flight_id: str = ""
+) -> Flight:
+    """Return the conditioned flight of a recording: `map_recording`, with wild points and samples
+    on the ground flagged; values stay as measured.
+
+    Raises InputError if no coefficient could be computed from it.
+    """
+    try:
+        flight = replace(
+            map_recording(recording, mapping, vehicle, flight_id=flight_id),
+            log_sha256=recording.sha256,
+        )
+    except InputError as error:
+        causes = [suspicion.sentence for suspicion in mapped_clock_suspicions(recording, mapping)]
+        raise InputError("; ".join([error.what, *causes]), error.where, error.remedy) from error
+    if "qbar" not in flight or not any(name in flight for name in _MOTION):
+        raise _no_axis(recording, mapping, flight)
+    return flag_unusable(flight)
+
+
+def _no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputError:
+    what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
+    remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
+    kind = read_autopilot(recording)
+    if not kind.has_wing:
+        what += f"; {wingless_sentence(kind.kind)}"
+    elif "qbar" not in flight and "V" in flight:
+        remedy += "; airspeed needs an air density: map it, or static pressure, or an altitude"
+    elif "qbar" not in flight:
+        remedy = "; ".join([remedy, *airspeed_remedy(("qbar", "V"))])
+    return InputError(what, recording.source, remedy)
+
+
+def mapped_clock_suspicions(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
+    """Return the topics whose time stamps do not overlap the others'; none if the mapping has no
+    time."""
+    try:
+        return clock_suspicions(with_mapped_clock(recording, mapping))
+    except InputError:
+        return ()

@@ -1,0 +1,131 @@
+"""Declared models estimated from flights in memory, by any method."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from aerodb.estimation import Fit, ParameterEstimate
+from aerodb.flows.library.flights import ComparedFlight, MeasuredCoefficients, compare
+from aerodb.flows.library.logs import read_text
+from aerodb.flows.library.tracing import flights_in_memory, segments_of
+from aerodb.flows.library.views import Data, Result, Summary, Values, number
+from aerodb.identification import (
+    IdentificationFlight,
+    chosen_methods,
+    declares_state_space,
+    fit_report,
+    fits_of,
+    no_database_beside,
+    parse_state_space,
+    state_space_fit,
+)
+from aerodb.increments import parse_model_file
+from aerodb.tasks.steps import manoeuvre_windows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedModel(Result):
+    """A declared model as a method estimates it: one fit per axis, or one of the flights flown."""
+
+    method: str
+    fits: tuple[Fit, ...]
+
+    @property
+    def estimates(self) -> tuple[ParameterEstimate, ...]:
+        """All parameters, those that were fixed too."""
+        return tuple(each for fit in self.fits for each in fit.estimates)
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """Return the estimate of this name; KeyError where there is none."""
+        return {each.name: each for each in self.estimates}[name]
+
+    def report(self) -> str:
+        """Return estimates with standard errors, intervals, correlations and whiteness of the
+        residuals as text."""
+        return "\n".join(fit_report(fit) for fit in self.fits)
+
+    def summary(self) -> Summary:
+        """Return the estimates."""
+        rows = [
+            (e.name, number(e.value), number(e.standard_error, 2), e.unit, e.standing)
+            for e in self.estimates
+        ]
+        converged = "yes" if all(fit.converged for fit in self.fits) else "no"
+        said = [text for fit in self.fits for text in (*fit.assumes, *fit.notes)]
+        return Summary(
+            f"fit by {self.method}",
+            [("converged", converged)],
+            ("parameter", "value", "+-", "unit", "standing"),
+            rows,
+            list(dict.fromkeys(said)),
+        )
+
+    def data(self) -> Data:
+        """Return value, standard error, unit and standing by parameter."""
+        found = self.estimates
+
+        def column(values: Sequence[object], kind: type = object) -> Values:
+            return Values(("parameter",), np.array(values, dtype=kind))
+
+        return Data(
+            "parameter",
+            {"parameter": column([each.name for each in found])},
+            {
+                "value": column([each.value for each in found], float),
+                "standard_error": column([each.standard_error for each in found], float),
+                "unit": column([each.unit for each in found]),
+                "standing": column([each.standing for each in found]),
+            },
+            {"method": self.method},
+        )
+
+
+def fit(
+    flights: Sequence[ComparedFlight] | Sequence[MeasuredCoefficients],
+    model: str | Path,
+    method: str = "regression",
+) -> FittedModel:
+    """Estimate a declared model from flights of one vehicle.
+
+    Parameters
+    ----------
+    flights : compared with one database, on which increments are estimated; or coefficients alone,
+        which give whole derivatives.
+    model : a model file (TOML) of increments or of a linear model, or its text.
+    method : by its name in ``aerodb estimate``, such as ``regression`` or ``output-error``.
+
+    Raises InputError for an unknown method, and where the method cannot give an estimate.
+    """
+    chosen = chosen_methods([method])[0]
+    text = model if isinstance(model, str) and "\n" in model else read_text(model)
+    source = flights_in_memory([_compared(each, flights[0]) for each in flights])
+    given = [_as_identification(each) for each in source.flown.values()]
+    if declares_state_space(text):
+        return FittedModel(chosen.name, (state_space_fit(chosen, given, parse_state_space(text)),))
+    database = next(iter(source.flown.values())).database
+    return FittedModel(chosen.name, tuple(fits_of(chosen, given, parse_model_file(text), database)))
+
+
+def _compared(
+    flight: ComparedFlight | MeasuredCoefficients, first: ComparedFlight | MeasuredCoefficients
+) -> ComparedFlight:
+    """Return a flight beside the database it was compared with, else beside zero on all axes."""
+    if isinstance(flight, ComparedFlight):
+        return flight
+    reference = first.measured if isinstance(first, ComparedFlight) else first
+    own = reference.reconstructed.vehicle.reference
+    return compare(flight, no_database_beside(reference.coefficients, own))
+
+
+def _as_identification(flight: ComparedFlight) -> IdentificationFlight:
+    channels, vehicle = flight.measured.flight, flight.measured.reconstructed.vehicle
+    windows = manoeuvre_windows(segments_of(flight), channels.duration)
+    return IdentificationFlight(
+        channels,
+        flight.comparison,
+        flight.measured.coefficients,
+        vehicle,
+        tuple((since, until) for since, until, _ in windows),
+    )

@@ -1,0 +1,227 @@
+"""From a log to residuals: reconstruction, total coefficients, comparison with a database."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerodb.coefficients import Coefficients, Comparison
+from aerodb.coefficients import compare as compare_coefficients
+from aerodb.coefficients import total_coefficients as total_coefficients_of
+from aerodb.consistency import make_consistent
+from aerodb.crosschecks import limited_document, limits_flight
+from aerodb.flight import Flight
+from aerodb.flows.library.logs import Log
+from aerodb.flows.library.views import (
+    Data,
+    Result,
+    Summary,
+    Values,
+    axis_coordinate,
+    channel_values,
+    number,
+    over_axes,
+    time_coordinate,
+)
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle, with_mass_channels
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReconstructedFlight(Result):
+    """A flight whose sensors agree with its motion.
+
+    flight : corrected channels. sigma : channel -> (n,), standard errors of V, alpha, beta and
+    attitude, SI. document : estimates of sensor errors, verdict, reasons, as in
+    docs/reference/contract.md.
+    """
+
+    log: Log
+    flight: Flight
+    sigma: Mapping[str, Array]
+    document: Mapping[str, Any]
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle that flew."""
+        return self.log.vehicle
+
+    @property
+    def verdict(self) -> str:
+        """``good``, ``limited`` or ``rejected``."""
+        return str(self.document["verdict"])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the flight is not good, one sentence each."""
+        return tuple(self.document["reasons"])
+
+    def summary(self) -> Summary:
+        """Return verdict and sensor errors."""
+        rows = [
+            (
+                each["parameter"],
+                number(each["value"]),
+                number(each["standard_error"], 2),
+                "yes" if each["applied"] else "no",
+            )
+            for each in self.document.get("estimates", ())
+            if each["stretch"] is None
+        ]
+        sources = [f"{name} {text}" for name, text in self.document.get("used", {}).items()]
+        facts = [("verdict", self.verdict), ("channels", "; ".join(sources) or "as logged")]
+        return Summary(
+            f"reconstruction of {self.log.name}",
+            facts,
+            ("sensor error (SI)", "value", "+-", "applied"),
+            rows,
+            [*self.reasons, *self.document["notes"]],
+        )
+
+    def data(self) -> Data:
+        """Return the corrected channels and their standard errors, SI."""
+        quantities = channel_values(self.flight.channels)
+        quantities |= channel_values(self.sigma, "sigma_")
+        return Data(
+            "time",
+            {"time": time_coordinate(self.flight.time)},
+            quantities,
+            {"flight": self.flight.id, "verdict": self.verdict},
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredCoefficients(Result):
+    """Total aerodynamic coefficients of a flight, with standard deviations and usable samples.
+
+    flight : its channels, with mass properties. coefficients : in the vehicle's geometry.
+    """
+
+    reconstructed: ReconstructedFlight
+    flight: Flight
+    coefficients: Coefficients
+
+    def summary(self) -> Summary:
+        """Return mean, spread and noise of each axis."""
+        found = self.coefficients
+        rows = []
+        for axis, values in found.values.items():
+            good = found.usable[axis]
+            some = bool(good.any())
+            rows.append(
+                (
+                    axis,
+                    str(int(good.sum())),
+                    number(float(values[good].mean()) if some else None),
+                    number(float(values[good].std()) if some else None),
+                    number(float(np.median(found.sigma[axis][good])) if some else None, 2),
+                )
+            )
+        band = "not limited" if found.bandwidth is None else f"{found.bandwidth:g} Hz"
+        return Summary(
+            f"coefficients of {self.reconstructed.log.name}",
+            [("bandwidth", band)],
+            ("axis", "samples", "mean", "standard deviation", "noise"),
+            rows,
+            found.notes,
+        )
+
+    def data(self) -> Data:
+        """Return values, standard deviations and usable samples over axis and time."""
+        found = self.coefficients
+        axes = list(found.values)
+        parts = {"measured": found.values, "sigma": found.sigma, "usable": found.usable}
+        return Data(
+            "time",
+            {"axis": axis_coordinate(axes), "time": time_coordinate(found.time)},
+            over_axes(axes, "time", parts),
+            {"flight": self.flight.id},
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ComparedFlight(Result):
+    """A flight's coefficients beside those that a database predicts for the same inputs.
+
+    comparison : in the database's geometry and about its moment reference.
+    """
+
+    measured: MeasuredCoefficients
+    database: AeroDatabase
+    comparison: Comparison
+
+    def residual(self, axis: str) -> Array:
+        """Return measured - predicted on an axis (CX CY CZ Cl Cm Cn C_lift C_drag C_side), (n,)."""
+        return self.comparison.residual(axis)
+
+    def summary(self) -> Summary:
+        """Return the rms of each axis."""
+        found = self.comparison
+        rows = []
+        for axis in found.measured:
+            each = found.summary(axis)
+            numbers = (each["rms_measured"], each["rms_residual"], each["noise_floor"])
+            rows.append((axis, str(each["samples"]), *map(number, numbers)))
+        return Summary(
+            f"{self.measured.reconstructed.log.name} beside {self.database.name}",
+            [("left out", ", ".join(found.left_out) or "no axis")],
+            ("axis", "samples", "rms measured", "rms residual", "noise floor"),
+            rows,
+            found.notes,
+        )
+
+    def data(self) -> Data:
+        """Return measured, predicted, residual, sigma and usable over axis and time."""
+        found = self.comparison
+        axes = list(found.measured)
+        parts: dict[str, Mapping[str, Any]] = {
+            "measured": found.measured,
+            "predicted": found.predicted,
+            "residual": {axis: found.residual(axis) for axis in axes},
+            "sigma": found.sigma,
+            "usable": found.usable,
+        }
+        outside = Values(("time",), found.outside, "1", "an argument lies outside the tables")
+        return Data(
+            "time",
+            {"axis": axis_coordinate(axes), "time": time_coordinate(found.time)},
+            {**over_axes(axes, "time", parts), "outside": outside},
+            {"flight": found.flight, "database": self.database.name},
+        )
+
+
+def reconstruct(log: Log) -> ReconstructedFlight:
+    """Make a flight consistent with its motion: sensor errors, corrected channels, a verdict.
+
+    A flight without vanes gets alpha, beta and wind from its motion. A flight that cannot be
+    checked has the verdict ``limited`` with the reason; nothing is raised
+    (`aerodb.consistency.make_consistent`).
+    """
+    made = make_consistent(log.flight, log.vehicle, log.calibration)
+    suspected = [each.sentence for each in log.conditioning.suspicions if limits_flight(each)]
+    return ReconstructedFlight(
+        log, made.flight, made.sigma, limited_document(made.document, suspected)
+    )
+
+
+def total_coefficients(flight: ReconstructedFlight) -> MeasuredCoefficients:
+    """Return CX CY CZ Cl Cm Cn of a flight, by Newton's and Euler's equations less thrust
+    (`aerodb.coefficients.total_coefficients`).
+
+    Raises InputError where no axis can be computed.
+    """
+    found = total_coefficients_of(flight.flight, flight.vehicle, angular_acceleration="chosen")
+    return MeasuredCoefficients(flight, with_mass_channels(flight.flight, flight.vehicle), found)
+
+
+def compare(measured: MeasuredCoefficients, database: AeroDatabase) -> ComparedFlight:
+    """Compare a flight's coefficients with a database's prediction for the same inputs
+    (`aerodb.coefficients.compare`).
+
+    Raises InputError naming the inputs of the database that the flight lacks.
+    """
+    reference = measured.reconstructed.vehicle.reference
+    found = compare_coefficients(measured.flight, measured.coefficients, database, reference)
+    return ComparedFlight(measured, database, found)

@@ -1,0 +1,236 @@
+"""Tracing flights in memory: what their residuals have in common, and a candidate database."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from aerodb.coefficients import Comparison, compare
+from aerodb.conditioning import Segment
+from aerodb.errors import InputError
+from aerodb.exchange import database_document_sha256
+from aerodb.flight import Flight
+from aerodb.flows.library.flights import ComparedFlight
+from aerodb.flows.library.logs import read_text
+from aerodb.flows.library.views import Data, Result, Summary, Values, number
+from aerodb.increments import AxisValidation, choose_hold_out
+from aerodb.loop import (
+    Accept,
+    Library,
+    LoopResult,
+    Reconstruction,
+    evidence_beside,
+    freeze_library,
+    run_loop,
+    unexplained_residuals,
+    until_all_gain,
+    validate_loop,
+    with_model_error,
+)
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.loop_flights import reconstruction_of
+from aerodb.tracing import (
+    Finding,
+    NormalEquations,
+    UnexplainedResidual,
+    normal_equations_of,
+    thinned,
+)
+from aerodb.vehicle import Vehicle
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TracedFlights(Result):
+    """What a model lacks, by the residuals of several flights.
+
+    loop : findings of all rounds, those added, and the candidate. validation : error of each axis
+    before and after on flights that did not identify. unexplained : what stays predictable and has
+    no name. names : flight -> name of its log. library_sha256 : of the hypotheses, which were fixed
+    before any residual was read.
+    """
+
+    loop: LoopResult
+    validation: tuple[AxisValidation, ...]
+    unexplained: tuple[UnexplainedResidual, ...]
+    names: Mapping[str, str]
+    library_sha256: str
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings, with verdict, value, interval and votes of the flights."""
+        return self.loop.findings
+
+    @property
+    def candidate(self) -> AeroDatabase:
+        """The database with what was added; the baseline where nothing was."""
+        return self.loop.candidate
+
+    def summary(self) -> Summary:
+        """Return the findings and what they are worth."""
+        added = {finding.hypothesis for finding in self.loop.added}
+        rows = [
+            (
+                each.effect,
+                " ".join(each.axis),
+                each.verdict.replace("_", " "),
+                f"{number(each.value)} [{number(each.ci95[0], 3)}, {number(each.ci95[1], 3)}]",
+                each.unit,
+                "yes" if each.hypothesis in added else "no",
+            )
+            for each in self.findings
+        ]
+        remarks = [f"{each.effect}: {each.because}" for each in self.findings]
+        remarks += [
+            f"{each.axis}: error on flights that did not identify"
+            f" {number(each.held_out_rms_before)} -> {number(each.held_out_rms_after)}"
+            for each in self.validation
+            if each.held_out_rms_before is not None
+        ]
+        remarks += [f"{each.axis}: {each.because}" for each in self.unexplained if each.found]
+        return Summary(
+            f"{len(self.names)} flights beside {self.loop.baseline.name}",
+            [("library", self.library_sha256[:12]), ("rounds", str(self.loop.rounds))],
+            ("effect", "axes", "verdict", "value [95 %]", "unit", "added"),
+            rows,
+            [*remarks, *self.loop.remarks],
+        )
+
+    def data(self) -> Data:
+        """Return the findings: value, interval and adjusted p by hypothesis."""
+        found = self.findings
+        interval = np.array([each.ci95 for each in found]).reshape(-1, 2)
+
+        def column(values: Sequence[object], kind: type = object) -> Values:
+            return Values(("hypothesis",), np.array(values, dtype=kind))
+
+        quantities = {
+            "effect": column([each.effect for each in found]),
+            "axes": column([" ".join(each.axis) for each in found]),
+            "verdict": column([each.verdict for each in found]),
+            "value": column([each.value for each in found], float),
+            "low": column(list(interval[:, 0]), float),
+            "high": column(list(interval[:, 1]), float),
+            "unit": column([each.unit for each in found]),
+            "p_adjusted": column([each.p_adjusted for each in found], float),
+        }
+        names = column([each.hypothesis for each in found])
+        return Data("hypothesis", {"hypothesis": names}, quantities)
+
+
+def trace(
+    flights: Sequence[ComparedFlight],
+    *,
+    hold_out: Sequence[ComparedFlight] | None = None,
+    effects: str | Path | None = None,
+    measured: Sequence[str] = (),
+    accept: Accept | None = None,
+) -> TracedFlights:
+    """Trace the residuals of several flights of one vehicle, compared with one database, to the
+    effects that the database lacks or the sensors have, and validate the candidate.
+
+    The same closed loop as ``aerodb close-loop``, in memory (docs/method/tracing.md).
+
+    Parameters
+    ----------
+    flights : in the order flown.
+    hold_out : those that only validate; None: by the rule of docs/method/updates.md.
+    effects : a file of user templates (TOML).
+    measured : what was measured outside flight, ``NAME=SIGMA, BY`` each.
+    accept : effects to add although their verdict alone does not admit them.
+
+    Raises InputError for flights of several vehicles, or compared with several databases.
+    """
+    source = flights_in_memory(flights)
+    baseline, accept = flights[0].database, accept or Accept()
+    requested = None if hold_out is None else [each.measured.flight.id for each in hold_out]
+    split = choose_hold_out(list(source.flown), {}, requested)
+    templates = "" if effects is None else read_text(effects)
+    library = freeze_library(source, split.identified, baseline, templates, measured=measured)
+    loop, (validation,), left = until_all_gain(
+        lambda out: run_loop(source, split.identified, baseline, library, accept, out),
+        lambda loop: (validate_loop(source, split, library, loop, accept),),
+        lambda loop: unexplained_residuals(source, split.identified, loop.candidate, library),
+    )
+    loop = replace(loop, candidate=with_model_error(source, split.identified, loop, library))
+    names = {each.measured.flight.id: each.measured.reconstructed.log.name for each in flights}
+    return TracedFlights(loop, tuple(validation), tuple(left), names, library.sha256)
+
+
+def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":
+    """Return compared flights as a source for the closed loop.
+
+    Raises InputError where there are none, for flights of several vehicles or databases, and for
+    one that is there twice.
+    """
+    if not flights:
+        raise InputError("no flights", "trace", "compare flights with a database first")
+    by_id = {each.measured.flight.id: each for each in flights}
+    vehicles = {each.measured.reconstructed.vehicle.name for each in flights}
+    if len(vehicles) > 1:
+        what = f"the flights are of several vehicles: {', '.join(sorted(vehicles))}"
+        raise InputError(what, "flights", "give flights of one vehicle")
+    if len({database_document_sha256(each.database) for each in flights}) > 1:
+        raise InputError(
+            "the flights are compared with different databases",
+            "flights",
+            "compare them with one database",
+        )
+    if len(by_id) < len(flights):
+        raise InputError("a flight is there twice", "flights", "give each flight once")
+    return FlightsInMemory(flights[0].measured.reconstructed.vehicle, by_id)
+
+
+@dataclass(frozen=True, eq=False)
+class FlightsInMemory:
+    """Compared flights by id; implements `aerodb.loop.FlightSource`."""
+
+    vehicle: Vehicle
+    flown: Mapping[str, ComparedFlight]
+
+    def flight(self, flight: str) -> Flight:
+        """Return the channels of a flight after reconstruction."""
+        return self.flown[flight].measured.flight
+
+    def reconstruction(self, flight: str) -> Reconstruction:
+        """Return the results of the reconstruction of a flight."""
+        return reconstruction_of(self.flown[flight].measured.reconstructed.document)
+
+    def segments(self, flight: str) -> tuple[Segment, ...]:
+        """Return manoeuvres and states of a flight, start and end in s from its first sample."""
+        return segments_of(self.flown[flight])
+
+    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
+        """Return a flight and its comparison with any database."""
+        one = self.flown[flight]
+        if database is one.database:
+            return one.measured.flight, one.comparison
+        measured, reference = one.measured, self.vehicle.reference
+        return measured.flight, compare(measured.flight, measured.coefficients, database, reference)
+
+    def thinned(
+        self, flight: str, database: AeroDatabase, bandwidth: float
+    ) -> tuple[Flight, Comparison]:
+        """Return both at the rate that tracing at `bandwidth` [Hz] needs."""
+        return thinned(*self.comparison(flight, database), bandwidth)
+
+    def normal_equations(
+        self, flight: str, database: AeroDatabase, library: Library
+    ) -> NormalEquations:
+        """Return the normal equations of a flight compared with a database."""
+        return normal_equations_of(
+            evidence_beside(self, flight, database, library), library.settings
+        )
+
+    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
+        """Return None: flights in memory were not traced before."""
+        return None
+
+
+def segments_of(flight: ComparedFlight) -> tuple[Segment, ...]:
+    """Return the segments of a flight, start and end [s] from its first sample."""
+    first = float(flight.measured.flight.time[0])
+    return tuple(
+        replace(each, start=each.start - first, end=each.end - first)
+        for each in flight.measured.reconstructed.log.conditioning.segments
+    )

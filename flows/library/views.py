@@ -1,0 +1,194 @@
+"""Results as text, as HTML in a notebook, and as pandas and xarray objects."""
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+from aerodb.nomenclature import axis_description, channel
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a result says of itself: facts (name, text), one table, and remarks of one sentence."""
+
+    title: str
+    facts: Sequence[tuple[str, str]] = ()
+    header: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Values:
+    """One quantity of a result: `values` over `dims`, its unit and its meaning."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    unit: str = "1"
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Data:
+    """The quantities of a result by name, over coordinates by name; `index` is the dimension that
+    pandas takes as its rows."""
+
+    index: str
+    coordinates: Mapping[str, Values]
+    quantities: Mapping[str, Values]
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Result:
+    """What all results share: `report`, `to_pandas`, `to_xarray`, and how a notebook shows them."""
+
+    @abstractmethod
+    def summary(self) -> Summary:
+        """Return what the result says of itself."""
+
+    @abstractmethod
+    def data(self) -> Data:
+        """Return its quantities with their units."""
+
+    def report(self) -> str:
+        """Return the result as text, with its numbers and what to know of them."""
+        said = self.summary()
+        lines = [f"[[{said.title}]]"]
+        width = max((len(name) for name, _ in said.facts), default=0)
+        lines += [f"    {name:<{width}}  {text}" for name, text in said.facts]
+        if said.rows:
+            table = [tuple(said.header), *map(tuple, said.rows)]
+            widths = [max(len(row[k]) for row in table) for k in range(len(said.header))]
+            lines += [
+                "    " + "  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip()
+                for row in table
+            ]
+        return "\n".join([*lines, *(f"    - {remark}" for remark in said.remarks)])
+
+    def __str__(self) -> str:
+        return self.report()
+
+    def _repr_html_(self) -> str:
+        """Return the result as HTML; whatever a log or a file names is escaped."""
+        said = self.summary()
+        parts = [f"<strong>{escape(said.title)}</strong>"]
+        if said.facts:
+            cells = "".join(
+                f"<tr><th style='text-align:left'>{escape(name)}</th>"
+                f"<td style='text-align:left'>{escape(text)}</td></tr>"
+                for name, text in said.facts
+            )
+            parts.append(f"<table>{cells}</table>")
+        if said.rows:
+            head = "".join(f"<th style='text-align:left'>{escape(c)}</th>" for c in said.header)
+            body = "".join(
+                "<tr>"
+                + "".join(f"<td style='text-align:left'>{escape(cell)}</td>" for cell in row)
+                + "</tr>"
+                for row in said.rows
+            )
+            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+        if said.remarks:
+            parts.append(
+                "<ul>" + "".join(f"<li>{escape(each)}</li>" for each in said.remarks) + "</ul>"
+            )
+        return "\n".join(parts)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a DataFrame: one column per quantity, or per axis and quantity where a quantity
+        is given on axes. Units are in ``attrs["units"]``."""
+        import pandas as pd  # slow to import
+
+        data = self.data()
+        columns: dict[Any, NDArray[Any]] = {}
+        wide = any(len(each.dims) > 1 for each in data.quantities.values())
+        for name, each in data.quantities.items():
+            if len(each.dims) == 1:
+                columns[("", name) if wide else name] = each.values
+                continue
+            over = next(dim for dim in each.dims if dim != data.index)
+            rows = np.moveaxis(each.values, each.dims.index(over), 0)
+            for label, row in zip(data.coordinates[over].values, rows, strict=True):
+                columns[(str(label), name)] = row
+        index = pd.Index(data.coordinates[data.index].values, name=data.index)
+        frame = pd.DataFrame(columns, index=index)
+        if wide:
+            frame.columns = pd.MultiIndex.from_tuples(list(columns), names=["axis", "quantity"])
+        for name, each in data.coordinates.items():
+            if name != data.index and each.dims == (data.index,):
+                frame.insert(0, ("", name) if wide else name, each.values)
+        for name, value in data.attributes.items():
+            frame.attrs[name] = value
+        frame.attrs["units"] = {name: each.unit for name, each in data.quantities.items()}
+        return frame
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a Dataset whose variables carry ``units`` and ``long_name``.
+
+        Raises InputError where xarray is not installed.
+        """
+        try:
+            import xarray as xr
+        except ImportError as error:
+            raise InputError(
+                "xarray is not installed", "to_xarray", "pip install aerodb[xarray]"
+            ) from error
+        data = self.data()
+
+        def variable(each: Values) -> tuple[Any, ...]:
+            named = {"long_name": each.description} if each.description else {}
+            return each.dims, each.values, {"units": each.unit, **named}
+
+        return xr.Dataset(
+            {name: variable(each) for name, each in data.quantities.items()},
+            {name: variable(each) for name, each in data.coordinates.items()},
+            dict(data.attributes),
+        )
+
+
+def channel_values(names: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, Values]:
+    """Return canonical channels over time, with units and meanings of `aerodb.nomenclature`."""
+    found = {}
+    for name, values in names.items():
+        known = channel(name)
+        what = f"standard error of {known.description}" if prefix else known.description
+        found[f"{prefix}{name}"] = Values(("time",), values, known.unit, what)
+    return found
+
+
+def over_axes(axes: Sequence[str], index: str, parts: Mapping[str, Any]) -> dict[str, Values]:
+    """Return quantities over axis and `index`, of mappings axis -> (n,)."""
+    return {
+        name: Values(("axis", index), np.array([values[axis] for axis in axes]))
+        for name, values in parts.items()
+    }
+
+
+def axis_coordinate(axes: Sequence[str]) -> Values:
+    """Return the coordinate ``axis``."""
+    meaning = "; ".join(f"{axis}: {axis_description(axis)}" for axis in axes)
+    return Values(("axis",), np.array(axes, dtype=object), "", meaning)
+
+
+def time_coordinate(time: NDArray[Any]) -> Values:
+    """Return the coordinate ``time`` [s], on the log's clock."""
+    return Values(("time",), time, "s", channel("time").description)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return a number for people; a dash where there is none.
+
+    >>> number(0.123456), number(None), number(float("nan"))
+    ('0.1235', '-', '-')
+    """
+    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}g}"
