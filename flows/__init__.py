@@ -9,5 +9,6 @@ Flows: `importing` (a database file), `flight` (per flight), `recalibrate`, `upd
 Running: `run` (Prefect or direct), `executors` (this machine or Dask), `deadline` (time limit of a
 run); `serve` with `processes`, `orchestrator` and `deployments` (the service).
 
-User interfaces: `cli` (the command ``aerodb``) and `web` (the console ``aerodb web``).
+User interfaces: `cli` (the command ``aerodb``), `web` (the console ``aerodb web``) and `library`
+(``import aerodb``).
 """

@@ -10,6 +10,9 @@ import pytest
 
 import aerodb
 from aerodb.errors import InputError, UnknownNameError
+from aerodb.increments import choose_hold_out
+from aerodb.loop import Accept, freeze_library, run_loop
+from aerodb.tasks.loop_flights import flights_of
 from tests.support.command import asked
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
@@ -173,3 +176,37 @@ def test_what_cannot_be_done_is_said(compared: list[Any], folder: Path, tmp_path
         aerodb.fit(compared, MODEL, "regresion")
     with pytest.raises(InputError):
         aerodb.open_workspace(tmp_path / "nowhere")
+
+
+@pytest.fixture(scope="module")
+def traced(compared: list[Any]) -> Any:
+    return aerodb.trace(compared)
+
+
+def test_flights_in_memory_are_traced_as_those_of_a_workspace(
+    traced: Any, compared: list[Any], shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    workspace, _ = shared.updated(tmp_path / "w")
+    source = flights_of(str(workspace.root), NAME, "none")
+    split = choose_hold_out([each.comparison.flight for each in compared], {})
+    baseline = aerodb.open_workspace(workspace.root).version("v0001").database
+    library = freeze_library(source, split.identified, baseline)
+    said = run_loop(source, split.identified, baseline, library, Accept())
+    assert library.sha256 == traced.library_sha256
+    assert said.findings == traced.findings
+    assert said.added == traced.loop.added
+
+
+def test_what_is_traced_is_shown_with_its_worth(traced: Any) -> None:
+    assert {"Cm"} < {axis for each in traced.findings for axis in each.axis}
+    assert list(traced.to_pandas().index) == [each.hypothesis for each in traced.findings]
+    assert "6 flights beside handbook" in traced.report()
+    cm = next(each for each in traced.validation if each.axis == "Cm")
+    assert cm.held_out_rms_after < 0.2 * cm.held_out_rms_before
+    assert len(traced.candidate.increments) == 1
+
+
+def test_nothing_more_is_found_beside_the_candidate(traced: Any, compared: list[Any]) -> None:
+    again = aerodb.trace([aerodb.compare(each.measured, traced.candidate) for each in compared])
+    known = {each.hypothesis for each in traced.loop.added}
+    assert not known & {each.hypothesis for each in again.loop.added}
