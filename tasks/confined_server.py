@@ -18,6 +18,8 @@ from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any, Final, NoReturn
 
+import numpy as np
+from scipy.linalg import blas
 from threadpoolctl import threadpool_limits
 
 from aerodb.errors import CalculationError, failing_alone
@@ -77,6 +79,7 @@ def _work(connection: Connection) -> NoReturn:
     try:
         subordinate()
         become_worker()
+        _give_blas_its_memory()
         last = ""
         while True:
             job: Job = connection.recv()
@@ -89,6 +92,15 @@ def _work(connection: Connection) -> NoReturn:
         os._exit(0)
     finally:
         os._exit(1)
+
+
+def _give_blas_its_memory() -> None:
+    """Let the BLAS of numpy and of scipy take their buffers before memory is limited: one that gets
+    none ends its process instead of raising an error."""
+    square = np.ones((300, 300))
+    with threadpool_limits(1, user_api="blas"):
+        square @ square
+        blas.dgemm(1.0, square, square)
 
 
 def _answer(job: Job) -> bytes:

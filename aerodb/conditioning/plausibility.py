@@ -54,7 +54,7 @@ class Suspicion:
     """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
 
     Kinds: ``no_overlap stuck sign degrees radians gravity swapped unit``, and of `crosschecks` also
-    ``size delay``.
+    ``size delay unmoved``.
     """
 
     channel: str

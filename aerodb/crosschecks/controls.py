@@ -35,6 +35,8 @@ DAMPING, DAMPED = (0.3, 2.5), 0.8
 #: Least rate [rad/s, rms in the band] about an axis, and largest share of its motion explained, for
 #: a surface that stands still to be missed.
 TURNING, UNEXPLAINED = 0.005, 0.75
+#: Kind of suspicion of a surface that may have stood still: said, but no fault of the flight.
+UNMOVED = "unmoved"
 #: Largest delay searched for, least delay named [s], and least ratio of likelihoods (as a
 #: logarithm) with the samples that are independent in the residual.
 LARGEST, LATE, LIKELIER = 0.6, 0.15, 6.0
@@ -63,10 +65,13 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     for role, fit in fits.items():
         own = {name: control for name, control in controls.items() if control.role == role}
         listed += _claims(axes[role], fit, own)
-        listed += _standing(flight, axes[role], fit, controls)
+    standing = [
+        s for role, fit in fits.items() for s in _standing(flight, axes[role], fit, controls)
+    ]
+    listed += [each for each in standing if each.kind != UNMOVED]
     if not listed and "roll" in fits:
         listed += _damping(fits["roll"], vehicle)
-    return tuple(listed)
+    return (*listed, *(each for each in standing if each.kind == UNMOVED))
 
 
 def _damping(fit: Regression, vehicle: Vehicle) -> list[Suspicion]:
@@ -137,8 +142,9 @@ def _claims(axis: EquationError, fit: Regression, own: Mapping[str, Control]) ->
 def _standing(
     flight: Flight, axis: EquationError, fit: Regression, controls: Mapping[str, Control]
 ) -> list[Suspicion]:
-    """Return a surface whose channel never changes although the aircraft turns about its axis:
-    others are recorded, and what turns it is neither its motion nor any of them."""
+    """Return a surface whose channel never changes although the aircraft turns about its axis and
+    others are recorded: not recorded, where neither the motion nor any of them explains what turns
+    it; otherwise unmoved or not recorded, which the flight cannot tell."""
     where = axis.where
     own = {name: control for name, control in controls.items() if control.role == axis.role}
     travel = {n: float(np.ptp(axis.thinned(along(flight, c))[where])) for n, c in controls.items()}
@@ -147,14 +153,22 @@ def _standing(
     rate = axis.thinned(flight[_RATE[axis.role]])[where]
     if not still or len(still) < len(own) or not recorded:
         return []
-    if float(np.std(rate)) < TURNING or fit.r_squared > UNEXPLAINED:
+    if float(np.std(rate)) < TURNING:
         return []
+    evidence = {"explained": fit.r_squared}
+    if fit.r_squared > UNEXPLAINED:
+        words = (
+            f"{still[0]} never changes while other surfaces do and the aircraft turns about the"
+            f" {axis.role} axis: it stood still or was not recorded, and the flight does not tell"
+            " its effect, sign or delay"
+        )
+        return [Suspicion(still[0], UNMOVED, words, evidence)]
     words = (
         f"{still[0]} never changes while other surfaces do, and only"
         f" {100 * fit.r_squared:.0f} % of the motion about the {axis.role} axis is explained"
         " without it: it was not recorded"
     )
-    return [Suspicion(still[0], "stuck", words, {"explained": fit.r_squared})]
+    return [Suspicion(still[0], "stuck", words, evidence)]
 
 
 def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> Suspicion | None:

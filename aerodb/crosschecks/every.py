@@ -6,7 +6,7 @@ from typing import Any
 
 from aerodb.conditioning import Conditioning, Suspicion, examine
 from aerodb.crosschecks.air import air_suspicions
-from aerodb.crosschecks.controls import control_suspicions
+from aerodb.crosschecks.controls import UNMOVED, control_suspicions
 from aerodb.crosschecks.lift import lift_suspicions
 from aerodb.crosschecks.masses import mass_suspicions
 from aerodb.crosschecks.surfaces import size_suspicions
@@ -47,7 +47,10 @@ def against_vehicle(
 
 def limits_flight(suspicion: Suspicion) -> bool:
     """Whether a suspicion limits the verdict on a flight: flight-path reconstruction judges motion,
-    and a surface, the density, masses and sizes are beyond its reach."""
+    and a surface, the density, masses and sizes are beyond its reach. A surface that may have stood
+    still is no fault."""
+    if suspicion.kind == UNMOVED:
+        return False
     return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
 
 

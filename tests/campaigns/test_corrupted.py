@@ -19,7 +19,7 @@ from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corruptions import FILES, FLIGHTS, Pair
 
 #: Largest shares of silent flights and files over all kinds, as measured with a margin.
-SILENT = {"flights": 0.03, "files": 0.04}
+SILENT = {"flights": 0.02, "files": 0.02}
 
 
 @pytest.fixture(scope="module")

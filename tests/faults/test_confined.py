@@ -89,6 +89,14 @@ def test_work_that_breaks_a_limit_or_its_process_is_lost_alone(
     assert call(workspace, os.getpid) != os.getpid()
 
 
+@pytest.mark.parametrize("product", ["ones @ ones", "blas.dgemm(1.0, ones, ones)"])
+def test_linear_algebra_needs_no_memory_of_its_own(workspace: Workspace, product: str) -> None:
+    """BLAS takes buffers of 32 MB when it is first used, and ends the process if it gets none."""
+    in_workspace(workspace, "[limits]\nmemory = 20_000_000\n")
+    first = "import numpy; from scipy.linalg import blas; ones = numpy.ones((300, 300)); "
+    assert call(workspace, exec, first + product) is None
+
+
 #: Spends .4 s of processor time, and keeps 30 MB for good.
 SPENDING = """
 import builtins, time

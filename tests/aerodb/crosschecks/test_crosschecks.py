@@ -66,16 +66,18 @@ AILERON = steps((6.0, 6.8, 7.6, 8.4, 9.2), 0.05)
 RUDDER = steps((11.0, 12.0, 13.0, 14.0), 0.06)
 
 
-def flown(noise: float = 1.0) -> Flight:
+def flown(
+    noise: float = 1.0, rudder: Callable[[float], float] = RUDDER, sideslip: float = 0.0
+) -> Flight:
     """A flight that obeys its equations: alpha, beta and the rates by linear moments and forces,
-    with sensor noise."""
+    with sensor noise; from a sideslip [rad]."""
     slope, side = helmbold(SPAN**2 / AREA), -0.5
     force = QBAR * AREA
 
     def rates(t: float, x: np.ndarray) -> list[float]:
         alpha, q, beta, p, r = x
         half_span, half_chord = SPAN / (2 * V), CHORD / (2 * V)
-        da, dr = AILERON(t), RUDDER(t)
+        da, dr = AILERON(t), rudder(t)
         cm = CM[0] * alpha + CM[1] * q * half_chord + CM[2] * ELEVATOR(t)
         lateral = np.array([beta, p * half_span, r * half_span, da, dr])
         return [
@@ -87,7 +89,8 @@ def flown(noise: float = 1.0) -> Flight:
         ]
 
     time = np.arange(0.0, 18.0, STEP)
-    motion = solve_ivp(rates, (0.0, 18.0), np.zeros(5), t_eval=time, max_step=STEP, rtol=1e-8)
+    start = np.array([0.0, 0.0, sideslip, 0.0, 0.0])
+    motion = solve_ivp(rates, (0.0, 18.0), start, t_eval=time, max_step=STEP, rtol=1e-8)
     alpha, q, beta, p, r = motion.y
     level = MASS * 9.80665 / force
     air = standard_atmosphere(np.asarray(1000.0))
@@ -117,7 +120,7 @@ def flown(noise: float = 1.0) -> Flight:
             "az": sensed(-force * (level + slope * alpha) / MASS, 0.03),
             "delta_elevator": np.array([ELEVATOR(t) for t in time]),
             "delta_aileron": np.array([AILERON(t) for t in time]),
-            "delta_rudder": np.array([RUDDER(t) for t in time]),
+            "delta_rudder": np.array([rudder(t) for t in time]),
         },
     )
 
@@ -193,6 +196,15 @@ def test_a_surface_that_was_not_recorded(flight: Flight) -> None:
         changed(flight, delta_elevator=np.zeros_like(flight.time)), vehicle()
     )
     assert (found.channel, found.kind) == ("delta_elevator", "stuck")
+    assert limits_flight(found)
+
+
+def test_a_surface_that_the_motion_does_not_need_is_said_and_no_fault() -> None:
+    """Released from a sideslip with the rudder held still, the aircraft yaws by its motion and the
+    aileron: the flight cannot tell this rudder from one that was not recorded."""
+    (found,) = against_vehicle(flown(rudder=lambda t: 0.0, sideslip=0.1), vehicle())
+    assert (found.channel, found.kind) == ("delta_rudder", "unmoved")
+    assert not limits_flight(found)
 
 
 @pytest.mark.parametrize(
