@@ -2,18 +2,19 @@
 install``.
 
 Numba compiles a kernel at its first call and keeps the code beside the source file. For reading
-logs, flight-path reconstruction, tables and simulation that takes about 25 s of processor time,
-which every process would spend that starts before the code is there.
+logs, flight-path reconstruction, tables, simulation and filters that takes about 40 s of processor
+time, which every process would spend that starts before the code is there.
 """
 
 import numpy as np
 
 from aerodb.consistency import make_consistent
-from aerodb.estimation import Parameter, Parameters, TimeHistory, state_space
+from aerodb.estimation import Parameter, Parameters, TimeHistory, filter_error, state_space
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
-from aerodb.simulation import flight_model, simulate
+from aerodb.identification import flight_dynamics
+from aerodb.simulation import Stretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
 from aerodb.vehicle import parse_vehicle
 
@@ -22,8 +23,8 @@ _DURATION, _STEP = 12.0, 0.05
 
 
 def compile_kernels() -> None:
-    """Read a log; reconstruct, predict and simulate a short flight of the built-in example, so that
-    later processes find the compiled code."""
+    """Read a log; reconstruct, predict, simulate and filter a short flight of the built-in example,
+    so that later processes find the compiled code."""
     prepare_reader(".ulg")
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
@@ -33,11 +34,20 @@ def compile_kernels() -> None:
     model = flight_model(database)
     body = {"mass": 100.0, "Ixx": 100.0, "Iyy": 200.0, "Izz": 300.0}
     still = dict.fromkeys(model.inputs, 0.0)
-    simulate(model, flight.time[:2], {"V": 60.0, "altitude": 1000.0}, {**body, **still})
+    time, start, series = flight.time[:20], {"V": 60.0, "altitude": 1000.0}, {**body, **still}
+    run = simulate(model, time, start, series)
+    flown = {name: run.channels[name][:, 0] + 1e-3 * np.sin(99.0 * time) for name in ("V", "q")}
+    held = {name: np.full(len(time), value) for name, value in series.items()}
+    stretch = Stretch(time, start, held, flown, (), {})
+    dynamics, records = flight_dynamics(
+        model, {"any": stretch}, (), outputs=("V", "q"), initial=("V",)
+    )
+    filter_error(dynamics, records, process_noise=("q",), most_iterations=2)
     rate = Parameters((Parameter("rate", -1.0),))
     linear = state_space(["x"], ["u"], ["x"], rate, a=[["rate"]], b=[[1.0]], c=[[1.0]])
     record = TimeHistory("any", flight.time, {"u": flight.time}, {"x": flight.time})
     linear.derivatives(rate.values(rate.start()), record, rate.names)
+    filter_error(linear, [record], most_iterations=2)
 
 
 def _flight(vehicle: str) -> Flight:

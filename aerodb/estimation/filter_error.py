@@ -14,19 +14,23 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filter_fit import fit_of
-from aerodb.estimation.filtering import around, repeated, slopes, stepped
 from aerodb.estimation.fit import Fit
+from aerodb.estimation.gauss_newton import search
+from aerodb.estimation.one_step import around, repeated, slopes, stepped
 from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, boundary_p_value
 from aerodb.estimation.scoring import Covariance, FilterProblem, Optimum, Point, maximise
+from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
 
 #: ``steady``: one gain from the model linearised at the first state. ``extended``: linearised at
 #: every sample.
 Gain = Literal["steady", "extended"]
-_KINDS: tuple[Covariance, ...] = ("diagonal", "innovations")
 #: Process noise at the start: the variance that it adds in one step, as a share of what the
 #: measurements of one step leave.
 _FIRST_SHARE = 0.5
+#: Measurement noise keeps this share of the variance of the differences between samples: the
+#: likelihood of less is flat.
+_LEAST_SHARE = 1e-6
 #: Steps over which the measurements at the start are counted.
 _HORIZON = 20
 #: Log-likelihood that a state's process noise must gain to be kept in the search.
@@ -41,7 +45,7 @@ def filter_error(
     model: DynamicModel,
     records: Sequence[TimeHistory],
     *,
-    gain: Gain = "steady",
+    gain: Gain | None = None,
     covariance: Covariance | None = None,
     process_noise: Sequence[str] | None = None,
     most_iterations: int = 100,
@@ -60,13 +64,15 @@ def filter_error(
     Parameters
     ----------
     records : with the model's outputs; a sample that is NaN is left out.
-    covariance : what is estimated of the noise of the outputs; None: ``diagonal`` or, for a steady
-        gain, ``innovations``, which have equally many unknowns, whichever is more likely.
-    gain : of the filter. The steady one is faster; the extended one also serves a model whose
-        derivatives change much during a record.
+    covariance : what is estimated of the noise of the outputs; None: ``diagonal`` or, unless the
+        gain is to be extended, ``innovations``, which have equally many unknowns, whichever is more
+        likely.
+    gain : of the filter; None: steady for a linear model and for ``innovations``, which have no
+        other, else extended, which serves a model whose derivatives change during a record.
     process_noise : the states that have process noise; None: all.
 
-    Raises InputError for records of one name, lacking outputs and unknown states.
+    Raises InputError for records of one name, lacking outputs, unknown states, and ``innovations``
+    with an extended gain: their covariance is not the same at every sample.
 
     References
     ----------
@@ -76,21 +82,36 @@ def filter_error(
     parameter is at its bound.
     """
     disturbed = checked_states(model, records, process_noise)
-    kinds = (covariance,) if covariance else _KINDS[: 2 if gain == "steady" else 1]
-    start, tried = first_noise(model, records, disturbed), list[tuple[Optimum, FilterProblem]]()
-    for kind in kinds:
-        whole = FilterProblem(model, tuple(records), disturbed, kind, gain == "steady")
-        tried.append(
-            _without_idle(whole, _searched(whole, start, most_iterations), most_iterations)
-        )
-    found, problem = max(tried, key=lambda each: (each[0].converged, each[0].log_likelihood))
-    still = replace(problem, disturbed=())
-    null = _searched(still, _silent(found.point), most_iterations)
+    start, tried = first_noise(model, records, disturbed), list[Optimum]()
+    for kind, steady in _forms(model, gain, covariance):
+        whole = _problem(model, records, disturbed, kind, steady, start)
+        begin = max([start, *map(_with_innovations, tried)], key=whole.likelihood_at)
+        tried.append(_without_idle(_searched(whole, begin, most_iterations), most_iterations))
+    found = max(tried, key=lambda each: (each.converged, each.log_likelihood))
+    null = _undisturbed(found, most_iterations)
     ratio = 2.0 * (found.log_likelihood - null.log_likelihood)
     p_value = boundary_p_value(ratio if np.isfinite(ratio) else np.inf, len(disturbed))
-    test = ProcessNoiseTest(ratio, p_value, bool(problem.disturbed) and p_value < NOT_NEEDED)
-    chosen, used = (found, problem) if test.needed else (null, still)
-    return fit_of("filter-error", used, chosen, test, disturbed)
+    test = ProcessNoiseTest(ratio, p_value, bool(found.problem.disturbed) and p_value < NOT_NEEDED)
+    return fit_of("filter-error", found if test.needed else null, test, disturbed)
+
+
+def _forms(
+    model: DynamicModel, gain: Gain | None, covariance: Covariance | None
+) -> list[tuple[Covariance, bool]]:
+    """What is estimated of the noise, each with whether the gain is steady."""
+    if covariance == "innovations" and gain == "extended":
+        raise InputError(
+            "the covariance of innovations is constant only with a steady gain",
+            "filter error",
+            'choose gain="steady" or covariance="diagonal"',
+        )
+    steady = isinstance(model, LinearModel) if gain is None else gain == "steady"
+    if covariance is not None:
+        return [(covariance, steady or covariance == "innovations")]
+    innovations: list[tuple[Covariance, bool]] = (
+        [] if gain == "extended" else [("innovations", True)]
+    )
+    return [("diagonal", steady), *innovations]
 
 
 def checked_states(
@@ -120,8 +141,22 @@ def likely_noise(
     model: DynamicModel, records: Sequence[TimeHistory], disturbed: tuple[int, ...]
 ) -> Point:
     """Process and measurement noise that are most likely, with the parameters free."""
-    problem = FilterProblem(model, tuple(records), disturbed, "diagonal", True)
-    return maximise(problem, first_noise(model, records, disturbed), _NOISE_STEPS).point
+    steady = isinstance(model, LinearModel)
+    start = first_noise(model, records, disturbed)
+    problem = _problem(model, records, disturbed, "diagonal", steady, start)
+    return maximise(problem, start, _NOISE_STEPS).point
+
+
+def _problem(
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    disturbed: tuple[int, ...],
+    kind: Covariance,
+    steady: bool,
+    start: Point,
+) -> FilterProblem:
+    least = _LEAST_SHARE * np.diag(start.measurement)
+    return FilterProblem(model, tuple(records), disturbed, kind, least, steady)
 
 
 def first_noise(
@@ -164,27 +199,44 @@ def _searched(problem: FilterProblem, start: Point, most_iterations: int) -> Opt
     return maximise(problem, rough.point, most_iterations)
 
 
-def _silent(point: Point) -> Point:
-    return Point(point.vector, np.zeros_like(point.process), np.diag(np.diag(point.measurement)))
+def _with_innovations(found: Optimum) -> Point:
+    """An optimum with the variances of its innovations in place of the measurement noise."""
+    pairs = zip(found.problem.records, found.passes, strict=True)
+    outputs = found.problem.model.outputs
+    missed = [record.stacked(outputs) - passed.predicted[:, :, 0] for record, passed in pairs]
+    return replace(
+        found.point, measurement=np.diag(np.nanmean(np.concatenate(missed) ** 2, axis=0))
+    )
 
 
-def _without_idle(
-    problem: FilterProblem, found: Optimum, most_iterations: int
-) -> tuple[Optimum, FilterProblem]:
+def _undisturbed(found: Optimum, most_iterations: int) -> Optimum:
+    """The optimum without process noise, which is that of output error."""
+    problem, point = replace(found.problem, disturbed=()), found.point
+    start = Point(point.vector, np.zeros_like(point.process), np.diag(np.diag(point.measurement)))
+    if not isinstance(problem.model, LinearModel):
+        plain = search(problem.model, problem.records)
+        if plain.converged:
+            start = replace(start, vector=plain.vector, measurement=plain.noise.covariance)
+            problem = replace(problem, along=())
+    return _searched(problem, start, most_iterations)
+
+
+def _without_idle(found: Optimum, most_iterations: int) -> Optimum:
     """The optimum with no process noise on the states whose noise gains no likelihood."""
-    size = len(found.point.vector) + len(problem.disturbed) + problem.noises
-    before = float(problem.likelihood(found.point, np.zeros((size, 1)))[0])
-    idle = list[int]()
+    problem, point = found.problem, found.point
+    before = float(problem.likelihood(point, problem.unmoved)[0])
+    if not np.isfinite(before):
+        return found
+    process, idle = point.process.copy(), list[int]()
     for j in problem.disturbed:
-        process = found.point.process.copy()
-        process[[*idle, j]] = 0.0
-        trial = Point(found.point.vector, process, found.point.measurement)
-        if float(problem.likelihood(trial, np.zeros((size, 1)))[0]) > before - _GAINED:
+        without = process.copy()
+        without[j] = 0.0
+        trial = Point(point.vector, without, point.measurement)
+        if float(problem.likelihood(trial, problem.unmoved)[0]) > before - _GAINED:
             idle.append(j)
-    if not idle or not np.isfinite(before):
-        return found, problem
-    process = found.point.process.copy()
-    process[idle] = 0.0
+            process = without
+    if not idle:
+        return found
     kept = replace(problem, disturbed=tuple(j for j in problem.disturbed if j not in idle))
-    trial = Point(found.point.vector, process, found.point.measurement)
-    return maximise(kept, trial, most_iterations), kept
+    again = maximise(kept, Point(point.vector, process, point.measurement), most_iterations)
+    return replace(again, iterations=found.iterations + again.iterations)

@@ -29,7 +29,6 @@ _ASSUMES = (
 
 def fit_of(
     method: str,
-    problem: FilterProblem,
     optimum: Optimum,
     test: ProcessNoiseTest,
     disturbed: Sequence[int],
@@ -38,11 +37,12 @@ def fit_of(
 
     Parameters
     ----------
-    problem : with the process noise that the optimum has. disturbed : states that could have it.
+    disturbed : states that could have process noise.
     """
-    model, unknown = problem.model, problem.model.parameters.unknown
+    problem, model = optimum.problem, optimum.problem.model
+    unknown = model.parameters.unknown
     f = len(unknown)
-    why = _divergence(problem, optimum)
+    why = _divergence(optimum)
     white, coloured = covariances(problem, optimum)
     judged: Mapping[str, tuple[Standing, str]] = {item.name: ("diverged", why) for item in unknown}
     if not why:
@@ -111,7 +111,7 @@ def _turbulence(test: ProcessNoiseTest) -> str:
     return f"Process noise is not needed ({size}): the estimates are those of output error."
 
 
-def _divergence(problem: FilterProblem, optimum: Optimum) -> str:
+def _divergence(optimum: Optimum) -> str:
     """Why there is no estimate; empty where there is one."""
     if not np.isfinite(optimum.log_likelihood):
         return "the filter loses the motion at the start values: start closer"

@@ -51,6 +51,74 @@ def linear_pass(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _blended(parts: Array, change: Array, out: Array) -> None:
+    """Values (m, k) at unknowns changed by (g, k), of parts (m, 1 + g): values and derivatives."""
+    m, k = out.shape
+    for a in range(m):
+        for q in range(k):
+            out[a, q] = parts[a, 0]
+        for j in range(change.shape[0]):
+            slope = parts[a, 1 + j]
+            if slope != 0.0:
+                for q in range(k):
+                    out[a, q] += slope * change[j, q]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def trajectory_pass(
+    state: Array, covariance: Array, motion: Array, following: Array, transitions: Array,
+    outputs: Array, sights: Array, change: Array, fixed: Array, measured: Array,
+    process: Array, measurement: Array, given: bool, step: float, steady: bool,
+    innovations: Array, variances: Array, predicted: Array, states: Array,
+) -> None:  # fmt: skip
+    """Filter a model linearised along a motion over a whole record, in place.
+
+    Parameters
+    ----------
+    motion : (n, s). following (n, s, 1 + g), transitions (n, s s, 1 + g), outputs (n, o, 1 + g),
+        sights (n, o s, 1 + g) : see `Linearised`. change : (g, k), of the unknowns.
+    fixed : (o, s, k), the observation matrix of a steady gain.
+    """
+    n, s, k = states.shape
+    o = fixed.shape[0]
+    held, moved = np.zeros((s, s, k)), np.empty((s, k))
+    flat_sight, flat_step = np.empty((o * s, k)), np.empty((s * s, k))
+    sight, transition = flat_sight.reshape((o, s, k)), flat_step.reshape((s, s, k))
+    for i in range(n):
+        for a in range(s):
+            for q in range(k):
+                moved[a, q] = state[a, q] - motion[i, a]
+        _blended(sights[i], change, flat_sight)
+        _blended(outputs[i], change, predicted[i])
+        for j in range(o):
+            for a in range(s):
+                for q in range(k):
+                    predicted[i, j, q] += sight[j, a, q] * moved[a, q]
+        for a in range(s):
+            for b in range(s):
+                for q in range(k):
+                    held[a, b, q] = covariance[a, b, q]
+        update(
+            state, held, fixed if steady else sight, measured[i], predicted[i], measurement,
+            given, innovations[i], variances[i],
+        )  # fmt: skip
+        for a in range(s):
+            for q in range(k):
+                states[i, a, q] = state[a, q]
+                moved[a, q] = state[a, q] - motion[i, a]
+        if i == n - 1:
+            break
+        _blended(following[i], change, state)
+        _blended(transitions[i], change, flat_step)
+        for a in range(s):
+            for b in range(s):
+                for q in range(k):
+                    state[a, q] += transition[a, b, q] * moved[b, q]
+        if not steady:
+            predict(transition, held, process, step, covariance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def settled(
     transition: Array, sight: Array, process: Array, measurement: Array, step: float
 ) -> Array:

@@ -1,7 +1,6 @@
 """The Kalman filter of a dynamic model, for k sets of parameters side by side.
 
-The model is integrated from sample to sample by Runge-Kutta's fourth-order formula and linearised
-by central differences of that same step, so that the transition matrix belongs to the integration.
+A linear model is filtered as it is; another one is linearised along a motion (`linearisation`).
 The outputs of a sample are processed one after another, each given those before it, which needs no
 inverse, leaves missing ones out, and gives innovations that are independent of each other.
 """
@@ -10,15 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.dynamic_model import DynamicModel, Values
-from aerodb.estimation.filter_kernels import linear_pass, predict, settled, update
-from aerodb.estimation.state_space import StateSpace
+from aerodb.estimation.filter_kernels import linear_pass, settled, trajectory_pass
+from aerodb.estimation.linearisation import Linearised
+from aerodb.estimation.one_step import around, repeated, slopes, stepped
+from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
-
-#: Central differences: step as a share of a state, and the least state it is a share of.
-_SHARE, _LEAST = 1e-4, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,151 +62,89 @@ class FilterPass:
         return np.where(np.isfinite(total), total, -np.inf)
 
 
-def stepped(
-    model: DynamicModel, values: Values, record: TimeHistory, sample: int, state: Array
-) -> Array:
-    """State one sample later, (s, k), by Runge-Kutta's fourth-order formula."""
-    step = record.step
-    a = model.rates(values, record, float(sample), state)
-    b = model.rates(values, record, sample + 0.5, state + 0.5 * step * a)
-    c = model.rates(values, record, sample + 0.5, state + 0.5 * step * b)
-    d = model.rates(values, record, sample + 1.0, state + step * c)
-    return state + (step / 6.0) * (a + 2.0 * b + 2.0 * c + d)
-
-
-def around(state: Array) -> tuple[Array, Array]:
-    """States (s, (2 s + 1) k): k states (s, k), then each moved up and down in every element; and
-    the displacements (s, k)."""
-    s = len(state)
-    moved = np.repeat(state[:, None, :], 2 * s + 1, axis=1)
-    size = _SHARE * np.maximum(np.abs(state), _LEAST)
-    for a in range(s):
-        moved[a, 1 + a] += size[a]
-        moved[a, 1 + s + a] -= size[a]
-    return moved.reshape(s, -1), size
-
-
-def slopes(moved: Array, size: Array) -> tuple[Array, Array]:
-    """Value (m, k) and Jacobian (m, s, k) from values (m, (2 s + 1) k) at the states `around`."""
-    s = len(size)
-    split = moved.reshape(len(moved), 2 * s + 1, size.shape[1])
-    jacobian = (split[:, 1 : 1 + s] - split[:, 1 + s :]) / (2.0 * size)
-    return split[:, 0], np.ascontiguousarray(jacobian)
-
-
-def repeated(values: Values, times: int) -> Values:
-    """Values of k sets of parameters, for `times` states each."""
-    return {
-        name: np.tile(value, times) if np.ndim(value) else value for name, value in values.items()
-    }
-
-
 def run_filter(
-    model: DynamicModel, values: Values, record: TimeHistory, noise: NoiseLevels, steady: bool
+    model: LinearModel, values: Values, record: TimeHistory, noise: NoiseLevels, steady: bool
 ) -> FilterPass:
-    """Run the filter over a record.
+    """Run the filter of a linear model over a record.
 
     Parameters
     ----------
     values : of every parameter, a number or (k,).
-    steady : one gain for the whole record, from the steady covariance (Riccati) of the model
-        linearised at its first state; False: linearised at every sample (extended Kalman filter).
+    steady : one gain for the whole record, from the steady covariance (Riccati); False: the gain of
+        every sample.
 
-    The first state is the model's, in the extended form without error: an unknown one is a
-    parameter. Without process noise the filter is the simulation.
+    The first state is the model's, without error: an unknown one is a parameter. Without process
+    noise the filter is the simulation.
     """
-    if isinstance(model, StateSpace | DelayedStateSpace):
-        return _linear_filter(model, values, record, noise, steady)
     k = noise.process.shape[1]
     first = model.initial_state(values, record)
     state = np.array(np.broadcast_to(first, (len(first), k)), dtype=np.float64)
-    s, measured = len(state), record.stacked(model.outputs)
-    n, o = measured.shape
-    wide = repeated(values, 2 * s + 1)
-    still = steady or not noise.process.any()
-    held, sight = np.zeros((s, s, k)), np.zeros((o, s, k))
-    out = FilterPass(
+    with np.errstate(all="ignore"):
+        transition, drive, sight, direct = model.discrete(values, record, k)
+        covariance = np.zeros((len(state), len(state), k))
+        if steady and noise.process.any():
+            covariance, sight = _steady(model, values, record, noise, state)
+        out = _empty_pass(len(direct), direct.shape[1], len(state), k)
+        out.predicted[:] = direct
+        linear_pass(
+            state, covariance, transition, drive, sight, record.stacked(model.outputs),
+            noise.process, noise.measurement, noise.innovations, record.step, steady,
+            out.innovations, out.variances, out.predicted, out.states,
+        )  # fmt: skip
+    return out
+
+
+def follow(along: Linearised, vectors: Array, noise: NoiseLevels, steady: bool) -> FilterPass:
+    """Run the filter of a model linearised along a motion over its record.
+
+    Parameters
+    ----------
+    vectors : (f, k), the unknowns.
+    steady : one gain, from the model linearised at its first state, as in `run_filter`; False: of
+        every sample (extended Kalman filter, linearised along the motion).
+    """
+    model, record, k = along.model, along.record, vectors.shape[1]
+    values = model.parameters.values(vectors)
+    first = model.initial_state(values, record)
+    n, s = along.motion.shape
+    state = np.array(np.broadcast_to(first, (s, k)), dtype=np.float64)
+    measured = record.stacked(model.outputs)
+    out = _empty_pass(n, measured.shape[1], s, k)
+    covariance, fixed = np.zeros((s, s, k)), np.zeros((measured.shape[1], s, k))
+    with np.errstate(all="ignore"):
+        if steady and noise.process.any():
+            covariance, fixed = _steady(model, values, record, noise, state)
+        change = (vectors - along.vector[:, None])[along.columns]
+        trajectory_pass(
+            state, covariance, along.motion, along.following,
+            along.transition.reshape(n, s * s, -1), along.outputs,
+            along.sight.reshape(n, -1, along.sight.shape[-1]), change, fixed, measured,
+            noise.process, noise.measurement, noise.innovations, record.step, steady,
+            out.innovations, out.variances, out.predicted, out.states,
+        )  # fmt: skip
+    return out
+
+
+def _empty_pass(n: int, o: int, s: int, k: int) -> FilterPass:
+    return FilterPass(
         np.zeros((n, o, k)),
         np.full((n, o, k), 0.5 / np.pi),
         np.empty((n, o, k)),
         np.empty((n, s, k)),
     )
-    with np.errstate(all="ignore"):
-        if steady and noise.process.any():
-            covariance, sight = _steady(model, wide, record, noise, state)
-        else:
-            covariance = np.zeros((s, s, k))
-        for i in range(n):
-            if still:
-                out.predicted[i] = model.observed(values, record, i, state)
-            else:
-                moved, size = around(state)
-                out.predicted[i], sight = slopes(model.observed(wide, record, i, moved), size)
-            held[:] = covariance
-            update(
-                state, held, sight, measured[i], out.predicted[i], noise.measurement,
-                noise.innovations, out.innovations[i], out.variances[i],
-            )  # fmt: skip
-            out.states[i] = state
-            if i == n - 1:
-                break
-            if still:
-                state = np.ascontiguousarray(stepped(model, values, record, i, state))
-            else:
-                moved, size = around(state)
-                after, transition = slopes(stepped(model, wide, record, i, moved), size)
-                state = np.ascontiguousarray(after)
-                predict(transition, held, noise.process, record.step, covariance)
-    return out
-
-
-def _linear_filter(
-    model: StateSpace | DelayedStateSpace,
-    values: Values,
-    record: TimeHistory,
-    noise: NoiseLevels,
-    steady: bool,
-) -> FilterPass:
-    """The same of a linear model, compiled."""
-    k = noise.process.shape[1]
-    first = model.initial_state(values, record)
-    state = np.array(np.broadcast_to(first, (len(first), k)), dtype=np.float64)
-    measured = record.stacked(model.outputs)
-    with np.errstate(all="ignore"):
-        transition, drive, sight, direct = model.discrete(values, record, k)
-        covariance = np.zeros((len(state), len(state), k))
-        if steady and noise.process.any():
-            wide = repeated(values, 2 * len(state) + 1)
-            covariance, sight = _steady(model, wide, record, noise, state)
-        out = FilterPass(
-            np.zeros_like(direct),
-            np.full(direct.shape, 0.5 / np.pi),
-            direct,
-            np.empty((len(direct), *state.shape)),
-        )
-        linear_pass(
-            state, covariance, transition, drive, sight, measured, noise.process,
-            noise.measurement, noise.innovations, record.step, steady, out.innovations,
-            out.variances, out.predicted, out.states,
-        )  # fmt: skip
-    return out
 
 
 def _steady(
-    model: DynamicModel, wide: Values, record: TimeHistory, noise: NoiseLevels, state: Array
+    model: DynamicModel, values: Values, record: TimeHistory, noise: NoiseLevels, state: Array
 ) -> tuple[Array, Array]:
     """Predicted covariance (s, s, k) that the filter of the model linearised at `state` settles at,
     and the observation matrix (o, s, k).
-
-    Parameters
-    ----------
-    wide : values for the states `around`.
 
     The discrete Riccati equation is iterated; an unstable or unobserved mode that does not settle
     shows as a likelihood of zero. For a given covariance of the innovations it is the continuous
     equation, ``A P + P A' - P C' S^-1 C P / dt + F F' = 0``, of the textbooks.
     """
-    moved, size = around(state)
+    (moved, size), wide = around(state), repeated(values, 2 * len(state) + 1)
     _, sight = slopes(model.observed(wide, record, 0, moved), size)
     if noise.innovations:
         _, rate = slopes(model.rates(wide, record, 0.0, moved), size)

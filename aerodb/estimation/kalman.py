@@ -11,8 +11,8 @@ import numpy as np
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filter_error import checked_states, likely_noise
 from aerodb.estimation.filter_kernels import predict
-from aerodb.estimation.filtering import around, slopes, stepped
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
+from aerodb.estimation.one_step import around, slopes, stepped
 from aerodb.estimation.parameters import Parameter
 from aerodb.estimation.scoring import Point
 from aerodb.estimation.statistics import theil

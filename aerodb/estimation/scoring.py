@@ -2,15 +2,17 @@
 measurement noise together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.estimation.dynamic_model import DynamicModel
-from aerodb.estimation.filtering import FilterPass, NoiseLevels, run_filter
+from aerodb.estimation.filtering import FilterPass, NoiseLevels, follow, run_filter
+from aerodb.estimation.linearisation import Linearised, linearised, measured_motion
 from aerodb.estimation.parameters import bounds_of, priors_of
+from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
@@ -33,6 +35,15 @@ _HELD, _LEAST_HELD, _HELD_FACTOR, _GOOD = 1.0, 1e-3, 3.0, 0.3
 _FARTHEST = 1.5
 #: Damping of the steps that are tried side by side, and shares of the undamped step.
 _DAMPINGS, _SHARES = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4), (1.0, 0.5, 0.2, 0.05)
+#: Times that the motion along which a model is linearised is renewed before the search, and the
+#: change of the log-likelihood at which it stays.
+_RENEWED, _STAYS = 6, 0.01
+#: Shares of a step that are tried where the motion that it leads to makes the record less likely.
+_SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01)
+#: Times that the motion is renewed after a climb.
+_RENEWALS = 12
+#: Least curvature of steps that count it beyond the information, of which it is a share.
+_FLATTEST = (1e-3, 0.03, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,23 +80,6 @@ class Slopes:
 
 
 @dataclass(frozen=True, eq=False)
-class Optimum:
-    """Where the search ended.
-
-    information : (u, u) of parameters, process noise and measurement noise, with priors.
-    log_likelihood : without priors. converged : at an optimum. iterations : steps taken.
-    """
-
-    point: Point
-    log_likelihood: float
-    information: Array
-    slopes: tuple[Slopes, ...]
-    passes: tuple[FilterPass, ...]
-    converged: bool
-    iterations: int
-
-
-@dataclass(frozen=True, eq=False)
 class FilterProblem:
     """Model, records and what of the noise is estimated.
 
@@ -93,14 +87,19 @@ class FilterProblem:
     ----------
     disturbed : (p,), states whose process noise is estimated.
     covariance : see `Covariance`.
+    least : (o,), variances that diagonal measurement noise keeps.
     steady : see `run_filter`.
+    along : the model linearised along the motion of each record; empty for a linear model, and
+        before the search.
     """
 
     model: DynamicModel
     records: tuple[TimeHistory, ...]
     disturbed: tuple[int, ...]
     covariance: Covariance
+    least: Array
     steady: bool
+    along: tuple[Linearised, ...] = ()
 
     @property
     def full(self) -> bool:
@@ -127,17 +126,58 @@ class FilterProblem:
         f, p = len(point.vector), len(self.disturbed)
         process = np.repeat(point.process[:, None], moves.shape[1], axis=1)
         process[list(self.disturbed)] *= np.exp(moves[f : f + p])
-        return run_filter(
-            self.model,
-            self.model.parameters.values(point.vector[:, None] + moves[:f]),
-            record,
-            NoiseLevels(
-                process,
-                self._measurement(point.measurement, moves[f + p :]),
-                self.covariance == "innovations",
-            ),
-            self.steady,
+        noise = NoiseLevels(
+            process,
+            self._measurement(point.measurement, moves[f + p :]),
+            self.covariance == "innovations",
         )
+        vectors = point.vector[:, None] + moves[:f]
+        if isinstance(self.model, LinearModel):
+            return run_filter(
+                self.model, self.model.parameters.values(vectors), record, noise, self.steady
+            )
+        return follow(self.along[self.records.index(record)], vectors, noise, self.steady)
+
+    @property
+    def unmoved(self) -> Array:
+        """A move (u, 1) of nothing."""
+        return np.zeros((len(self.model.parameters.unknown) + len(self.disturbed) + self.noises, 1))
+
+    def about(self, point: Point, derivatives: bool = True) -> "FilterProblem":
+        """The same, linearised along the motion that the filter sees at a point, or at first along
+        the measured one; a linear model is what it is.
+
+        derivatives : by the unknowns; without them, only the point itself can be evaluated.
+        """
+        if isinstance(self.model, LinearModel):
+            return self
+        motions = [
+            self.passed(record, point, self.unmoved).states[:, :, 0]
+            if self.along
+            else measured_motion(self.model, record, point.vector)
+            for record in self.records
+        ]
+        along = [
+            linearised(self.model, record, point.vector, motion, derivatives)
+            for record, motion in zip(self.records, motions, strict=True)
+        ]
+        return replace(self, along=tuple(along))
+
+    def likelihood_at(self, point: Point) -> float:
+        """Log-likelihood with priors at a point, of the filter that is linearised there."""
+        problem = self.settled(point, False)
+        return float(problem.likelihood(point, problem.unmoved)[0])
+
+    def settled(self, point: Point, derivatives: bool = True) -> "FilterProblem":
+        """Linearised along the motion of which the filter at a point makes the same motion."""
+        problem, before = self, -np.inf
+        for _ in range(0 if isinstance(self.model, LinearModel) else _RENEWED):
+            problem = problem.about(point, False)
+            now = float(problem.likelihood(point, problem.unmoved)[0])
+            if not abs(now - before) > _STAYS:
+                break
+            before = now
+        return problem.about(point) if derivatives else problem
 
     def _measurement(self, centre: Array, moves: Array) -> Array:
         """``G exp(X) G'`` (o, o, k), with the centre ``G G'`` and X made of the moves (r, k)."""
@@ -150,6 +190,8 @@ class FilterProblem:
         values, vectors = np.linalg.eigh(matrix)
         wide = root @ vectors
         whole = (wide * np.exp(values)[:, None, :]) @ np.swapaxes(wide, 1, 2)
+        if not self.full:
+            whole[:, rows, rows] = np.maximum(whole[:, rows, rows], self.least)
         return np.ascontiguousarray(np.moveaxis(whole, 0, -1))
 
     def moved(self, point: Point, move: Array) -> Point:
@@ -199,18 +241,93 @@ def _parts(passed: FilterPass) -> tuple[Array, Array, Array, Array]:
     return passed.innovations, passed.variances, passed.predicted, passed.states
 
 
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where the search ended.
+
+    problem : linearised there.
+    information : (u, u) of parameters, process noise and measurement noise, with priors.
+    log_likelihood : without priors. converged : at an optimum. iterations : steps taken.
+    """
+
+    problem: FilterProblem
+    point: Point
+    log_likelihood: float
+    information: Array
+    slopes: tuple[Slopes, ...]
+    passes: tuple[FilterPass, ...]
+    converged: bool
+    iterations: int
+
+
 def maximise(
     problem: FilterProblem, start: Point, most_iterations: int, enough: float = _NO_GAIN
 ) -> Optimum:
     """Climb the likelihood from `start`.
 
-    Every iteration solves the normal equations with Fisher's information and tries several damped
-    steps side by side, as lanes of one pass; the best is taken.
+    A model that is not linear is linearised along the motion that the filter sees, and climbed;
+    then the motion is renewed, until the likelihood stays.
     """
-    point, f = start, len(start.vector)
-    alone = np.zeros(0)
+    problem = problem.settled(start)
+    found = _climbed(problem, start, most_iterations, enough)
+    if not problem.along:
+        return found
+    before = float(problem.likelihood(start, problem.unmoved)[0])
+    iterations = found.iterations
+    for _ in range(_RENEWALS):
+        taken = _taken(found, start, before)
+        if taken is None:
+            break
+        problem, start, before = taken
+        found = _climbed(problem, start, max(1, most_iterations - iterations), enough)
+        iterations += found.iterations
+        if found.converged and found.log_likelihood - before < max(_STAYS, enough):
+            break
+    return replace(found, iterations=iterations)
+
+
+def _taken(
+    found: Optimum, start: Point, before: float
+) -> tuple[FilterProblem, Point, float] | None:
+    """The optimum linearised along its own motion, with its likelihood; on the way back to `start`
+    where it is less likely there than `before`. None where nothing is more likely."""
+    for share in _SHORTER:
+        trial = _between(start, found.point, share)
+        renewed = found.problem.settled(trial)
+        now = float(renewed.likelihood(trial, renewed.unmoved)[0])
+        if now > before:
+            return renewed, trial, now
+    return None
+
+
+def _between(start: Point, end: Point, share: float) -> Point:
+    """A share of the way from one point to another."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = share * np.log(end.process / start.process)
+    process = np.where(start.process > 0.0, start.process * np.exp(change), end.process)
+    return Point(
+        start.vector + share * (end.vector - start.vector),
+        process,
+        start.measurement + share * (end.measurement - start.measurement),
+    )
+
+
+def _climbed(problem: FilterProblem, point: Point, most_iterations: int, enough: float) -> Optimum:
+    """Climb the likelihood of a linear model, or of one linearised along a motion.
+
+    Every iteration solves the normal equations with Fisher's information, and with what the
+    gradients tell of the curvature beyond it, and tries several damped steps side by side, as lanes
+    of one pass; the best is taken.
+
+    References
+    ----------
+    Dennis, Gay & Welsch, ACM Transactions on Mathematical Software 7(3), 1981: the curvature beyond
+    the information by secants.
+    """
+    f, alone = len(point.vector), np.zeros(0)
     iteration, converged = 0, False
     information, held = np.zeros((0, 0)), _HELD
+    beyond, last = np.zeros((1, 1)), None
     while True:
         steps = _steps(problem, point, alone)
         pairs = [problem.slopes(record, point, steps) for record in problem.records]
@@ -219,8 +336,10 @@ def maximise(
         information, gradient = _equations(problem, point, slopes, len(steps))
         if not (np.isfinite(now) and np.isfinite(information).all()):
             break
+        if last is not None:
+            beyond = _secant(beyond, information, last[0], last[1] - gradient)
         alone = np.diag(information)[:f]
-        moves, expected = _moves(problem, point, information, gradient, held)
+        moves, expected = _moves(problem, point, information, beyond, gradient, held)
         if expected < enough:
             converged = True
             break
@@ -235,8 +354,26 @@ def maximise(
             break
         good = gain > _GOOD * expected
         held = max(_LEAST_HELD, held / _HELD_FACTOR) if good else min(_HELD, held * _HELD_FACTOR)
+        last = moves[:, best], gradient
         point = problem.moved(point, moves[:, best])
-    return Optimum(point, now, information, slopes, passes, converged, iteration)
+    return Optimum(problem, point, now, information, slopes, passes, converged, iteration)
+
+
+def _secant(beyond: Array, information: Array, move: Array, change: Array) -> Array:
+    """Curvature (u, u) beyond the information, by what a move (u,) changed of the gradient (u,):
+    before minus after."""
+    beyond = np.broadcast_to(beyond, information.shape)
+    missing, along = change - information @ move, float(change @ move)
+    if not along > 0.0:
+        return np.zeros_like(information)
+    bent = float(move @ beyond @ move)
+    if bent != 0.0:
+        beyond = min(abs(float(move @ missing) / bent), 1.0) * beyond
+    rest = missing - beyond @ move
+    cross = np.outer(rest, change) / along
+    return np.asarray(
+        beyond + cross + cross.T - (float(rest @ move) / along**2) * np.outer(change, change)
+    )
 
 
 def _steps(problem: FilterProblem, point: Point, alone: Array) -> Array:
@@ -272,9 +409,14 @@ def _equations(
 
 
 def _moves(
-    problem: FilterProblem, point: Point, information: Array, gradient: Array, held: float
+    problem: FilterProblem,
+    point: Point,
+    information: Array,
+    beyond: Array,
+    gradient: Array,
+    held: float,
 ) -> tuple[Array, float]:
-    """Moves (u, k) to try, and the gain that the undamped one promises."""
+    """Moves (u, k) to try, and the gain that the undamped one of Fisher's information promises."""
     f = len(point.vector)
     lower, upper = bounds_of(problem.model.parameters.unknown)
     go = np.ones(len(gradient), dtype=bool)
@@ -282,6 +424,9 @@ def _moves(
         ((point.vector <= lower) & (gradient[:f] < 0))
         | ((point.vector >= upper) & (gradient[:f] > 0))
     )
+    if not problem.full:
+        least = np.diag(point.measurement) <= (1.0 + 1e-9) * problem.least
+        go[len(go) - problem.noises :] = ~(least & (gradient[len(go) - problem.noises :] < 0))
     information = information + np.diag(np.where(np.arange(len(gradient)) < f, 0.0, held))
     size = np.sqrt(np.diag(information))
     live = np.flatnonzero(go & (size > 0.0))
@@ -294,9 +439,15 @@ def _moves(
         newton = np.where(keep, along / values, 0.0)
     scaled = [share * newton for share in _SHARES]
     scaled += [along / (values + damping) for damping in _DAMPINGS]
-    moves = np.zeros((len(gradient), len(scaled) + 2))
-    for number, move in enumerate(scaled):
-        moves[live, number] = (vectors @ move) / scale
+    trials = [vectors @ move for move in scaled]
+    if beyond.any():
+        curved = (information + beyond)[np.ix_(live, live)] / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(curved)
+        along = vectors.T @ (gradient[live] / scale)
+        trials += [vectors @ (along / np.maximum(np.abs(values), least)) for least in _FLATTEST]
+    moves = np.zeros((len(gradient), len(trials) + 2))
+    for number, trial in enumerate(trials):
+        moves[live, number] = trial / scale
     moves[f:] /= np.maximum(1.0, np.abs(moves[f:]).max(axis=0) / _FARTHEST)
     moves[:f] = np.clip(moves[:f] + point.vector[:, None], lower[:, None], upper[:, None])
     moves[:f] -= point.vector[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import MOST_DELAY, Parameter, Parameters, TimeHistory, Values, delayed
 from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
-from aerodb.support import Array, Mask
+from aerodb.support import Array, Integers, Mask
 
 #: From the CG [m], body axes.
 Position = tuple[float, float, float]
@@ -118,6 +118,24 @@ class FlightDynamics:
         run = self._instant(own, record, sample, self._replaced(state, lost, record))
         return np.where(lost, np.nan, self._measured(own, record, run, timely=True)[0])
 
+    def advanced(
+        self, values: Values, record: TimeHistory, samples: Integers, state: Array
+    ) -> tuple[Array, Array]:
+        """States (s, m) one sample later, and outputs (o, m) without delays now, of states (s, m)
+        at samples (m,); NaN where they cannot fly. After the last sample inputs stay."""
+        own, lost = _own(values, record.name), ~_flyable(state)
+        state = self._replaced(state, lost, record)
+        following = np.minimum(samples + 1, len(record.time) - 1)
+        series = {}
+        for name, input_ in record.inputs.items():
+            if name not in _PLACE:
+                late = own.get(f"delay_{name}", np.zeros(1)) / record.step
+                series[name] = np.stack([_at(input_, at - late) for at in (samples, following)])
+        run = self._flown(own, record, series, record.time[:2], state, samples)
+        outputs = self._measured(own, record, run, timely=True)[0]
+        later = np.stack([run.channels[name][1] for name in self.states])
+        return np.where(lost, np.nan, later), np.where(lost, np.nan, outputs)
+
     def _replaced(self, state: Array, lost: Mask, record: TimeHistory) -> Array:
         """The state (s, k) with that of the record's start in the runs that are lost."""
         if not lost.any():
@@ -147,12 +165,12 @@ class FlightDynamics:
         series: Mapping[str, Array],
         time: Array,
         start: Array,
-        sample: int = 0,
+        sample: int | Integers = 0,
         method: int = 4,
     ) -> Simulation:
         k = start.shape[1]
         place: dict[str, Any] = {
-            name: np.full(k, record.inputs[name][sample])
+            name: np.broadcast_to(record.inputs[name][sample], (k,))
             if name in record.inputs
             else self.starts[record.name].get(name, 0.0)
             for name in _PLACE
@@ -298,6 +316,11 @@ def _own(values: Values, record: str) -> dict[str, Array]:
         for name, value in values.items()
         if name.endswith(f"[{record}]")
     }
+
+
+def _at(series: Array, place: Array) -> Array:
+    """A series (n,) at places (m,) between its samples, linear; its ends are held."""
+    return np.interp(place, np.arange(len(series)), series)
 
 
 def _spin(quaternion: Array, rate: Array) -> Array:

@@ -22,6 +22,8 @@ from aerodb.tables import (
 
 #: Runs computed side by side in one thread: their numbers stay in the processor's cache.
 BLOCK: Final = 16
+#: The same for runs of one step, of which there are many.
+_SHORT_BLOCK: Final = 128
 #: Values of `SURROUNDINGS` that need not be given.
 _DEFAULTS: Final = {
     name: 1.0 if name == "density_ratio" else 0.0
@@ -321,7 +323,8 @@ def simulate(
         x[:, block] = parts_of[1]
         return int(lost)
 
-    blocks = [slice(b, b + BLOCK) for b in range(0, k, BLOCK)]
+    size = BLOCK if n > 2 else _SHORT_BLOCK
+    blocks = [slice(b, b + size) for b in range(0, k, size)]
     lost = sum(in_threads(fly, blocks))
     channels = {name: recorded[:, j] for j, name in enumerate((*MOTION, *LOADS))}
     for j, name in enumerate(model.extra_states[: len(model.total.states)]):

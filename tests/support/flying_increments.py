@@ -3,6 +3,7 @@
 import numpy as np
 
 from aerodb.simulation import FlightModel, Stretch, flight_model, simulate
+from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.tables import AeroDatabase, Increment, Reference, Term, parse
 
 BODY = {"mass": 1043.0, "Ixx": 1285.0, "Iyy": 1825.0, "Izz": 2667.0}
@@ -76,15 +77,17 @@ def stretches(
     step: float = 0.04,
     model: FlightModel | None = None,
     noise: dict[str, float] = NOISE,
+    wind_at_6m: float = 0.0,
 ) -> dict[str, Stretch]:
-    """Simulated flights with white noise, as `stretch_of` would give them."""
+    """Simulated flights with white noise, as `stretch_of` would give them; in Dryden's turbulence of
+    a wind [m/s], which the stretch does not tell."""
     model, made = model or light_aircraft(), {}
     for number in range(count):
         time, surfaces = manoeuvre(number, seconds, step)
         series = {**BODY, **surfaces, "force_x": THRUST}
         alpha = (BODY["mass"] * 9.80665 / (0.5 * 1.058 * SPEED**2 * 16.2) - 0.31) / 4.7
         start = {"V": SPEED, "alpha": alpha, "theta": alpha, "altitude": ALTITUDE}
-        run = simulate(model, time, start, series)
+        run = simulate(model, time, start, series | _gusts(time, wind_at_6m, rng))
         flown = {
             name: run.channels[name][:, 0] + sigma * rng.standard_normal(len(time))
             for name, sigma in noise.items()
@@ -95,3 +98,13 @@ def stretches(
         first |= {"psi": 0.0, "altitude": ALTITUDE}
         made[f"flight {number}"] = Stretch(time, first, whole, flown, (), {})
     return made
+
+
+def _gusts(time, wind_at_6m: float, rng: np.random.Generator):
+    if not wind_at_6m:
+        return {}
+    gusts = DrydenGusts(np.array([wind_at_6m]), rng)
+    at = np.array([SPEED]), np.array([ALTITUDE])
+    moved = [gusts.advance(float(time[1] - time[0]), *at)[:, 0] for _ in time]
+    moved = np.array(moved) - moved[0]  # from trim
+    return dict(zip(("gust_u", "gust_v", "gust_w"), moved.T, strict=True))

@@ -196,6 +196,13 @@ def test_unknown_states_and_lacking_outputs_are_told() -> None:
         )
 
 
+def test_innovations_need_a_steady_gain() -> None:
+    record = short_period.flown(short_period.STABLE, 0.0, 1, seconds=5.0)
+    model = short_period.model(short_period.STABLE)
+    with pytest.raises(InputError, match="steady gain"):
+        filter_error(model, [record], gain="extended", covariance="innovations")
+
+
 def test_likelihood_ratio_at_the_boundary() -> None:
     """Half of all ratios are zero there: the 5 % point of one intensity is that of 10 %."""
     assert boundary_p_value(2.7055, 1) == pytest.approx(0.05, abs=1e-4)
