@@ -58,6 +58,22 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
     return one - zero, zero
 
 
+@lru_cache(maxsize=256)
+def si_conversion(unit: str) -> tuple[float, float]:
+    """Return scale and offset from `unit` to the SI unit of its dimension, angles in radians.
+
+    >>> si_conversion("ft/s")[0]
+    0.3048
+    >>> si_conversion("g")[0]
+    9.80665
+
+    Raises InputError for an unknown unit.
+    """
+    conversion(unit, unit)  # an unknown one is an error
+    base = f"{_registry().Quantity(1.0, _SPELLINGS.get(unit, unit)).to_base_units().units}"
+    return conversion(unit, base)
+
+
 def convert(values: NDArray[np.floating[Any]] | float, unit: str, to: str) -> NDArray[np.float64]:
     """Return `values`, given in `unit`, as float64 in `to`."""
     scale, offset = conversion(unit, to)

@@ -27,12 +27,14 @@ from .recursive import (
 )
 from .regression_fit import regression
 from .splines import SplineKind, chosen_knots, piecewise_polynomials
+from .start_values import FROM_SUBSPACE, has_start_values, with_start_values
 from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
 from .transfer_function import TransferFunction, transfer_function_fit
 
 __all__ = [
+    "FROM_SUBSPACE",
     "MOST_DELAY",
     "DelayedStateSpace",
     "DynamicModel",
@@ -63,6 +65,7 @@ __all__ = [
     "filter_error",
     "frequency_domain_regression",
     "frequency_responses",
+    "has_start_values",
     "least_squares",
     "multiple_shooting",
     "normalised_recursive_least_squares",
@@ -82,4 +85,5 @@ __all__ = [
     "unscented_kalman",
     "with_delays",
     "with_mean_constant",
+    "with_start_values",
 ]

@@ -12,6 +12,7 @@ from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.linear_equation import LinearEquation
 from aerodb.estimation.parameters import Parameter, Parameters
 from aerodb.estimation.statistics import theil
+from aerodb.estimation.time_history import elapsed
 from aerodb.support import Array, Mask
 
 #: Independent samples per estimate below which intervals are known to be too narrow.
@@ -210,6 +211,7 @@ def answer(
         covariance=covariance,
         residuals=residuals,
         fitted=fitted,
+        times=elapsed(records),
         noise={output: float(np.sqrt(left @ left / max(len(left) - rank, 1)))},
         theil={
             record.name: {output: theil(fitted[record.name][output], record.response)}

@@ -11,6 +11,7 @@ from aerodb.estimation.process_noise import ProcessNoiseTest
 from aerodb.estimation.scoring import SINGULAR, FilterProblem, Optimum
 from aerodb.estimation.standing import standings
 from aerodb.estimation.statistics import theil
+from aerodb.estimation.time_history import elapsed
 from aerodb.estimation.whiteness import ljung_box
 from aerodb.support import Array
 
@@ -91,6 +92,7 @@ def fit_of(
         covariance=coloured[:f, :f],
         residuals=residuals,
         fitted=fitted,
+        times=elapsed(problem.records),
         noise=dict(
             zip(model.outputs, np.sqrt(np.diag(optimum.point.measurement)).tolist(), strict=True)
         ),

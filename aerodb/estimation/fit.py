@@ -67,7 +67,8 @@ class Fit:
     names : of the k parameters that `covariance` belongs to.
     covariance : (k, k), corrected for coloured residuals.
     residuals : record -> output -> (n,), measured minus model, SI; NaN where not measured.
-    fitted : record -> output -> (n,), of the model.
+    fitted : record -> output -> (n,), of the model. times : record -> (n,) [s] of both, from the
+        first sample.
     noise : output -> estimated standard deviation of the measurement noise, SI.
     theil : record -> output -> agreement.
     converged : whether the search ended at an optimum.
@@ -85,6 +86,7 @@ class Fit:
     covariance: Array
     residuals: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     fitted: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    times: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     theil: Mapping[str, Mapping[str, Theil]] = field(default_factory=dict)
     converged: bool = True

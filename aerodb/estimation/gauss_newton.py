@@ -254,7 +254,7 @@ def projected(information: Array, normal: Normal, go: Mask) -> Array:
         free = null_space(bound)
     matrix = free.T @ (information[np.ix_(live, live)] / np.outer(scale, scale)) @ free
     values, vectors = np.linalg.eigh(matrix)
-    keep = values > SINGULAR * values[-1]
+    keep = values > SINGULAR * values.max(initial=0.0)
     directions = np.zeros((len(go), int(keep.sum())))
     directions[live] = (free @ vectors[:, keep] / np.sqrt(values[keep])) / scale[:, None]
     return directions

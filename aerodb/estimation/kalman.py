@@ -16,7 +16,7 @@ from aerodb.estimation.one_step import around, slopes, stepped
 from aerodb.estimation.parameters import Parameter
 from aerodb.estimation.scoring import Point
 from aerodb.estimation.statistics import theil
-from aerodb.estimation.time_history import TimeHistory
+from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.estimation.whiteness import ljung_box
 from aerodb.support import Array
 
@@ -313,6 +313,7 @@ def _fit(
         covariance=covariance,
         residuals=residuals,
         fitted={r.name: dict(zip(model.outputs, t.predicted.T, strict=True)) for r, t in pairs},
+        times=elapsed([record for record, _ in pairs]),
         noise=dict(zip(model.outputs, np.sqrt(np.diag(noise.measurement)).tolist(), strict=True)),
         theil={
             r.name: {

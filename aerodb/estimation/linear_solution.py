@@ -11,6 +11,7 @@ from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.linear_equation import LinearEquation
 from aerodb.estimation.parameters import Parameters, bounds_of, priors_of
 from aerodb.estimation.statistics import rms, theil
+from aerodb.estimation.time_history import elapsed
 from aerodb.support import Array, Integers
 
 #: Share of its size below which a regressor counts as one that does not move, and singular value,
@@ -220,6 +221,7 @@ def with_histories(fit: Fit, equation: LinearEquation) -> Fit:
         fit,
         residuals={name: {output: values} for name, values in residuals.items()},
         fitted={name: {output: values} for name, values in fitted.items()},
+        times=elapsed(equation.records),
         noise={output: rms(np.concatenate(list(residuals.values())))},
         theil={name: {output: theil(fitted[name], measured[name])} for name in fitted},
     )

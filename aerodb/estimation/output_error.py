@@ -16,17 +16,21 @@ from aerodb.estimation.instability import instability
 from aerodb.estimation.likelihood import Covariance, coloured_information
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.standing import standings
-from aerodb.estimation.start_values import LinearModel, has_start_values, with_start_values
+from aerodb.estimation.start_values import (
+    FROM_SUBSPACE,
+    LinearModel,
+    has_start_values,
+    with_start_values,
+)
 from aerodb.estimation.state_space import StateSpace
 from aerodb.estimation.statistics import theil
-from aerodb.estimation.time_history import TimeHistory
+from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.support import Array
 
 ASSUMES = (
     "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
     "The noise of the outputs has no mean and is the same in every record.",
 )
-_FROM_SUBSPACE = "The search began at values from subspace identification."
 _UNCORRELATED = "The noise of different outputs is uncorrelated."
 
 #: The model explains nothing of an output whose residual is this many times what a constant leaves.
@@ -85,12 +89,12 @@ def output_error(
         again = _from_subspace(model, records)
         if isinstance(again, str):
             return fit
-        other = fitted(again, _FROM_SUBSPACE)
+        other = fitted(again, FROM_SUBSPACE)
         return other if other.converged else fit
     started = _from_subspace(model, records)
     if isinstance(started, str):
         return fitted(model, f"The search began at zero: {started}.")
-    return fitted(started, _FROM_SUBSPACE)
+    return fitted(started, FROM_SUBSPACE)
 
 
 def _from_subspace(model: LinearModel, records: Sequence[TimeHistory]) -> LinearModel | str:
@@ -159,6 +163,7 @@ def fit_of(
         degrees_of_freedom=found.freedom,
         residuals=residuals,
         fitted=fitted,
+        times=elapsed(records),
         noise=dict(zip(model.outputs, deviation.tolist(), strict=True)),
         theil=agreement,
         converged=solution.converged and not why,

@@ -10,8 +10,9 @@ from aerodb.support import Array
 
 #: The data add nothing to a prior whose standard deviation they reduce by less than this share.
 _ADDED = 0.05
-#: Parameters of a direction that is not determined: those with at least this share of the largest.
-_SHARE = 0.1
+#: Parameters of a direction that is not determined: those with at least this share of the largest,
+#: above what differences in place of derivatives leave of a zero.
+_SHARE = 1e-4
 
 
 def standings(

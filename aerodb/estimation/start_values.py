@@ -1,17 +1,21 @@
 """Start values for linear models without any, from a subspace model of the same records."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from aerodb.errors import InputError, nearest
 from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.state_space import StateSpace
+from aerodb.estimation.structure_matching import matched_start_values
 from aerodb.estimation.subspace import LinearIdentified, identified_linear_model, path
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
+#: Difference of two sampling intervals that are one, as a share.
+_SAME_RATE = 1e-3
+#: What a fit says of such a start.
+FROM_SUBSPACE = "The search began at values from subspace identification."
 #: A model that gets start values.
 LinearModel = StateSpace | DelayedStateSpace
 
@@ -27,11 +31,12 @@ def has_start_values(model: LinearModel) -> bool:
 def with_start_values(model: LinearModel, records: Sequence[TimeHistory]) -> LinearModel:
     """The model with start values for its unknown parameters, from a subspace model of its states.
 
-    Every state must be an output of its name. Along the smooth paths of the subspace model the
-    model's own equations are linear in the parameters, and are solved by least squares; parameters
-    that stand in none of them, delays among them, or that bounds hold, keep their start values.
+    Where every state is an output of its name, the model's own equations are linear in the
+    parameters along the smooth paths of the subspace model, and are solved by least squares; else
+    its structure is matched to the subspace model (`structure_matching`). Parameters that stand in
+    none of them, delays among them, or that bounds hold, keep their start values.
 
-    Raises InputError as `identified_linear_model`, and for a state that is no output.
+    Raises InputError as `identified_linear_model`.
     """
     if isinstance(model, DelayedStateSpace):
         timely = [model.timely(record) for record in records]
@@ -40,13 +45,9 @@ def with_start_values(model: LinearModel, records: Sequence[TimeHistory]) -> Lin
 
 
 def _started(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
-    lacking = [name for name in model.states if name not in model.outputs]
-    if lacking:
-        raise InputError(
-            f"state {lacking[0]} is no output",
-            "start values",
-            nearest(lacking[0], model.outputs),
-        )
+    records = _at_one_rate(records)
+    if any(name not in model.outputs for name in model.states):
+        return _inside(model, matched_start_values(model, records))
     found = identified_linear_model(
         records, model.inputs, model.states, order=len(model.states), states=model.states
     )
@@ -63,12 +64,26 @@ def _started(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
     solved[~used] = _solved(np.concatenate(steady), np.concatenate(left))
     used = np.isfinite(solved)
     starts = dict(zip(np.array(unknown)[used].tolist(), solved[used].tolist(), strict=True))
+    return _inside(model, starts)
+
+
+def _inside(model: StateSpace, starts: Mapping[str, float]) -> StateSpace:
+    """The model with these start values, moved into their bounds."""
     inside = {
         item.name: float(np.clip(starts[item.name], item.lower, item.upper))
         for item in model.parameters.unknown
         if item.name in starts
     }
     return replace(model, parameters=model.parameters.changed(inside))
+
+
+def _at_one_rate(records: Sequence[TimeHistory]) -> list[TimeHistory]:
+    """The records of the sampling rate at which most was recorded: a subspace model has one."""
+    alike = [
+        [other for other in records if abs(other.step / record.step - 1.0) < _SAME_RATE]
+        for record in records
+    ]
+    return max(alike, key=lambda each: sum(record.time[-1] - record.time[0] for record in each))
 
 
 def _solved(matrix: Array, response: Array) -> Array:

@@ -1,7 +1,8 @@
 """Measured time histories that a model is fitted to."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -53,3 +54,24 @@ class TimeHistory:
     def stacked(self, names: tuple[str, ...]) -> Array:
         """Measured outputs of these names, (n, o)."""
         return np.column_stack([self.outputs[name] for name in names])
+
+    def stacked_inputs(self, names: tuple[str, ...]) -> Array:
+        """Inputs of these names, (n, m)."""
+        return np.column_stack([self.inputs[name] for name in names])
+
+
+class Recorded(Protocol):
+    """A record with a name and a clock."""
+
+    @property
+    def name(self) -> str:
+        """Unique among the records of a fit."""
+
+    @property
+    def time(self) -> Array:
+        """(n,) [s]."""
+
+
+def elapsed(records: Sequence[Recorded]) -> dict[str, Array]:
+    """Record -> time (n,) [s] from its first sample."""
+    return {record.name: record.time - record.time[0] for record in records}

@@ -8,7 +8,14 @@ from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
 from .identification_flight import IdentificationFlight
 from .methods import METHODS, REGRESSION, Method, chosen_methods
-from .model_file import StateSpaceFile, declares_state_space, parse_state_space, state_space_fit
+from .model_file import (
+    StateSpaceFile,
+    declares_state_space,
+    file_records,
+    flight_records,
+    parse_state_space,
+    state_space_fit,
+)
 from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
 from .problem import fits_of
 
@@ -35,9 +42,11 @@ __all__ = [
     "design_manoeuvre",
     "expand_envelope",
     "expected_noise",
+    "file_records",
     "fit_report",
     "fits_of",
     "flight_dynamics",
+    "flight_records",
     "manoeuvre_text",
     "no_database",
     "no_database_beside",

@@ -21,14 +21,19 @@ Entries are numbers or sums of parameters, such as ``2*Lp - 0.1*Lr``; their unit
 unknown, `own` the parameters that every record has of its own. ``late_inputs = ["delta_aileron"]``
 and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, in s, which a
 ``[[parameter]]`` may start elsewhere, fix or bound.
+
+Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll_rate [deg/s]"``,
+``time = "t [ms]"`` (`aerodb.logs.find_columns`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import (
+    FROM_SUBSPACE,
     MOST_DELAY,
     DelayedStateSpace,
     Fit,
@@ -37,11 +42,16 @@ from aerodb.estimation import (
     StateSpace,
     TimeHistory,
     affine_matrix,
+    has_start_values,
     state_space,
     with_delays,
+    with_start_values,
 )
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
+from aerodb.identification.recorded import time_histories
+from aerodb.logs import TIME, find_columns
+from aerodb.recording import Recording
 from aerodb.support import Array, Strict, parsed_toml, validated
 
 Row = list[float | str]
@@ -88,6 +98,7 @@ class StateSpaceFile(Strict):
 
     state_space: StateSpaceTable
     parameter: list[ParameterTable] = []
+    columns: dict[str, str] = {}
 
     def model(self, records: Sequence[TimeHistory]) -> StateSpace | DelayedStateSpace:
         """The model of these records; a state starts as first measured where no output of its name
@@ -151,12 +162,11 @@ def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
     return file
 
 
-def state_space_fit(
-    method: Method, flights: Sequence[IdentificationFlight], file: StateSpaceFile
-) -> Fit:
-    """The fit of a method to the manoeuvres of the flights, each a record.
+def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateSpaceFile) -> Fit:
+    """The fit of a method to records, from start values of subspace identification where the file
+    gives none.
 
-    Raises InputError for a method of equation error, and for channels that no manoeuvre has.
+    Raises InputError for a method of equation error.
     """
     if method.kind != "dynamic":
         raise InputError(
@@ -164,6 +174,24 @@ def state_space_fit(
             method.name,
             "use a dynamic method, such as output-error, for a linear state-space model",
         )
+    model, notes = file.model(records), list[str]()
+    if not has_start_values(model):
+        try:
+            model = with_start_values(model, records)
+            notes = [FROM_SUBSPACE]
+        except InputError as error:
+            notes = [f"The search began at zero: {error.what}."]
+    fit: Fit = method.load()(model, records)
+    return replace(fit, notes=(*fit.notes, *(note for note in notes if note not in fit.notes)))
+
+
+def flight_records(
+    flights: Sequence[IdentificationFlight], file: StateSpaceFile
+) -> list[TimeHistory]:
+    """The manoeuvres of the flights as records of the model's channels.
+
+    Raises InputError for channels that no manoeuvre has.
+    """
     records = [
         record
         for each in flights
@@ -173,10 +201,38 @@ def state_space_fit(
     if not records:
         raise InputError(
             "no manoeuvre has all inputs and outputs of the model",
-            method.name,
+            "flights",
             "use channels of the flights (aerodb flight show), or name the manoeuvres",
         )
-    return method.load()(file.model(records), records)
+    return records
+
+
+def file_records(
+    recordings: Mapping[str, Recording], file: StateSpaceFile
+) -> tuple[list[TimeHistory], list[str]]:
+    """The records that files hold of the model's channels, and what was taken for granted.
+
+    recordings : name of a file -> its contents.
+
+    Raises InputError for a channel without a column and a file without usable samples.
+    """
+    table = file.state_space
+    names = tuple(dict.fromkeys([*table.inputs, *table.outputs]))
+    for name in file.columns:
+        if name not in (*names, TIME):
+            raise InputError(f"no channel '{name}'", "[columns]", nearest(name, [*names, TIME]))
+    records, notes = list[TimeHistory](), list[str]()
+    for name, recording in recordings.items():
+        columns = find_columns(recording, names, file.columns)
+        made, done = time_histories(
+            name,
+            columns.time,
+            {each: columns.values[each] for each in table.inputs},
+            {each: columns.values[each] for each in table.outputs},
+        )
+        records += made
+        notes += [f"{name}: {note}" for note in columns.notes] + done
+    return records, notes
 
 
 def _names(table: StateSpaceTable) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
 from .autopilot import Autopilot, read_autopilot, wingless_sentence
+from .columns import TIME, Columns, find_columns
 from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
 from .inspection import TopicSummary, describe, missing_by_topic
 from .mapping import (
@@ -16,7 +17,9 @@ from .usable_flight import mapped_clock_suspicions, usable_flight
 from .vehicle_draft import draft_vehicle
 
 __all__ = [
+    "TIME",
     "Autopilot",
+    "Columns",
     "Mapping",
     "MappingDraft",
     "TopicSummary",
@@ -30,6 +33,7 @@ __all__ = [
     "draft_mapping",
     "draft_vehicle",
     "empty_channels",
+    "find_columns",
     "map_recording",
     "mapped_clock_suspicions",
     "missing_by_topic",

@@ -104,11 +104,11 @@ def draft_mapping(
     columns = {
         (topic.name, field): values
         for topic in recording.topics.values()
-        for field, values in _numbers(topic)
+        for field, values in numeric_columns(topic)
     }
     guesses: dict[str, Guess] = {}
     questions: list[str] = []
-    clocks = _clocks(recording, columns) if recording.format == "tabular" else {}
+    clocks = clock_columns(recording, columns) if recording.format == "tabular" else {}
     times = set(clocks.values())
     usable = {
         key: values
@@ -123,7 +123,7 @@ def draft_mapping(
     for (topic, field), values in usable.items():
         if is_known or (values.size < _LEAST_SHARE * most and recording.format == "tabular"):
             continue
-        named = _by_name(recording.topics[topic], field, values)
+        named = guess_by_name(recording.topics[topic], field, values)
         if named is not None:
             guesses.setdefault(named.channel, named)
     guesses = {known: _settled(guess, guesses, usable) for known, guess in guesses.items()}
@@ -176,17 +176,18 @@ def _settled(
     return guess
 
 
-def _numbers(topic: Topic) -> Iterator[tuple[str, Array]]:
+def numeric_columns(topic: Topic) -> Iterator[tuple[str, Array]]:
+    """Names and values (n,) of the columns of numbers."""
     for field, values in topic.fields.items():
         column = np.asarray(values)
         if column.dtype.kind in "fiub" and column.ndim == 1:
             yield field, column.astype(np.float64)
 
 
-def _plain(field: str) -> tuple[str, str]:
-    """Name of a field in lower case without its unit, and that unit.
+def plain_name(field: str) -> tuple[str, str]:
+    """Name of a field in lower case without its unit, and that unit, '' where it states none.
 
-    >>> _plain("AoA [deg]"), _plain("airspeed_kts"), _plain("data.response.angleOfAttack")
+    >>> plain_name("AoA [deg]"), plain_name("airspeed_kts"), plain_name("data.angleOfAttack")
     (('aoa', 'deg'), ('airspeed', 'knot'), ('angle_of_attack', ''))
     """
     bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", field)
@@ -201,8 +202,9 @@ def _plain(field: str) -> tuple[str, str]:
     return words, unit
 
 
-def _by_name(topic: Topic, field: str, values: Array) -> Guess | None:
-    words, unit = _plain(field)
+def guess_by_name(topic: Topic, field: str, values: Array) -> Guess | None:
+    """The channel that a field is by its name, with its unit; None for a name of none."""
+    words, unit = plain_name(field)
     known: str | None = field if field in CHANNELS else None
     if known is None:
         known = next((k for k, pattern in _NAMES.items() if re.fullmatch(pattern, words)), None)
@@ -266,15 +268,18 @@ def _sign(known: str, values: Array, unit: str) -> tuple[float]:
     return (-1.0 if upward else 1.0,)
 
 
-def _clocks(
+def clock_columns(
     recording: Recording, columns: Mapping[tuple[str, str], Array]
 ) -> dict[str, tuple[str, str]]:
-    """Topic -> the column that runs as a time does: by name, else the first that runs evenly."""
+    """Topic -> (topic, column) that runs as a time does: by name, else the first that runs evenly.
+
+    columns : (topic, column) -> (n,).
+    """
     found = {}
     for topic in recording.topics:
         mine = {field: values for (name, field), values in columns.items() if name == topic}
         running = [f for f, x in mine.items() if x.size > 2 and bool(np.all(np.diff(x) > 0))]
-        named = [f for f in running if _TIME.fullmatch(_plain(f)[0])]
+        named = [f for f in running if _TIME.fullmatch(plain_name(f)[0])]
         even = [f for f in running if _is_even(mine[f])]
         if named or even:
             found[topic] = (topic, (named or even)[0])
@@ -287,7 +292,7 @@ def _is_even(values: Array) -> bool:
 
 
 def _clock_unit(field: str, values: Array) -> str:
-    stated = _plain(field)[1]
+    stated = plain_name(field)[1]
     if stated in ("s", "ms", "us"):
         return stated
     step = float(np.median(np.diff(values)))
@@ -309,7 +314,7 @@ def _relations(
                 guesses[k].scale * conversion(guesses[k].unit, channel(k).unit)[0]
                 for k in (angle, rate)
             ]
-            time = _seconds(recording, guesses[angle].topic, clocks)
+            time = seconds_of(recording, guesses[angle].topic, clocks)
             ratio = _ratio(time, pair[0] * scales[0], pair[1] * scales[1])
             if ratio is not None and not 0.5 < ratio < 2.0:
                 said.append(
@@ -318,7 +323,7 @@ def _relations(
                 )
     unnamed = [key for key in columns if key[1].isdigit()][:60]
     for one in unnamed:
-        time = _seconds(recording, one[0], clocks)
+        time = seconds_of(recording, one[0], clocks)
         for other in unnamed:
             ratio = _ratio(time, columns[one], columns[other]) if one != other else None
             if ratio is not None and one[0] == other[0]:
@@ -326,11 +331,12 @@ def _relations(
     return said[:40]
 
 
-def _seconds(
+def seconds_of(
     recording: Recording,
     topic: str,
     clocks: Mapping[str, tuple[str, str]],
 ) -> Array:
+    """Time (n,) of a topic, by its column among `clock_columns`, else by its stamps [s]."""
     if topic not in clocks:
         return np.asarray(recording.topics[topic].time, dtype=np.float64)
     values = np.array(

@@ -23,8 +23,9 @@ _MOST: Final = 4
 #: Lags of an autocorrelation that are drawn.
 _LAGS: Final = 60
 
-#: Method -> record -> response -> fitted and residual, (n,) each.
-Responses = Mapping[str, Mapping[str, Mapping[str, tuple[Array, Array]]]]
+#: Method -> record -> response -> time [s], fitted and residual, (n,) each.
+Response = tuple[Array, Array, Array]
+Responses = Mapping[str, Mapping[str, Mapping[str, Response]]]
 
 
 def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
@@ -56,7 +57,7 @@ def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
     )
 
 
-def _picture(method: str, record: str, outputs: Mapping[str, tuple[Array, Array]]) -> Picture:
+def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Picture:
     caption = (
         f"Record {record[:16]}. Above: measured and fitted. Below: autocorrelation of the residual;"
         " white residuals stay within the dashed lines 95 % of the time."
@@ -64,23 +65,24 @@ def _picture(method: str, record: str, outputs: Mapping[str, tuple[Array, Array]
     return picture(_figure(outputs), f"{method}: fitted responses of a record.", caption)
 
 
-def _figure(outputs: Mapping[str, tuple[Array, Array]]) -> Figure:
+def _figure(outputs: Mapping[str, Response]) -> Figure:
     columns = max(1, len(outputs))
     figure, panels = panel_grid((min(13.0, 1.5 + 2.6 * columns), 4.4), 2, columns)
     panels = np.reshape(panels, (2, columns))
-    for k, (name, (fitted, residual)) in enumerate(outputs.items()):
+    for k, (name, (time, fitted, residual)) in enumerate(outputs.items()):
         factor, label = channel_scale(name)
         above, below = panels[0, k], panels[1, k]
-        above.plot(factor * (fitted + residual), color=FLIGHT, lw=1.4, label="measured")
-        above.plot(factor * fitted, color=UPDATED, lw=1.0, label="fitted")
+        above.plot(time, factor * (fitted + residual), color=FLIGHT, lw=1.4, label="measured")
+        above.plot(time, factor * fitted, color=UPDATED, lw=1.0, label="fitted")
         above.set_ylabel(label)
-        above.set_xlabel("sample")
+        above.set_xlabel("time [s]")
         correlation, bound = _autocorrelation(residual)
-        below.plot(correlation, color=UPDATED, lw=1.2)
+        step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+        below.plot(step * np.arange(len(correlation)), correlation, color=UPDATED, lw=1.2)
         for sign in (-1.0, 1.0):
             below.axhline(sign * bound, color="0.5", ls="--", lw=0.8)
         below.set_ylim(-1.05, 1.05)
-        below.set_xlabel("lag [samples]")
+        below.set_xlabel("lag [s]")
         for panel in (above, below):
             plain_panel(panel)
     if outputs:

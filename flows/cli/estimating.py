@@ -17,8 +17,17 @@ _SIDE_BY_SIDE = 4
 
 def estimate(
     context: typer.Context,
-    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     model: Annotated[Path, typer.Option(help="Model file (TOML): increments or a linear model.")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="The vehicle; not with --record.", show_default=False)
+    ] = None,
+    record: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Table of time histories (CSV, MAT, Parquet, text) for a linear model: no vehicle"
+            " and no workspace are needed; repeat the option."
+        ),
+    ] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
@@ -43,17 +52,73 @@ def estimate(
     Nothing is added to the database: `aerodb update --method` does that.
 
     Example: aerodb estimate --vehicle my-glider --model increments.toml --methods all
+
+    Without a vehicle: aerodb estimate --model roll.toml --record doublet.csv --method output-error
     """
-    from aerodb.flows.estimate import estimate_flow
     from aerodb.identification import chosen_methods, declares_state_space, parse_state_space
     from aerodb.increments import parse_model_file
 
     session: Session = context.obj
+    text = read_text(model)
+    linear = declares_state_space(text)
+    (parse_state_space if linear else parse_model_file)(text, str(model))
+    names = method or ["output-error" if linear else "regression"]
+    chosen_methods(names)
+    if record:
+        if vehicle is not None or flights or not linear:
+            raise InputError(
+                "--record takes a linear model and no vehicle",
+                str(model),
+                "declare [state_space] in the model file, or ingest the log and name the vehicle",
+            )
+        document = _of_records(session, record, text, names, output is not None)
+    elif vehicle is None:
+        raise InputError(
+            "there is nothing to estimate from",
+            remedy="name a vehicle (--vehicle), or files with the columns of a linear model"
+            " (--record)",
+        )
+    else:
+        document = _of_flights(session, vehicle, flights, baseline, text, names, output is not None)
+    page = document.pop("page", None)
+    _print(session, document, report)
+    if output is not None and page is not None:
+        output.write_text(page, "utf-8")
+        session.say(f"page: {output}")
+    session.answer(document)
+
+
+def _of_records(
+    session: Session, files: list[Path], model: str, methods: list[str], page: bool
+) -> dict[str, Any]:
+    from aerodb.storage.workspace_settings import load_settings
+    from aerodb.tasks.steps import estimate_records
+
+    with session.waiting("estimating"):
+        document = estimate_records(
+            files, model, methods, load_settings(session.root).limits, page=page
+        )
+    for each in document["records"]:
+        session.say(f"record {each['record']}: {each['seconds']:.4g} s at {each['rate']:.4g} Hz")
+    for note in document["notes"]:
+        session.say(f"- {note}")
+    return document
+
+
+def _of_flights(
+    session: Session,
+    vehicle: str,
+    flights: list[str] | None,
+    baseline: str,
+    model: str,
+    methods: list[str],
+    page: bool,
+) -> dict[str, Any]:
+    from aerodb.flows.estimate import estimate_flow
+    from aerodb.identification import chosen_methods
+
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
-    text = read_text(model)
-    (parse_state_space if declares_state_space(text) else parse_model_file)(text, str(model))
-    chosen = chosen_methods(method or ["regression"])
     rows = (
         [catalogue.flight(ref, name) for ref in flights]
         if flights
@@ -63,23 +128,18 @@ def estimate(
         raise InputError(
             "no flight can be used", f"vehicle {name}", f"aerodb flight list --vehicle {name}"
         )
-    document = session.run(
+    document: dict[str, Any] = session.run(
         estimate_flow,
         {
             "flights": [row.id for row in rows],
-            "model": text,
-            "methods": [each.name for each in chosen],
+            "model": model,
+            "methods": [each.name for each in chosen_methods(methods)],
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
-            "page": output is not None,
+            "page": page,
         },
         direct=True,
     )
-    page = document.pop("page", None)
-    _print(session, document, report)
-    if output is not None and page is not None:
-        output.write_text(page, "utf-8")
-        session.say(f"page: {output}")
-    session.answer(document)
+    return document
 
 
 def _print(session: Session, document: dict[str, Any], report: bool) -> None:

@@ -14,6 +14,7 @@ from .consistency import (
 )
 from .counting import repeat_documents, repeating
 from .design import design_flight
+from .estimate_records import estimate_records
 from .estimates_page import estimates_page
 from .export import FORMS, export_version
 from .fly import (
@@ -69,6 +70,7 @@ __all__ = [
     "due",
     "estimate",
     "estimate_by_methods",
+    "estimate_records",
     "estimates_page",
     "export_version",
     "files_of_inbox",

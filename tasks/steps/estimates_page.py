@@ -18,11 +18,12 @@ def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str
         raise InputError("its file is lost", f"result {document['key'][:12]}", "estimate again")
     table, _ = read_results(path)
     labels = [table[name].astype(str) for name in ("method", "record", "response")]
-    responses: dict[str, dict[str, dict[str, tuple[Array, Array]]]] = {}
-    starts = np.flatnonzero(table["sample"] == 0)
-    for start, end in zip(starts, [*starts[1:], len(table["sample"])], strict=True):
+    responses: dict[str, dict[str, dict[str, tuple[Array, Array, Array]]]] = {}
+    starts = np.flatnonzero(table["time"] == 0.0)
+    for start, end in zip(starts, [*starts[1:], len(table["time"])], strict=True):
         method, record, response = (str(label[start]) for label in labels)
         responses.setdefault(method, {}).setdefault(record, {})[response] = (
+            table["time"][start:end],
             table["fitted"][start:end],
             table["residual"][start:end],
         )

@@ -1,6 +1,6 @@
 """Estimates of declared increments by several methods, on the same samples of the same flights."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -17,6 +17,7 @@ from aerodb.identification import (
     declares_state_space,
     fit_report,
     fits_of,
+    flight_records,
     no_database_beside,
     parse_state_space,
     state_space_fit,
@@ -66,28 +67,17 @@ def estimate_by_methods(
     )
     path = result.stored()
     if path is not None:
-        return dict(read_results(path, ("sample",))[1]["document"])
-    fits, reasons = _fits(
-        chosen, identification_flights(access, flights, database, run), model, database
-    )
-    comparison = compare_methods({name: each for name, each in fits.items() if each})
-    document = {
-        "key": result.key,
-        "version": version,
-        "flights": list(flights),
-        "methods": [
-            {"method": method.name, "kind": method.kind}
-            | (
-                _answer(fits[method.name])
-                if fits[method.name]
-                else {"reason": reasons[method.name]}
-            )
-            for method in chosen
-        ],
-        "parameters": [_parameter(each) for each in comparison.parameters],
-        "believe": comparison.believe,
-        "reasons": list(comparison.reasons),
-    }
+        return dict(read_results(path, ("time",))[1]["document"])
+    given = identification_flights(access, flights, database, run)
+
+    def fitted(method: Method) -> list[Fit]:
+        if declares_state_space(model):
+            file = parse_state_space(model)
+            return [state_space_fit(method, flight_records(given, file), file)]
+        return fits_of(method, given, parse_model_file(model), database)
+
+    fits, compared = fits_document(chosen, fitted)
+    document = {"key": result.key, "version": version, "flights": list(flights), **compared}
     table = _long([fit for each in fits.values() for fit in each])
     result.keep(run, lambda path: write_results(path, table, {"document": document}))
     return document
@@ -115,27 +105,33 @@ def identification_flights(
     return found
 
 
-def _fits(
-    methods: Sequence[Method],
-    flights: Sequence[IdentificationFlight],
-    text: str,
-    database: AeroDatabase,
-) -> tuple[dict[str, list[Fit]], dict[str, str]]:
-    """Fits of each method over all axes, empty where it gave none; and then the reason."""
+def fits_document(
+    methods: Sequence[Method], fitted: Callable[[Method], list[Fit]]
+) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
+    """Fits of each method over all axes, empty where it gave none; and the part of the document of
+    `estimate_by_methods` that says what they are."""
     fits: dict[str, list[Fit]] = {}
     reasons: dict[str, str] = {}
-
-    def fitted(method: Method) -> list[Fit]:
-        if declares_state_space(text):
-            return [state_space_fit(method, flights, parse_state_space(text))]
-        return fits_of(method, flights, parse_model_file(text), database)
-
     for method in methods:
         try:
             fits[method.name] = fitted(method)
         except InputError as error:
             fits[method.name], reasons[method.name] = [], str(error)
-    return fits, reasons
+    comparison = compare_methods({name: each for name, each in fits.items() if each})
+    return fits, {
+        "methods": [
+            {"method": method.name, "kind": method.kind}
+            | (
+                _answer(fits[method.name])
+                if fits[method.name]
+                else {"reason": reasons[method.name]}
+            )
+            for method in methods
+        ],
+        "parameters": [_parameter(each) for each in comparison.parameters],
+        "believe": comparison.believe,
+        "reasons": list(comparison.reasons),
+    }
 
 
 def _no_database(access: WorkspaceAccess, flight: str, run: str) -> AeroDatabase:
@@ -189,9 +185,9 @@ def _finite(value: Any) -> Any:
 
 
 def _long(fits: Sequence[Fit]) -> dict[str, Array]:
-    """Fitted responses, one row per method, record, response and sample."""
+    """Fitted responses, one row per method, record, response and time from the first sample [s]."""
     columns: dict[str, list[Any]] = {
-        name: [] for name in ("method", "record", "response", "sample", "fitted", "residual")
+        name: [] for name in ("method", "record", "response", "time", "fitted", "residual")
     }
     for fit in fits:
         for record, outputs in fit.fitted.items():
@@ -200,7 +196,7 @@ def _long(fits: Sequence[Fit]) -> dict[str, Array]:
                 columns["method"].append(np.repeat(fit.method, n))
                 columns["record"].append(np.repeat(record, n))
                 columns["response"].append(np.repeat(response, n))
-                columns["sample"].append(np.arange(n))
+                columns["time"].append(fit.times[record])
                 columns["fitted"].append(fitted)
                 columns["residual"].append(fit.residuals[record][response])
     return {

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (27, "c31cf4e947e90e86", "d3af299eab4e5a54"),
     "fly": (2, "b3a543f0601e1d34", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (1, "17100406400abbbd", "be09817f5df27dda"),
+    "estimate": (2, "36dbe3bd271ff15b", "be09817f5df27dda"),
     "update": (8, "d061e0e629fed74e", "6b1983884f9e9ae7"),
 }
 

@@ -1,0 +1,201 @@
+"""``aerodb estimate --record``: linear models of files without a vehicle. The motions are scipy's,
+in the units, columns and sampling of the files that users bring."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.io import savemat
+
+from tests.support.command import aerodb, asked
+
+ROLL = """
+[state_space]
+states = ["p"]
+inputs = ["delta_aileron"]
+outputs = ["p"]
+a = [["Lp"]]
+b = [["Lda"]]
+c = [[1]]
+state_bias = ["L0"]
+initial = ["p"]
+"""
+ROLL_TRUTH = {"Lp": -2.1, "Lda": -11.0, "L0": 0.01}
+DUTCH_ROLL = """
+[state_space]
+states = ["beta", "r"]
+inputs = ["dr"]
+outputs = ["r", "ay"]
+a = [["Y", -1], ["Nbeta", "Nr"]]
+b = [[0], ["Ndr"]]
+c = [[0, 1], ["CY", 0]]
+d = [[0], ["Yd"]]
+output_bias = [0, "ay0"]
+initial = ["beta", "r"]
+own = ["ay0"]
+"""
+DUTCH_ROLL_TRUTH = {"Y": -0.25, "Nbeta": 4.2, "Nr": -0.45, "Ndr": -2.5, "CY": -25.0, "Yd": 4.0}
+
+
+def doublet(time, start, width, size):
+    edges = [np.clip((time - start - k * width) / 0.1, 0.0, 1.0) for k in range(3)]
+    return size * (edges[0] - 2.0 * edges[1] + edges[2])
+
+
+def flown(rates, first, time):
+    return solve_ivp(
+        rates, time[[0, -1]], first, t_eval=time, rtol=1e-8, atol=1e-10, max_step=0.02
+    ).y
+
+
+def roll(time):
+    """Aileron and noisy roll rate, SI."""
+
+    def aileron(at):
+        return doublet(at, 1.0, 1.0, 0.09) + doublet(at, 7.0, 0.6, -0.07)
+
+    (p,) = flown(lambda t, x: -2.1 * x - 11.0 * aileron(t) + 0.01, [0.02], time)
+    return aileron(time), p + 0.004 * np.random.default_rng(1).standard_normal(len(time))
+
+
+def dutch_roll(time, start, seed):
+    """Rudder, noisy yaw rate and lateral acceleration, SI."""
+
+    def rudder(at):
+        return doublet(at, start, 0.8, 0.1)
+
+    def rates(t, x):
+        return [-0.25 * x[0] - x[1], 4.2 * x[0] - 0.45 * x[1] - 2.5 * rudder(t)]
+
+    beta, r = flown(rates, [0.01, 0.0], time)
+    noise = np.random.default_rng(seed).standard_normal((2, len(time)))
+    ay = -25.0 * beta + 4.0 * rudder(time) + 0.3
+    return rudder(time), r + 0.003 * noise[0], ay + 0.1 * noise[1]
+
+
+def written(path: Path, header: str, *columns) -> str:
+    np.savetxt(
+        path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g"
+    )
+    return str(path)
+
+
+def model(folder: Path, text: str) -> str:
+    (folder / "model.toml").write_text(text)
+    return str(folder / "model.toml")
+
+
+def near(document, truth, errors=3.5):
+    """The first method's estimates are those planted."""
+    answer = document["methods"][0]
+    assert answer.get("converged"), answer
+    found = {each["name"]: each for each in answer["estimates"]}
+    for name, value in truth.items():
+        assert found[name]["standing"] == "estimated", found[name]
+        assert abs(found[name]["value"] - value) < errors * found[name]["standard_error"], found
+    return found
+
+
+def test_a_roll_mode_from_a_table_in_degrees_needs_no_vehicle_and_no_workspace(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    aileron, p = roll(time)
+    file = written(
+        tmp_path / "roll.csv", "time [s],aileron [deg],roll_rate [deg/s]", time,
+        np.degrees(aileron), np.degrees(p),
+    )  # fmt: skip
+    given = ("estimate", "--model", model(tmp_path, ROLL), "--record", file)
+    document = asked(tmp_path / "w", *given)
+    found = near(document, ROLL_TRUTH)
+    assert found["Lp"]["standard_error"] < 0.02
+    (record,) = document["records"]
+    assert (record["record"], round(record["rate"])) == ("roll", 50)
+    assert document["notes"] == []  # the file states its units
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_dutch_roll_whose_sideslip_is_not_measured_from_records_of_two_rates(tmp_path) -> None:
+    files = []
+    for number, (seconds, step) in enumerate(((15.0, 0.02), (12.0, 0.04))):
+        time = np.arange(0.0, seconds, step)
+        files += ["--record", written(tmp_path / f"run{number}.csv", "Time,delta_r,r,ay", time,
+                                      *dutch_roll(time, 1.0 + number, number))]  # fmt: skip
+    path = tmp_path / "page.html"
+    given = ("estimate", "--model", model(tmp_path, DUTCH_ROLL), *files, "--output", str(path))
+    document = asked(tmp_path / "w", *given)
+    found = near(document, DUTCH_ROLL_TRUTH | {"ay0[run0]": 0.3, "ay0[run1]": 0.3})
+    assert abs(found["initial_beta[run0]"]["value"] - 0.01) < 0.003
+    assert any("subspace" in note for note in document["methods"][0]["notes"])
+    assert any("dr is column delta_r, taken in rad" in note for note in document["notes"])
+    assert path.read_text().count("<figure>") == 2
+
+
+def test_numbered_columns_in_milliseconds_with_a_gap_and_rounded_stamps(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 1.0 / 64.0)
+    aileron, p = roll(time)
+    stamps = np.round(1000.0 * time)  # 15 or 16 ms apart
+    kept = (time < 4.5) | (time > 6.5)
+    savemat(tmp_path / "log.mat", {"log": np.column_stack([stamps, p, aileron])[kept]})
+    columns = '[columns]\ntime = "1 [ms]"\np = "2 [rad/s]"\ndelta_aileron = "3 [rad]"\n'
+    text = columns + ROLL
+    document = asked(
+        tmp_path / "w", "estimate", "--model", model(tmp_path, text), "--record",
+        str(tmp_path / "log.mat"),
+    )  # fmt: skip
+    near(document, ROLL_TRUTH)
+    assert [each["record"] for each in document["records"]] == ["log", "log 2"]
+    assert [round(each["rate"]) for each in document["records"]] == [64, 64]
+    assert any("cut at gaps into 2 records" in note for note in document["notes"])
+
+
+def test_uneven_time_steps_are_resampled_and_missing_inputs_bridged(tmp_path) -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.015, 0.025, 600))
+    time -= time[0]
+    aileron, p = roll(time)
+    aileron[300:304] = np.nan
+    file = written(tmp_path / "roll.csv", "t,da,p", time, aileron, p)
+    given = ("estimate", "--model", model(tmp_path, ROLL), "--record", file)
+    document = asked(tmp_path / "w", *given)
+    near(document, ROLL_TRUTH, errors=5.0)  # resampling smooths the noise
+    assert any("uneven; resampled" in note for note in document["notes"])
+    assert any("bridged" in note for note in document["notes"])
+
+
+@pytest.mark.parametrize(
+    ("header", "text", "said"),
+    [
+        ("t,da,roll", ROLL, "no column 'p' (columns: t, da, roll)"),
+        ("t,da,p", ROLL.replace('"p"', '"w"'), "no column 'w'"),
+        ("t,da,p", '[columns]\nq = "p"\n' + ROLL, "no channel 'q'"),
+        ("t,da,p", '[columns]\np = "x [deg/s]"\n' + ROLL, "no column 'p'"),
+        ("t,da,p", '[columns]\np = "p [m]"\n' + ROLL, "'m' cannot be converted to 'rad/s'"),
+    ],
+)
+def test_what_the_file_lacks_is_named_with_a_way_out(tmp_path, header, text, said) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    file = written(tmp_path / "roll.csv", header, time, *roll(time))
+    refused = aerodb(tmp_path / "w", "estimate", "--model", model(tmp_path, text), "--record", file)
+    assert refused.returncode == 3
+    assert said in refused.stderr
+
+
+def test_a_still_input_and_a_parameter_that_nothing_shows_are_named(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    _, p = roll(time)
+    file = written(tmp_path / "roll.csv", "t,da,p", time, 0.0 * time, p)
+    given = ("estimate", "--model", model(tmp_path, ROLL), "--record", file)
+    (answer,) = asked(tmp_path / "w", *given)["methods"]
+    found = {each["name"]: each for each in answer["estimates"]}
+    assert found["Lda"]["value"] is None or found["Lda"]["standing"] == "diverged"
+    assert found["Lda"]["reason"]
+
+
+def test_a_vehicle_or_a_record_and_a_model_that_fits_it_are_asked_for(tmp_path) -> None:
+    path = model(tmp_path, ROLL)
+    assert "--record" in aerodb(tmp_path / "w", "estimate", "--model", path).stderr
+    increments = tmp_path / "increments.toml"
+    increments.write_text('[[increment]]\naxis = "Cm"\nterms = ["1"]\n')
+    refused = aerodb(tmp_path / "w", "estimate", "--model", str(increments), "--record", "roll.csv")
+    assert refused.returncode == 3
+    assert "linear model" in refused.stderr
