@@ -17,6 +17,7 @@ from aerodb.identification import (
     declares_state_space,
     fit_report,
     fits_of,
+    flight_records,
     no_database_beside,
     parse_state_space,
     state_space_fit,
@@ -103,7 +104,10 @@ def fit(
     source = flights_in_memory([_compared(each, flights[0]) for each in flights])
     given = [_as_identification(each) for each in source.flown.values()]
     if declares_state_space(text):
-        return FittedModel(chosen.name, (state_space_fit(chosen, given, parse_state_space(text)),))
+        file = parse_state_space(text)
+        return FittedModel(
+            chosen.name, (state_space_fit(chosen, flight_records(given, file), file),)
+        )
     database = next(iter(source.flown.values())).database
     return FittedModel(chosen.name, tuple(fits_of(chosen, given, parse_model_file(text), database)))
 
