@@ -46,7 +46,8 @@ class Topic:
 class Recording:
     """Output of a log reader: topics by name, metadata, damage, and the sha256 of the file.
 
-    An instance ``i > 0`` of a topic is named ``name.i``. `format` is one of ``ulog mcap tabular``.
+    An instance ``i > 0`` of a topic is named ``name.i``. `format` is one of ``ulog mcap dataflash
+    tabular``.
     `layout` names the mapping that fits (for example ``px4``, ``ros2``, ``sidpac_fdata``); empty
     when the reader cannot tell.
     """

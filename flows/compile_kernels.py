@@ -25,7 +25,8 @@ _DURATION, _STEP = 12.0, 0.05
 def compile_kernels() -> None:
     """Read a log; reconstruct, predict, simulate and filter a short flight of the built-in example,
     so that later processes find the compiled code."""
-    prepare_reader(".ulg")
+    for suffix in (".ulg", ".bin"):
+        prepare_reader(suffix)
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
     make_consistent(flight, vehicle)

@@ -79,6 +79,12 @@ _RULES: Sequence[_Rule] = (
         lambda mach, p: 0.7 * p * mach**2,
         "from Mach number and static pressure",
     ),
+    _Rule(  # again: calibrated airspeed and static pressure have given qbar by now
+        "V",
+        ("qbar", "rho"),
+        lambda qbar, rho: _root(_ratio(2.0 * qbar, rho)),
+        "from dynamic pressure and density",
+    ),
     _Rule(
         "mach",
         ("V", "temperature"),

@@ -3,13 +3,14 @@
 `parsed_log` parses a log in another process, under resource limits, and gives its recording and the
 folder of its topics; `start_reader` starts that process in advance,
 `prepare_reader` compiles what it needs. Inside the process,
-`any_format.read_log` selects the reader: `ulog`, `mcap`, or `tabular` (CSV, MAT, Parquet, text).
+`any_format.read_log` selects the reader: `ulog`, `mcap`, `dataflash`
+(ArduPilot), or `tabular` (CSV, MAT, Parquet, text).
 Which field is which channel is decided afterwards by a mapping file (`aerodb.storage.mappings`).
 `UlogStream` reads a ULog while it is being written, of which `following` gives the bytes.
 
 Modules: `isolated` and `worker` (the other process); `ulog`, `ulog_framing`, `ulog_kernels`,
 `ulog_definitions`, `ulog_topics`, `ulog_stream`; `mcap`, `mcap_framing`, `mcap_messages`,
-`mcap_protobuf`; `tabular`, `mat`, `text`.
+`mcap_protobuf`; `dataflash`, `dataflash_kernels`; `tabular`, `mat`, `text`.
 """
 
 import lazy_loader as lazy

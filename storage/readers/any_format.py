@@ -10,9 +10,10 @@ from typing import Final
 from aerodb.errors import InputError
 from aerodb.recording import Recording
 
-_ULOG, _MCAP = b"ULog", b"\x89MCAP"
+_ULOG, _MCAP, _DATAFLASH = b"ULog", b"\x89MCAP", b"\xa3\x95"
 ULOG_SUFFIXES: Final = (".ulg", ".ulog")
 _MCAP_SUFFIX: Final = ".mcap"
+DATAFLASH_SUFFIX: Final = ".bin"
 
 
 def import_reader(suffix: str) -> None:
@@ -22,6 +23,8 @@ def import_reader(suffix: str) -> None:
         from aerodb.storage.readers import ulog  # noqa: F401
     elif suffix == _MCAP_SUFFIX:
         from aerodb.storage.readers import mcap  # noqa: F401
+    elif suffix == DATAFLASH_SUFFIX:
+        from aerodb.storage.readers import dataflash  # noqa: F401
     else:
         from aerodb.storage.readers import tabular  # noqa: F401
 
@@ -52,6 +55,10 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
             from aerodb.storage.readers.mcap import read_mcap
 
             return read_mcap(path)
+        if head.startswith(_DATAFLASH) or path.suffix.lower() == DATAFLASH_SUFFIX:
+            from aerodb.storage.readers.dataflash import read_dataflash
+
+            return read_dataflash(path)
     except OSError as error:
         raise InputError(
             f"the log cannot be read: {error.strerror or error}",

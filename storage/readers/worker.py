@@ -28,7 +28,12 @@ from aerodb.storage.confinement import confine, how_it_ended
 from aerodb.storage.disk_errors import remove, translated_disk_errors
 from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
-from aerodb.storage.readers.any_format import ULOG_SUFFIXES, import_reader, read_log
+from aerodb.storage.readers.any_format import (
+    DATAFLASH_SUFFIX,
+    ULOG_SUFFIXES,
+    import_reader,
+    read_log,
+)
 from aerodb.storage.writers import write_ulog
 
 _ANSWER_BYTES: Final = 1 << 20
@@ -53,9 +58,13 @@ def main() -> None:
 
 @cache
 def prepare_reader(suffix: str) -> None:
-    """Import the reader of logs with this suffix, once for all children; for ULog, read a log of
-    our own, which loads the compiled loops."""
+    """Import the reader of logs with this suffix, once for all children; for ULog and DataFlash,
+    read a log of our own, which loads the compiled loops."""
     import_reader(suffix)
+    if suffix == DATAFLASH_SUFFIX:
+        from aerodb.storage.readers.dataflash import framed
+
+        framed(np.zeros(4, dtype=np.uint8))
     if suffix not in ULOG_SUFFIXES:
         return
     with tempfile.TemporaryDirectory() as folder:

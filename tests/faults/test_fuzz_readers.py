@@ -14,9 +14,11 @@ from aerodb.errors import InputError
 from aerodb.recording import Recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import read_log
+from aerodb.storage.readers.dataflash import framed
 from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.readers.ulog_framing import survey
 from aerodb.storage.writers.ulog import write_ulog
+from tests.storage.readers.test_dataflash import written
 from tests.storage.readers.test_mcap import write_flight
 from tests.storage.readers.test_ulog import example_topics, messages
 
@@ -145,6 +147,30 @@ def test_taken_out_messages_are_the_only_ones_missing(ulog: bytes, tmp_path: Pat
         assert lost == len(noise)
         kept = sum(len(topic.time) for topic in recording.topics.values())
         assert kept == total - sum(kind == ord("D") for _, _, kind in hit)
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+def test_damaged_dataflash_is_read_or_refused_and_no_byte_is_unaccounted(
+    count: int, tmp_path: Path, change: Change
+) -> None:
+    """What is followed and what is lost cover the file without overlap, and every loss stands in
+    the recording."""
+    log = written(30)
+    data, rng, path, read = bytes(log.data), np.random.default_rng(7), tmp_path / "a.bin", 0
+    for _ in range(count):
+        damaged = change(data, rng)
+        recording = outcome(path, damaged)
+        if recording is None:
+            continue
+        read += 1
+        kind, start, lost = framed(np.frombuffer(damaged, dtype=np.uint8))
+        begins = sorted([*start.tolist(), *lost[:, 0].tolist()])
+        assert begins[0] == 0
+        assert len(set(begins)) == len(begins)
+        assert set(lost[:, 1].tolist()) <= {len(damaged), *start.tolist()}
+        assert sum(each.bytes_lost for each in recording.damage) == (lost[:, 1] - lost[:, 0]).sum()
+        assert len(kind) >= len(log.ends) - 600 // 3
+    assert read > 0.9 * count
 
 
 @pytest.fixture(scope="module")
