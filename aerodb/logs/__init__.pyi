@@ -1,4 +1,5 @@
-from .autopilot import Autopilot, read_autopilot, wingless_sentence
+from .autopilot import Autopilot, wingless_sentence
+from .autopilots import read_autopilot
 from .columns import TIME, Columns, find_columns
 from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
 from .inspection import TopicSummary, describe, missing_by_topic

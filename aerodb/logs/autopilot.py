@@ -99,9 +99,9 @@ class LoggedSurface:
 class Autopilot:
     """What a log says of its aircraft.
 
-    kind : in words; '' where it does not say. airspeeds : FW_AIRSPD_* [m/s]. combinations : name,
-    kind, right and left surface. points : imu and gps -> position from the CG [m], body axes.
-    notes : further parameters, one sentence each.
+    kind : in words; '' where it does not say. airspeeds : STALL, MIN, TRIM, MAX [m/s].
+    combinations : name, kind, right and left surface. points : imu and gps -> position from the CG
+    [m], body axes. notes : further parameters, one sentence each.
     """
 
     kind: str
@@ -122,7 +122,7 @@ def wingless_sentence(kind: str) -> str:
     return f"the log is of a {kind}: without a wing there is no database to compare it with"
 
 
-def read_autopilot(recording: Recording) -> Autopilot:
+def read_px4(recording: Recording) -> Autopilot:
     """Return what the parameters of a PX4 log say; empty for a log without parameters."""
     known = {
         key.removeprefix("param:"): value

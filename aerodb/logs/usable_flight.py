@@ -6,7 +6,8 @@ from dataclasses import replace
 from aerodb.conditioning import Suspicion, clock_suspicions, flag_unusable
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs.autopilot import read_autopilot, wingless_sentence
+from aerodb.logs.autopilot import wingless_sentence
+from aerodb.logs.autopilots import read_autopilot
 from aerodb.logs.completeness import airspeed_remedy
 from aerodb.logs.mapping import map_recording, with_mapped_clock
 from aerodb.logs.mapping_file import Mapping

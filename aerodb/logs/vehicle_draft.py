@@ -11,6 +11,7 @@ _RATES = (
     *("vehicle_angular_velocity", "vehicle_acceleration", "sensor_combined"),
     *("airspeed_validated", "airspeed", "vehicle_local_position", "vehicle_attitude"),
     *("actuator_servos", "actuator_controls_0", "airflow_aoa", "airflow_slip"),
+    *("IMU", "ATT", "ARSP", "BARO", "XKF1", "AETR", "RCOU"),
 )
 
 
@@ -34,7 +35,7 @@ def _said(recording: Recording, autopilot: Autopilot) -> list[str]:
         lines.append(f"Airframe: {autopilot.kind}.")
     if autopilot.airspeeds:
         shown = ", ".join(f"{k.lower()} {v:g}" for k, v in autopilot.airspeeds.items())
-        lines.append(f"Airspeeds of the autopilot [m/s]: {shown} (FW_AIRSPD_*).")
+        lines.append(f"Airspeeds of the autopilot [m/s]: {shown}.")
     lines += [f"{note}." for note in autopilot.notes]
     rates = [
         f"{topic} {1.0 / interval:.3g}"
@@ -49,7 +50,7 @@ def _said(recording: Recording, autopilot: Autopilot) -> list[str]:
 
 def _with_points(text: str, autopilot: Autopilot) -> str:
     for name, (x, y, z) in autopilot.points.items():
-        note = f"# EKF2_{name.upper()}_POS_*: {name} at {x:g}, {y:g}, {z:g} m from the CG\n"
+        note = f"# By the autopilot's parameters: {name} at {x:g}, {y:g}, {z:g} m from the CG\n"
         text = text.replace("[points]\n", f"[points]\n{note}")
     return text
 
@@ -58,7 +59,7 @@ def _surfaces(autopilot: Autopilot) -> str:
     head = (
         "# Surfaces as the autopilot commands them: deflection = offset + scale * command, then a\n"
         "# first-order lag. Measure limits and scale: 25 deg is a placeholder. Trailing edge down\n"
-        "# and left are positive here; PX4 commands up and right, hence the minus.\n"
+        "# and left are positive here; autopilots command up and right, hence the minus.\n"
     )
     parts = [_surface(surface) for surface in autopilot.surfaces]
     for name, kind, right, left in autopilot.combinations:

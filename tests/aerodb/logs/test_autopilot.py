@@ -112,3 +112,28 @@ def test_placeholders_are_named_until_they_are_filled_in():
     filled = text.replace('"1.0 m^2"', '"0.6 m^2"').replace("Ixx = 0.4", "Ixx = 0.41")
     assert placeholders(parse_vehicle(filled, "v")) == ("mass = 5 kg",)
     assert placeholders(parse_vehicle(filled.replace("5.0 kg", "3.6 kg"), "v")) == ()
+
+
+def ardupilot(firmware: str, **parameters: float) -> Recording:
+    known = {f"param:{name}": value for name, value in parameters.items()}
+    return Recording(
+        "a.bin", "dataflash", "0" * 64, 1, {}, {**known, "sys_name": firmware, "ver_sw": firmware}
+    )
+
+
+def test_ardupilot_names_its_kind_surfaces_airspeeds_and_positions() -> None:
+    servos = {"SERVO1_FUNCTION": 77.0, "SERVO2_FUNCTION": 78.0, "SERVO4_FUNCTION": 21.0}
+    speeds = {"AIRSPEED_CRUISE": 16.0, "TRIM_ARSPD_CM": 1200.0, "ARSPD_FBW_MIN": 9.0}
+    found = read_autopilot(ardupilot("ArduPlane", **servos, **speeds, INS_POS1_X=0.1))
+    assert found.kind == "fixed wing"
+    assert [(s.name, s.sign, s.stated) for s in found.surfaces] == [
+        ("aileron", -1, True),
+        ("elevator", -1, True),
+        ("rudder", -1, True),
+    ]
+    assert found.airspeeds == {"MIN": 9.0, "TRIM": 16.0}
+    assert found.points == {"imu": (0.1, 0.0, 0.0)}
+    text = draft_vehicle("plane", ardupilot("ArduPlane", **servos, **speeds), found)
+    assert set(parse_vehicle(text).surfaces) == {"aileron", "elevator", "rudder"}
+    assert not read_autopilot(ardupilot("ArduCopter")).has_wing
+    assert read_autopilot(ardupilot("")).surfaces == ()

@@ -1,0 +1,83 @@
+"""What an ArduPilot log says of its aircraft: kind, surfaces, airspeeds, positions of sensors.
+
+Parameters: ardupilot.org/plane, "Complete Parameter List" (SERVOn_FUNCTION, AIRSPEED_*,
+INS_POSn_*, GPS_POSn_*). Surfaces are those of the servos' functions, commanded as AETR logs them:
+about roll right, pitch up and yaw right, so that scales are negative where trailing edge down and
+left are positive.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from aerodb.logs.autopilot import Autopilot, LoggedSurface
+from aerodb.recording import Recording
+
+#: First word of the firmware's name -> kind of vehicle.
+_KINDS: Final = {
+    "ArduPlane": "fixed wing",
+    "ArduCopter": "multicopter",
+    "ArduRover": "rover",
+    "Rover": "rover",
+    "ArduSub": "submarine",
+}
+#: SERVOn_FUNCTION -> surfaces that its servo moves.
+_FUNCTIONS: Final = {
+    4: ("aileron",),
+    **dict.fromkeys((24, 25), ("aileron",)),
+    19: ("elevator",),
+    21: ("rudder",),
+    **dict.fromkeys((77, 78), ("elevator", "aileron")),
+    **dict.fromkeys((79, 80), ("elevator", "rudder")),
+}
+#: Airspeed -> its parameters, of this and of former firmware, and what a value of 1 is in m/s.
+_AIRSPEEDS: Final = {
+    "STALL": (("AIRSPEED_STALL", 1.0),),
+    "MIN": (("AIRSPEED_MIN", 1.0), ("ARSPD_FBW_MIN", 1.0)),
+    "TRIM": (("AIRSPEED_CRUISE", 1.0), ("TRIM_ARSPD_CM", 0.01)),
+    "MAX": (("AIRSPEED_MAX", 1.0), ("ARSPD_FBW_MAX", 1.0)),
+}
+_POSITIONS: Final = {"imu": ("INS_POS1",), "gps": ("GPS_POS1", "GPS1_POS")}
+
+
+def is_ardupilot(recording: Recording) -> bool:
+    """Return whether ArduPilot wrote a log."""
+    return recording.format == "dataflash"
+
+
+def read_ardupilot(recording: Recording) -> Autopilot:
+    """Return what the parameters of an ArduPilot log say; empty for a log without parameters."""
+    known = {
+        key.removeprefix("param:"): value
+        for key, value in recording.metadata.items()
+        if key.startswith("param:")
+    }
+    moved = {
+        surface
+        for k in range(1, 33)
+        for surface in _FUNCTIONS.get(int(known.get(f"SERVO{k}_FUNCTION", -1)), ())
+    }
+    names = [name for name in ("aileron", "elevator", "rudder") if name in moved]
+    firmware = str(recording.metadata.get("ver_sw", ""))
+    return Autopilot(
+        kind=_KINDS.get(str(recording.metadata.get("sys_name", "")), ""),
+        surfaces=tuple(LoggedSurface(name, -1, True) for name in names),
+        combinations=(),
+        airspeeds={
+            kind: float(known[name]) * size
+            for kind, parameters in _AIRSPEEDS.items()
+            for name, size in reversed(parameters)
+            if name in known
+        },
+        points=_points(known),
+        notes=(firmware,) if firmware else (),
+    )
+
+
+def _points(known: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
+    found = {}
+    for name, prefixes in _POSITIONS.items():
+        for prefix in prefixes:
+            x, y, z = (float(known.get(f"{prefix}_{axis}", 0.0)) for axis in "XYZ")
+            if (x, y, z) != (0.0, 0.0, 0.0):
+                found[name] = (x, y, z)
+    return found
