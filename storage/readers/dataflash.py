@@ -254,7 +254,8 @@ def _topics_of(records: _Records) -> Iterator[Topic]:
         instances = records.rows[records.instance].astype(np.int64)
     for number in np.unique(instances):
         rows = records.rows[instances == number]
-        fields, units = {}, {}
+        fields: dict[str, NDArray[Any]] = {}
+        units: dict[str, str] = {}
         for label, character in zip(labels[1:], records.format.characters[1:], strict=True):
             values = rows[label]
             if values.dtype.kind not in "iuf" or label == records.instance:
