@@ -1,4 +1,5 @@
 from .flows.library import (
+    Client,
     ComparedFlight,
     EvaluatedPoints,
     FittedModel,
@@ -23,6 +24,7 @@ from .flows.library import (
 __version__: str
 
 __all__ = [
+    "Client",
     "ComparedFlight",
     "EvaluatedPoints",
     "FittedModel",

@@ -1,3 +1,4 @@
+from .client import Client
 from .evaluation import EvaluatedPoints, evaluate
 from .fitting import FittedModel, fit
 from .flights import (
@@ -13,6 +14,7 @@ from .tracing import TracedFlights, trace
 from .workspaces import Version, Workspace, open_workspace
 
 __all__ = [
+    "Client",
     "ComparedFlight",
     "EvaluatedPoints",
     "FittedModel",
