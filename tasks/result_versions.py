@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 2,
     "update": 8,
     "gram": 11,
-    "close_loop": 27,
+    "close_loop": 28,
 }
 
 #: Names of versions that the product itself moves.

@@ -29,6 +29,7 @@ from .model_file import (
 )
 from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
 from .validation import (
+    NEAR_FLOOR,
     UNCHANGED,
     AxisValidation,
     HoldOut,
@@ -43,6 +44,7 @@ __all__ = [
     "CONTRADICTIONS",
     "FILE_CHECKS",
     "INCREMENT_AXES",
+    "NEAR_FLOOR",
     "UNCHANGED",
     "AxisSamples",
     "AxisUpdate",

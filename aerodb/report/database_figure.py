@@ -6,7 +6,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES, axis_description
-from aerodb.report.style import DATABASE, channel_scale, panel_grid, plain_panel
+from aerodb.report.style import (
+    DATABASE,
+    PAGE_WIDTH,
+    SMALLEST,
+    channel_scale,
+    panel_grid,
+    plain_panel,
+)
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, vary
 
@@ -21,8 +28,8 @@ _POINTS: Final = 161
 
 def database_figure(database: AeroDatabase) -> Figure:
     """Draw one panel per body axis, all other inputs neutral; dots are the tables' breakpoints."""
-    figure, panels = panel_grid((11, 5.6), 2, 3, between=(0.85, 0.7))
-    order = ("CX", "CZ", "Cm", "CY", "Cl", "Cn")
+    figure, panels = panel_grid((PAGE_WIDTH, 7.4), 3, 2, left=0.85, between=(0.85, 0.75))
+    order = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
     for panel, axis in zip(panels.ravel(), order, strict=True):
         _curve(panel, axis, _OVER[axis], database)
     return figure
@@ -36,7 +43,9 @@ def _curve(panel: Any, axis: str, variable: str, database: AeroDatabase) -> None
         values = database.predict(vary(point, {variable: where})).coefficients[axis]
         panel.plot(factor * where, values, color=DATABASE, **look)
     plain_panel(panel)
-    panel.set_title(axis_description(axis).partition(",")[0], fontsize=8, loc="left", color="0.35")
+    panel.set_title(
+        axis_description(axis).partition(",")[0], fontsize=SMALLEST, loc="left", color="0.35"
+    )
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 

@@ -10,6 +10,8 @@ from aerodb.nomenclature import AXES
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
+    PAGE_WIDTH,
+    SMALLEST,
     UPDATED,
     channel_scale,
     in_figure,
@@ -28,6 +30,8 @@ from aerodb.tables import (
 
 #: Most slices drawn on a page; `diff` lists every node.
 MAX_PANELS: Final = 12
+#: Panels of one figure of `diff_figures`: two side by side fill a page.
+_ON_A_PAGE, _COLUMNS = 6, 2
 _POINTS: Final = 241
 _CELLS_BEYOND: Final = 3.0
 
@@ -68,15 +72,40 @@ def diff_figure(
     flown : channel -> samples of the flights, drawn as a distribution along the lower edge.
     """
     increments = (*new_increments(after, before), *new_increments(before, after))
+    return _figure(list(_panels(before, after, increments)), increments, names, title, flown)
+
+
+def diff_figures(
+    before: AeroDatabase,
+    after: AeroDatabase,
+    names: tuple[str, str],
+    flown: Mapping[str, Array] | None = None,
+) -> list[Figure]:
+    """As `diff_figure`, on as many figures as fit a page each."""
+    increments = (*new_increments(after, before), *new_increments(before, after))
     panels = list(_panels(before, after, increments))
-    columns = min(3, max(1, len(panels)))
-    rows = max(1, -(-len(panels) // columns))
+    return [
+        _figure(panels[k : k + _ON_A_PAGE], increments, names, "", flown)
+        for k in range(0, max(1, len(panels)), _ON_A_PAGE)
+    ]
+
+
+def _figure(
+    panels: Sequence[_Panel],
+    increments: Sequence[Increment],
+    names: tuple[str, str],
+    title: str,
+    flown: Mapping[str, Array] | None,
+) -> Figure:
+    rows = max(1, -(-len(panels) // _COLUMNS))
     figure, grid = panel_grid(
-        (1.0 + 4.2 * columns, 1.0 + 3.0 * rows),
+        (PAGE_WIDTH, 0.9 + 2.7 * rows),
         rows,
-        columns,
+        _COLUMNS,
+        left=0.85,
+        right=0.1,
         top=0.75 if title else 0.3,
-        between=(0.85, 0.75),
+        between=(0.8, 0.75),
     )
     if title:
         figure.suptitle(title)
@@ -90,7 +119,7 @@ def diff_figure(
         if flown is not None and variable in flown:
             _coverage(space, variable, flown[variable], (at[0], at[-1]))
     if panels:
-        spaces[0].legend(fontsize=8, frameon=False)
+        spaces[0].legend(fontsize=SMALLEST, frameon=False)
     else:
         spaces[0].text(
             0.5, 0.5, f"{names[0]} and {names[1]} give the same coefficients", ha="center"
@@ -222,7 +251,9 @@ def _slice(
             "-", "−"
         )
     )
-    panel.set_title(f"largest change: {change}", loc="right", fontsize=7.5, color="0.35", pad=2)
+    panel.set_title(
+        f"largest change: {change}", loc="right", fontsize=SMALLEST, color="0.35", pad=2
+    )
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 

@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 from aerodb.report.page import render
 from aerodb.report.style import (
     FLIGHT,
+    PAGE_WIDTH,
+    SMALLEST,
     UPDATED,
     Picture,
     channel_scale,
@@ -22,6 +24,8 @@ from aerodb.support import Array
 _MOST: Final = 4
 #: Lags of an autocorrelation that are drawn.
 _LAGS: Final = 60
+#: Responses side by side.
+_COLUMNS: Final = 3
 
 #: Method -> record -> response -> time [s], fitted and residual, (n,) each.
 Response = tuple[Array, Array, Array]
@@ -66,12 +70,18 @@ def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Pictu
 
 
 def _figure(outputs: Mapping[str, Response]) -> Figure:
-    columns = max(1, len(outputs))
-    figure, panels = panel_grid((min(13.0, 1.5 + 2.6 * columns), 4.4), 2, columns)
-    panels = np.reshape(panels, (2, columns))
-    for k, (name, (time, fitted, residual)) in enumerate(outputs.items()):
+    """Responses of a record, three side by side: measured and fitted, and below the autocorrelation
+    of the residual."""
+    blocks = max(1, -(-len(outputs) // _COLUMNS))
+    figure, panels = panel_grid(
+        (PAGE_WIDTH, 0.5 + 3.6 * blocks), 2 * blocks, _COLUMNS, left=0.7, right=0.1
+    )
+    for panel in panels.ravel():
+        panel.set_visible(False)
+    for place, (name, (time, fitted, residual)) in enumerate(outputs.items()):
+        block, k = divmod(place, _COLUMNS)
         factor, label = channel_scale(name)
-        above, below = panels[0, k], panels[1, k]
+        above, below = panels[2 * block, k], panels[2 * block + 1, k]
         above.plot(time, factor * (fitted + residual), color=FLIGHT, lw=1.4, label="measured")
         above.plot(time, factor * fitted, color=UPDATED, lw=1.0, label="fitted")
         above.set_ylabel(label)
@@ -84,9 +94,10 @@ def _figure(outputs: Mapping[str, Response]) -> Figure:
         below.set_ylim(-1.05, 1.05)
         below.set_xlabel("lag [s]")
         for panel in (above, below):
+            panel.set_visible(True)
             plain_panel(panel)
     if outputs:
-        panels[0, 0].legend(fontsize=7, frameon=False)
+        panels[0, 0].legend(fontsize=SMALLEST, frameon=False)
     return figure
 
 

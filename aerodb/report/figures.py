@@ -9,12 +9,14 @@ from matplotlib.figure import Figure
 
 from aerodb.coefficients import Comparison
 from aerodb.estimation import rms
-from aerodb.nomenclature import axis_description
 from aerodb.report.decimation import extremes
+from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
     FLIGHT,
+    PAGE_WIDTH,
+    SMALLEST,
     UPDATED,
     in_figure,
     panel_grid,
@@ -25,8 +27,8 @@ from aerodb.support import Array
 #: Most points per curve: more than a print can show. Extremes are kept.
 MAX_POINTS: Final = 1600
 
-#: Number of letters of flight names that fit above the histories.
-_LETTERS: Final = 90
+#: Number of letters of flight names that fit above the histories, and fewest that say something.
+_LETTERS, _FEWEST_LETTERS = 52, 4
 
 
 def update_figure(
@@ -40,25 +42,27 @@ def update_figure(
 
     Parameters
     ----------
-    axes : a row each.
+    axes : a row each; four fill a page.
     before, after : flight id -> comparison; `after` is empty where nothing was updated. The flights
         are drawn one after another, as in 003, Fig. 5.
     labels : flight id -> display name.
     errors : whether to print the rms of the residuals.
     """
     figure, panels = panel_grid(
-        (11, 1.2 + 2.1 * len(axes)),
+        (PAGE_WIDTH, 1.0 + 2.0 * len(axes)),
         len(axes),
         2,
+        left=0.85,
+        right=0.1,
         top=0.55,
-        between=(0.3, 0.42),
+        between=(0.25, 0.42),
         width_ratios=(2, 1),
     )
     for row, axis in enumerate(axes):
         _time_history(panels[row][0], axis, before, after, labels, first=row == 0)
         _residuals(panels[row][1], axis, before, after, errors)
     handles, texts = panels[0][0].get_legend_handles_labels()
-    figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=3, frameon=False)
+    figure.legend(handles, texts, loc="upper right", fontsize=SMALLEST, ncols=3, frameon=False)
     panels[-1][0].set_xlabel("time, flights one after another [s]")
     panels[-1][1].set_xlabel("residual: flight - database [-]")
     return figure
@@ -107,12 +111,12 @@ def _time_history(
                 time, shown, color=colour, ls=look, lw=0.8, label=name if start == 0.0 else None
             )
         if first:
-            room = max(4, int(_LETTERS * (old.time[-1] - old.time[0]) / whole))
+            room = int(_LETTERS * (old.time[-1] - old.time[0]) / whole)
             panel.annotate(
-                in_figure(labels.get(flight, flight[:12]), room),
+                in_figure(labels.get(flight, flight[:12]), room) if room >= _FEWEST_LETTERS else "",
                 (start, 1.0),
                 xycoords=("data", "axes fraction"),
-                fontsize=8,
+                fontsize=SMALLEST,
                 va="bottom",
             )
         start += float(old.time[-1] - old.time[0])
@@ -137,7 +141,7 @@ def _residuals(
         return
     edges = np.histogram_bin_edges(np.concatenate([values for values, _, _ in sides]), bins=80)
     for values, colour, name in sides:
-        label = f"{name}: {rms(values):.2g} rms" if errors else name
+        label = f"{name}: {number(rms(values), 2)} rms" if errors else name
         panel.hist(
             values,
             bins=edges.tolist(),
@@ -148,7 +152,7 @@ def _residuals(
             label=label,
         )
     plain_panel(panel)
-    panel.set_title(axis_description(axis), fontsize=8, loc="left", color="0.35", pad=3)
     panel.set_yticks([])
-    panel.locator_params(axis="x", nbins=6)
-    panel.legend(fontsize=8, frameon=False)
+    panel.locator_params(axis="x", nbins=4)
+    panel.set_ylim(0.0, 1.4 * panel.get_ylim()[1])  # room for the legend
+    panel.legend(fontsize=SMALLEST, frameon=False, loc="upper left", borderaxespad=0.0)

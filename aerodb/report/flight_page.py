@@ -19,8 +19,9 @@ from aerodb.report.flight_figures import (
     segment_figure,
     shown_channels,
 )
-from aerodb.report.page import number, render
-from aerodb.report.style import Picture, for_people, picture
+from aerodb.report.numbers import for_people, number
+from aerodb.report.page import render
+from aerodb.report.style import Picture, picture
 from aerodb.tables import AeroDatabase
 
 _SAYS: Final = {

@@ -1,11 +1,15 @@
-"""The result of an update or a closed loop in one sentence, and the table of errors per axis."""
+"""The result of an update or a closed loop in two sentences (what was found, what stayed bad), and
+the table of errors per axis."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.increments import UNCHANGED
-from aerodb.nomenclature import AXES
+from aerodb.increments import NEAR_FLOOR, UNCHANGED
+from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.report.document import WITHIN_FLIGHTS
+from aerodb.report.glossary import effect_words, listed, the
+from aerodb.report.numbers import for_people, number
 from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
 
@@ -14,6 +18,9 @@ _WHOLE: Final = {
     "cross-validated": "with each flight predicted from the others",
     "not validated": "on the identification flights themselves, without validation",
 }
+
+#: Most findings that a sentence names.
+_MOST_NAMED: Final = 3
 
 
 def headline(document: Mapping[str, Any]) -> str:
@@ -29,12 +36,7 @@ def headline(document: Mapping[str, Any]) -> str:
         lacked = _lacked(added, asked_for)
         return f"{lacked}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
     if document["findings"]:
-        effects = listed(
-            [
-                f"{effect_words(entry)} ({entry['verdict'].replace('_', ' ')})"
-                for entry in document["findings"]
-            ]
-        )
+        effects = _named(document["findings"])
         if all(entry["verdict"] == "sensor" for entry in document["findings"]):
             return (
                 "Nothing was added to the database: the errors found are in the sensors,"
@@ -51,6 +53,100 @@ def headline(document: Mapping[str, Any]) -> str:
     )
 
 
+def what_stayed(document: Mapping[str, Any]) -> str:
+    """Sum up in one sentence what an update or a closed loop leaves: axes above their noise floor,
+    findings that did not enter, and hypotheses that these flights cannot decide."""
+    shown = shown_axes(document)
+    rows = [row for row in error_rows(document) if row["axis"] in shown and row["times_floor"]]
+    above = sorted(
+        (row for row in rows if row["times_floor"] > NEAR_FLOOR),
+        key=lambda row: -row["times_floor"],
+    )
+    clauses = []
+    if above:
+        worst = above[0]
+        first = (
+            f"{worst['axis']} {number(worst['times_floor'], 2)} times its noise floor"
+            f" ({number(worst['after'])} rms)"
+        )
+        rest = [f"{row['axis']} {number(row['times_floor'], 2)} times" for row in above[1:]]
+        clauses.append(listed([first, *rest]))
+    standing = [
+        finding
+        for finding in document["findings"]
+        if finding["hypothesis"] not in document.get("added", ())
+    ]
+    if standing and document.get("added"):
+        clauses.append(f"{_named(standing)} found but not added")
+    tested = document["not_found"]
+    undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
+    if undecided:
+        clauses.append(
+            f"{undecided} of {len(tested) + len(document['findings'])} hypotheses not decided by"
+            " these flights"
+        )
+    if clauses:
+        return f"What stayed bad: {'; '.join(clauses)}."
+    if not rows:
+        return "What stayed bad cannot be said: no axis has a noise floor to compare with."
+    return f"Nothing stayed bad: every axis is within {NEAR_FLOOR} times its noise floor."
+
+
+def excluded_sizes(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a hypothesis that was not found may still be, in display units: ``upper_bound`` and
+    ``minimum_detectable``, each None where it lies beyond every believable size and so says
+    nothing, ``believable`` (None in older documents, of which undecided hypotheses have no bound)
+    and ``unit``."""
+    factor, unit = for_people(entry["unit"])
+    believable = entry.get("believable")
+    if believable is not None:
+        most = max(map(abs, believable))
+    else:
+        most = math.inf if entry["verdict"] == "not_detected" else 0.0
+    sizes = {key: entry[key] for key in ("upper_bound", "minimum_detectable")}
+    return {
+        **{
+            key: factor * size if size is not None and size <= most else None
+            for key, size in sizes.items()
+        },
+        "believable": [factor * end for end in believable] if believable else None,
+        "unit": unit,
+    }
+
+
+def shown_axes(document: Mapping[str, Any]) -> list[str]:
+    """The axes in which a document is told: forces along the body axes or along the wind axes, as
+    its hypotheses and increments are written, and the moments. The other forces are the same ones
+    once more."""
+    changed = {entry["axis"] for entry in document["increments"]}
+    asked = [
+        *changed,
+        *(
+            axis
+            for entry in (*document["findings"], *document["not_found"])
+            for axis in entry["hypothesis"].partition("@")[2].partition(":")[0].split("+")
+        ),
+    ]
+    along_wind = sum(axis in WIND_AXES for axis in asked) > sum(
+        axis in FORCE_AXES for axis in asked
+    )
+    other = {*FORCE_AXES} if along_wind else {*WIND_AXES}
+    return [
+        axis
+        for axis in (*AXES, *WIND_AXES)
+        if axis in document["axes"] and (axis in changed or axis not in other)
+    ]
+
+
+def _named(findings: Sequence[Mapping[str, Any]]) -> str:
+    """The names of findings with their verdicts, the first `_MOST_NAMED` of them."""
+    names = [
+        f"{the(effect_words(entry))} ({entry['verdict'].replace('_', ' ')})" for entry in findings
+    ]
+    more = len(names) - _MOST_NAMED
+    return listed([*names[:_MOST_NAMED], f"{more} more"] if more > 1 else names)
+
+
 def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str:
     """Clause about the added effects; an unconfirmed one, added on request, is no stated fact, nor
     is what had to come with it."""
@@ -60,15 +156,12 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
     companions = [finding for finding in others if finding not in requested]
     clauses = []
     if proved:
-        gloss = f" ({added[0]['because'].partition(':')[0]})" if len(added) == 1 else ""
-        clauses.append(
-            f"The database lacked {listed([effect_words(finding) for finding in proved])}{gloss}"
-        )
+        clauses.append(f"The database lacked {_effects(proved)}")
     if requested:
         verdicts = listed(
             list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in requested))
         )
-        words = listed([effect_words(finding) for finding in requested])
+        words = _effects(requested)
         one = len(requested) == 1
         note = f"only {verdicts}, added because you asked for {'it' if one else 'them'}"
         clauses.append(
@@ -78,26 +171,14 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
         )
     if companions:
         clauses.append(
-            f"{listed([effect_words(finding) for finding in companions])} came along, beside which"
+            f"{_effects(companions)} came along, beside which"
             f" {'it was' if len(requested) == 1 else 'they were'} estimated"
         )
     return "; ".join(clauses)
 
 
-def effect_words(finding: Mapping[str, Any]) -> str:
-    """Describe a finding's effect, subject and axes in words."""
-    axes = "all axes" if len(finding["axis"]) == len(AXES) else ", ".join(finding["axis"])
-    subject = f" of {finding['subject'].replace('_', ' ')}" if finding["subject"] else ""
-    return f"{finding['effect'].replace('_', ' ')}{subject} on {axes}"
-
-
-def listed(entries: Sequence[str]) -> str:
-    """Join entries to a list in a sentence.
-
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
-    """
-    return entries[0] if len(entries) == 1 else f"{', '.join(entries[:-1])} and {entries[-1]}"
+def _effects(findings: Sequence[Mapping[str, Any]]) -> str:
+    return listed([the(effect_words(finding)) for finding in findings])
 
 
 def _worth(document: Mapping[str, Any]) -> str:
@@ -115,8 +196,8 @@ def _worth(document: Mapping[str, Any]) -> str:
     verb = "falls" if change > 0 else "rises"
     comma = "" if document["flights"]["held_out"] else ","
     sentence = (
-        f"{on_which(document)}{comma} the error of {best['axis']} {verb} from {best['before']:.3g}"
-        f" to {best['after']:.3g} rms ({100 * abs(change):.0f} %"
+        f"{on_which(document)}{comma} the error of {best['axis']} {verb} from"
+        f" {number(best['before'])} to {number(best['after'])} rms ({100 * abs(change):.0f} %"
         f" {'less' if change > 0 else 'more'})"
     )
     worse = [

@@ -13,15 +13,18 @@ import jinja2
 from markupsafe import Markup
 
 from aerodb.errors import InputError
+from aerodb.report.glossary import advice_words, channel_words, hypothesis_words, in_words
+from aerodb.report.head import Head
+from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, visible
+from aerodb.report.terms import term_name
 
-_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "measured": MEASURED}
 
 
-def render(template: str, **context: Any) -> str:
+def render(template: str, head: Head | None = None, **context: Any) -> str:
     """Render `template`, a file in this package's templates, to one self-contained HTML page."""
-    return _engine().get_template(template).render(**context)
+    return _engine().get_template(template).render(head=head, **context)
 
 
 @functools.cache
@@ -41,6 +44,12 @@ def _engine() -> jinja2.Environment:
         "instant": instant,
         "visible": visible,
         "sentence": sentence,
+        "in_words": in_words,
+        "advice_words": advice_words,
+        "channel_words": channel_words,
+        "hypothesis_words": hypothesis_words,
+        "capital": capital,
+        "term_name": term_name,
     }
     engine.globals["colours"] = _COLOURS
     return engine
@@ -64,23 +73,6 @@ def sentence(text: object) -> Markup:
     return name(str(text).replace("\n", "; "))
 
 
-def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
-    """Format a number with `digits` significant digits, a true minus sign and powers of ten.
-
-    None and non-finite values give a dash. zeros : keep trailing zeros.
-
-    >>> number(-0.00123456), number(None), number(1234.5), number(0.5, zeros=True), number(2.04e-5)
-    ('−0.00123', '–', '1234', '0.500', '2.04×10⁻⁵')
-    """
-    if value is None or not math.isfinite(value):
-        return "–"
-    size = abs(value)
-    if 10 ** (digits - 1) <= size < 1e6:
-        return f"{value:.0f}".replace("-", "−")
-    shown, _, power = f"{value:{'#' if zeros else ''}.{digits}g}".replace("-", "−").partition("e")
-    return f"{shown}×10{str(int(power.replace('−', '-'))).translate(_RAISED)}" if power else shown
-
-
 def share(value: float | None) -> str:
     """Format a share as a percentage; a dash for none."""
     return (
@@ -93,6 +85,11 @@ def share(value: float | None) -> str:
 def words(text: str) -> str:
     """An identifier as words: ``not_excited`` becomes ``not excited``."""
     return text.replace("_", " ")
+
+
+def capital(text: str) -> str:
+    """A sentence with a capital first letter."""
+    return text[:1].upper() + text[1:]
 
 
 def instant(when: datetime | None) -> str:

@@ -12,6 +12,9 @@ from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
     FLIGHT,
+    PAGE_HEIGHT,
+    PAGE_WIDTH,
+    SMALLEST,
     UPDATED,
     channel_scale,
     panel_grid,
@@ -94,9 +97,12 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
     """Draw the responses of a stretch over time: flight, version, baseline."""
     names = [name for name in _DRAWN if name in stretch.after]
     names += [name for name in stretch.after if name.startswith("delta_")]
-    columns = 5
+    columns = 3
     rows = max(1, -(-len(names) // columns))
-    figure, panels = panel_grid((13, 0.9 + 1.9 * rows), rows, columns, between=(0.75, 0.55))
+    height = min(1.75, (PAGE_HEIGHT - 0.5) / rows)
+    figure, panels = panel_grid(
+        (PAGE_WIDTH, 0.5 + height * rows), rows, columns, left=0.7, right=0.1, between=(0.7, 0.4)
+    )
     for panel, name in zip(panels.ravel(), names, strict=False):
         factor, label = channel_scale(name)
         time, simulated, flown = stretch.after[name]
@@ -117,7 +123,7 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     if names:
-        panels.ravel()[0].legend(fontsize=7, frameon=False)
+        panels.ravel()[0].legend(fontsize=SMALLEST, frameon=False)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 import base64
 import io
-import math
 import re
 import threading
 import unicodedata
@@ -17,6 +16,7 @@ from matplotlib.figure import Figure
 
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
+from aerodb.report.numbers import for_people
 
 #: Okabe & Ito's colours, which colour-blind readers can tell apart. Colours and line styles mean
 #: the same in every figure; line styles survive a print in black and white.
@@ -26,6 +26,12 @@ UPDATED: Final = "#0072B2"
 MEASURED: Final = "#9A9A9A"
 FLAGGED: Final = "#F3E3C3"
 DATABASE_LINE: Final = (0, (4, 1.5))
+
+#: Width and largest height [in] of a figure on A4 less its margins: a figure of this size is
+#: printed as it is, so that its type keeps its size.
+PAGE_WIDTH, PAGE_HEIGHT = 7.1, 9.2
+#: Smallest type of a figure [pt].
+SMALLEST: Final = 8
 
 #: Names longer than this are cut in figures; pages show them in full.
 LONGEST: Final = 28
@@ -159,18 +165,6 @@ def in_figure(text: str, most: int = LONGEST) -> str:
     shown = visible(text)
     shown = shown if len(shown) <= most else f"{shown[: most - 1]}…"
     return shown.replace("$", r"\$")
-
-
-def for_people(unit: str) -> tuple[float, str]:
-    """Factor and label of the display unit: degrees for radians, a dash without dimension.
-
-    >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
-    ['deg', 'deg/s', '-', 'm/s²', '1/rad']
-    """
-    shown = unit.replace("^2", "²").replace("^3", "³")
-    if unit == "rad" or unit.startswith("rad/"):
-        return math.degrees(1.0), shown.replace("rad", "deg", 1)
-    return 1.0, shown if unit not in ("", "1") else "-"
 
 
 def channel_scale(name: str) -> tuple[float, str]:

@@ -1,17 +1,22 @@
 """Figures of an update or a closed loop: errors, per-flight estimates and residuals."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from aerodb.coefficients import Comparison
+from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
     FLIGHT,
+    PAGE_HEIGHT,
+    PAGE_WIDTH,
+    SMALLEST,
     UPDATED,
     channel_scale,
     in_figure,
@@ -30,8 +35,11 @@ _SAMPLES: Final = 50_000
 #: Narrowest bin, as a share of the range between the 1 % and 99 % quantiles: in a narrower one, a
 #: spike is chance.
 _NARROWEST: Final = 1 / 30
+#: Height [in] of a line of the smallest type.
+_LINE: Final = 0.14
 _BAND: Final = (0.1, 0.5, 0.9)
-_MOST_AXES, _MOST_VARIABLES, _COLUMNS = 4, 10, 5
+#: Most variables, and how many of them stand side by side.
+_MOST_VARIABLES, _COLUMNS = 10, 4
 
 #: A variable that varies less than this counts as constant (SI: 0.3 deg, or non-dimensional).
 _MOVES: Final = 5e-3
@@ -43,7 +51,7 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     rows : axis, before, after, floor (rms, without dimension), and each, the errors before and
     after of single flights; an error that is None or zero is left out.
     """
-    figure = Figure(figsize=(8.5, 0.9 + 0.36 * max(1, len(rows))), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 0.9 + 0.36 * max(1, len(rows))), layout="constrained")
     panel = figure.subplots()
     looks: tuple[tuple[str, dict[str, Any]], ...] = (
         ("floor", {"marker": "|", "color": FLIGHT, "ms": 13, "mew": 1.5, "label": "noise floor"}),
@@ -94,12 +102,14 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panel.set_ylim(len(rows) - 0.4, -0.6)
     plain_panel(panel)
     panel.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    # powers as raised letters: Matplotlib's own are smaller than the smallest type
+    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
     panel.xaxis.set_minor_formatter(NullFormatter())
     panel.tick_params(axis="y", labelsize=9)
     panel.set_xlabel("rms of flight - model [-]")
     if rows:
         panel.legend(
-            fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99)
+            fontsize=SMALLEST, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99)
         )
     return figure
 
@@ -111,7 +121,8 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     name.
     """
     votes = finding["votes"]
-    figure = Figure(figsize=(7.5, 1.05 + 0.24 * (len(votes) + 1)), layout="constrained")
+    pitch = min(0.2, (PAGE_HEIGHT - 1.05) / (len(votes) + 1))
+    figure = Figure(figsize=(PAGE_WIDTH, 1.05 + pitch * (len(votes) + 1)), layout="constrained")
     panel = figure.subplots()
     factor, label = parameter_scale(finding["parameter"], finding["unit"])
     for k, vote in enumerate(votes):
@@ -125,7 +136,8 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     panel.axvspan(low, high, color=UPDATED, alpha=0.12, lw=0, zorder=0)
     panel.axvline(0.0, color="0.4", lw=0.8)
     names = [voter(vote["flight"], labels) for vote in votes]
-    panel.set_yticks([*range(len(votes)), place], [*names, "combined"])
+    every = math.ceil(_LINE / pitch)
+    panel.set_yticks([*range(0, len(votes), every), place], [*names[::every], "combined"])
     panel.set_ylim(len(votes) + 0.8, -0.7)
     plain_panel(panel)
     panel.grid(False, axis="y")
@@ -182,17 +194,19 @@ def residual_figure(
 
     before, after : flight id -> comparison, `after` empty where nothing was updated; channels :
     flight id -> name -> (n,); floors : axis -> rms of the noise, drawn as a grey band. A row per
-    axis, a column per variable; further rows where there are many.
+    axis, a column per variable; further rows for more than `_COLUMNS` variables. Six rows fill a
+    page.
     """
-    axes = list(axes)[:_MOST_AXES]
     blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
     rows = [(axis, block) for block in blocks for axis in axes]
     columns = max((len(block) for block in blocks), default=1)
     figure, panels = panel_grid(
-        (max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.8 * max(1, len(rows))),
+        (PAGE_WIDTH, 0.7 + 1.4 * max(1, len(rows))),
         max(1, len(rows)),
         columns,
-        between=(0.2, 0.45),
+        left=0.85,
+        right=0.15,
+        between=(0.15, 0.42),
         sharey="row",
     )
     for panel in panels.ravel():
@@ -211,11 +225,11 @@ def residual_figure(
             _left_over(panel, axis, name, (before, after), channels)
             panel.tick_params(labelbottom=axis == axes[-1])
             if axis == axes[-1]:
-                panel.set_xlabel(channel_scale(name)[1])
+                panel.set_xlabel(channel_scale(name)[1].removeprefix("delta_").replace("_", " "))
         row[0].set_ylabel(f"{axis}: flight - model [-]")
     if rows:
         handles, texts = panels[0][0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=3, frameon=False)
+        figure.legend(handles, texts, loc="upper right", fontsize=SMALLEST, ncols=3, frameon=False)
     return figure
 
 
@@ -293,7 +307,7 @@ def stall_figure(stalls: Sequence[Mapping[str, Any]], labels: Mapping[str, str])
     stalls : of the document. labels : flight (id) -> its name.
     """
     rows = len(stalls)
-    figure, panels = panel_grid((8.5, 0.75 + 2.9 * rows), rows, 2, between=(0.75, 0.75))
+    figure, panels = panel_grid((PAGE_WIDTH, 0.75 + 2.7 * rows), rows, 2, between=(0.7, 0.75))
     looks: tuple[tuple[str, dict[str, Any]], ...] = (
         ("measured", {"color": FLIGHT, "lw": 2.0, "label": "flight"}),
         ("before", {"color": DATABASE, "lw": 1.2, "ls": "--", "label": "database"}),
@@ -306,11 +320,13 @@ def stall_figure(stalls: Sequence[Mapping[str, Any]], labels: Mapping[str, str])
             over_time.plot(series["time"], series[name], **look)
         error = f"error {entry['before']['C_lift']:.2g} to {entry['held']['C_lift']:.2g}"
         title = in_figure(labels.get(entry["flight"], entry["flight"][:12]))
-        over_alpha.set_title(f"{title}: {error} (below {entry['band']:.2g} Hz)", fontsize=9)
+        over_alpha.set_title(
+            f"{title}: {error} (below {entry['band']:.2g} Hz)", fontsize=9, loc="left"
+        )
         over_alpha.set_xlabel("alpha [deg]")
         over_alpha.set_ylabel("C_lift")
         over_time.set_xlabel("time [s]")
         for panel in (over_alpha, over_time):
             plain_panel(panel)
-        over_time.legend(fontsize=8, frameon=False)
+        over_time.legend(fontsize=SMALLEST, frameon=False)
     return figure

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from aerodb.report.database_figure import database_figure
 from aerodb.report.diff_documents import diff_document
-from aerodb.report.diff_figures import diff_figure
+from aerodb.report.diff_figures import diff_figures
+from aerodb.report.head import Head
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Graph
 from aerodb.report.page import render
 from aerodb.report.response_page import response_scales
@@ -44,24 +45,25 @@ class UsedFlight:
 class VersionStory:
     """What there is to tell of a version.
 
-    moves : of names to it. flights : its own, not those of its ancestors. report : the document it
-    was made with; `headline` its sentence, empty for an imported one. responses : of
-    `summarise_responses`, if the version was flown.
+    moves : of names to it. flights : its own, not those of its ancestors. headline, stayed : the
+    two sentences of the document it was made with, empty for an imported one. head : where it
+    comes from. responses : of `summarise_responses`, if the version was flown.
     """
 
     id: str
     label: str
     vehicle: str
-    created: datetime
     content_sha256: str
     names: Sequence[str]
     stale: Sequence[str]
     headline: str
+    stayed: str
     moves: Sequence[NameMove]
     flights: Sequence[UsedFlight]
     database: AeroDatabase
     parent: tuple[str, AeroDatabase] | None
     graph: Graph
+    head: Head
     responses: Mapping[str, Any] | None = None
 
 
@@ -71,12 +73,15 @@ def version_report(story: VersionStory) -> str:
     if story.parent is not None:
         label, before = story.parent
         changes = diff_document(diff(before, story.database))
-        slices = picture(
-            diff_figure(before, story.database, (label, story.label), ""),
-            f"Slices through {label} and {story.label} on the axes that change.",
-            "Band: two standard errors of the increments. Title: the largest change ± two standard"
-            " errors, and where. Shaded: envelope of the identification flights.",
-        )
+        slices = [
+            picture(
+                figure,
+                f"Slices through {label} and {story.label} on the axes that change.",
+                "Band: two standard errors of the increments. Above: the largest change ± two"
+                " standard errors, and where. Shaded: envelope of the identification flights.",
+            )
+            for figure in diff_figures(before, story.database, (label, story.label))
+        ]
     else:
         curves = picture(
             database_figure(story.database),
@@ -87,6 +92,8 @@ def version_report(story: VersionStory) -> str:
         "version.html",
         title=f"{story.vehicle}: version {story.label}",
         story=story,
+        head=story.head,
+        stayed=story.stayed,
         changes=changes,
         nodes=[] if changes is None else [_table(entry) for entry in changes["nodes"]],
         slices=slices,

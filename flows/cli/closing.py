@@ -7,7 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.updates import say_axes, say_derivatives, say_flights
+from aerodb.flows.cli.updates import say_axes, say_derivatives, say_flights, say_result
 from aerodb.flows.cli.vehicles import read_text
 
 #: Largest number of hypotheses not found that is printed; `--json` lists them all.
@@ -102,8 +102,17 @@ def close_loop(
 
 
 def say_loop(session: Session, document: dict[str, Any]) -> None:
-    """Print a closed loop: findings with reasons, error before and after, open questions, next
-    flight."""
+    """Print a closed loop: the result in two sentences, findings with reasons, error before and
+    after, open questions, next flight."""
+    from aerodb.report import (
+        advice_words,
+        channel_words,
+        effect_words,
+        hypothesis_words,
+        in_words,
+    )
+
+    say_result(session, document)
     if document["candidate"]:
         session.say(
             f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
@@ -119,31 +128,35 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         session.say()
         mark = ", added" if finding["hypothesis"] in document["added"] else ""
         session.say(
-            f"{number}. {finding['hypothesis']}: {finding['verdict'].replace('_', ' ')}{mark}"
+            f"{number}. {effect_words(finding)}: {finding['verdict'].replace('_', ' ')}{mark}"
+            f" ({finding['hypothesis']})"
         )
-        session.say(f"   {finding['because']}.")
+        session.say(f"   {in_words(finding['because'])}.")
         rivals = finding["explanation_set"][1:]
         if rivals:
-            session.say(f"   equally good explanations: {', '.join(rivals)}")
+            session.say(f"   explains it as well: {', '.join(map(hypothesis_words, rivals))}")
         for rival, reason in list(finding.get("fallen", {}).items())[:3]:
-            session.say(f"   not {rival}: {reason}")
+            session.say(f"   not the {hypothesis_words(rival)}: {in_words(reason)}")
     for entry in document.get("between_flights", []):
         session.say()
-        session.say(f"differs between flights: {entry['hypothesis']} over {entry['condition']}")
-        session.say(f"   {entry['because']}.")
+        words = hypothesis_words(entry["hypothesis"])
+        session.say(f"differs between flights: {words} over {channel_words(entry['condition'])}")
+        session.say(f"   {in_words(entry['because'])}.")
     session.say()
     say_axes(session, document)
     say_derivatives(session, document.get("derivatives", []))
     _say_not_found(session, document["not_found"])
     for sentence in document["next_flight"]:
-        session.say(f"next flight: {sentence}")
+        session.say(f"next flight: {advice_words(sentence)}")
     for sentence in document["remarks"]:
-        session.say(f"- {sentence}")
+        session.say(f"- {in_words(sentence)}")
     session.say(f"report: {document['page']}")
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
     """Print hypotheses that were not found, each with its bound; undecidable ones first."""
+    from aerodb.report import excluded_sizes, hypothesis_words
+
     if not entries:
         return
     open_ones = [entry for entry in entries if entry["verdict"] != "not_detected"]
@@ -154,16 +167,16 @@ def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
         f" {len(open_ones)}"
     )
     session.table(
-        ["hypothesis", "verdict", "upper bound", "minimum detectable", "unit"],
+        ["effect", "verdict", "upper bound", "minimum detectable", "unit"],
         [
             [
-                e["hypothesis"],
+                hypothesis_words(e["hypothesis"]),
                 e["verdict"].replace("_", " "),
-                _size(e["upper_bound"]),
-                _size(e["minimum_detectable"]),
-                e["unit"],
+                *(_size(of) for of in (limits["upper_bound"], limits["minimum_detectable"])),
+                limits["unit"],
             ]
             for e in [*open_ones, *closed][:_LISTED]
+            for limits in [excluded_sizes(e)]
         ],
         numbers=(2, 3),
     )
@@ -172,4 +185,4 @@ def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
 
 
 def _size(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+    return "none" if value is None else f"{value:.3g}"

@@ -123,7 +123,11 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:
-    """Print an update: increments, the error before and after, and remarks."""
+    """Print an update: the result in two sentences, increments, the error before and after, and
+    remarks."""
+    from aerodb.report import in_words, term_name, term_unit
+
+    say_result(session, document)
     session.say(
         f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
         f" {document['baseline'][:12]}"
@@ -133,19 +137,33 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
         session.say()
         session.say(f"increment on {entry['axis']} (R2 {entry['r_squared']:.3f}):")
         session.table(
-            ["term", "value", "standard error", "VIF"],
+            ["term", "value", "standard error", "unit", "VIF"],
             [
-                [t["term"], f"{t['value']:.5g}", f"{t['standard_error']:.2g}", f"{t['vif']:.3g}"]
+                [
+                    term_name(t["term"]),
+                    f"{t['value']:.5g}",
+                    f"{t['standard_error']:.2g}",
+                    term_unit(t["term"]),
+                    f"{t['vif']:.3g}",
+                ]
                 for t in entry["terms"]
             ],
-            numbers=(1, 2, 3),
+            numbers=(1, 2, 4),
         )
     session.say()
     say_axes(session, document)
     say_derivatives(session, document.get("derivatives", []))
     for sentence in document["remarks"]:
-        session.say(f"- {sentence}")
+        session.say(f"- {in_words(sentence)}")
     session.say(f"report: {document['page']}")
+
+
+def say_result(session: Session, document: dict[str, Any]) -> None:
+    """Print the two sentences on top of a report: what was found, and what stayed bad."""
+    from aerodb.report import headline, what_stayed
+
+    session.say(headline(document))
+    session.say(what_stayed(document))
 
 
 def say_flights(session: Session, document: dict[str, Any]) -> None:

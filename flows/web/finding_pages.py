@@ -18,7 +18,18 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import Finding, answers
-from aerodb.report import MEANS, error_rows, headline
+from aerodb.report import (
+    MEANS,
+    advice_words,
+    error_rows,
+    excluded_sizes,
+    headline,
+    hypothesis_words,
+    in_words,
+    term_name,
+    term_unit,
+    what_stayed,
+)
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
@@ -62,7 +73,14 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
         found=document,
         headline=headline(document),
+        stayed=what_stayed(document),
         errors=error_rows(document),
+        in_words=in_words,
+        hypothesis_words=hypothesis_words,
+        advice_words=advice_words,
+        term_name=term_name,
+        term_unit=term_unit,
+        excluded_sizes=excluded_sizes,
         labels=labels_of(access, document),
         reference=reference_of(access, reference, vehicle),
         means=MEANS,

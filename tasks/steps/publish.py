@@ -81,6 +81,7 @@ def publish_candidate(
         **({} if plan.method == REGRESSION else {"method": plan.method}),
     }
     document["method"] = plan.method
+    document["by"] = user()
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
     version = add_version(
         access,
@@ -149,6 +150,7 @@ def publish_loop(
     )
     named = [*(entry.flight for entry in stalls), *(entry.flight for entry in beyond)]
     labels = access.catalogue.flight_labels(named)
+    document["by"] = user()
     document["derivatives"], refused = _derivatives(
         access, plan, loop.baseline, loop.candidate, run
     )

@@ -1,6 +1,7 @@
 """HTML reports of a flight, of an update or closed loop, and of a version."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,12 +10,13 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.report import Relative, headline, lineage_graph
+from aerodb.report import Head, Relative, headline, lineage_graph, what_stayed
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
 from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase, hat_rate
+from aerodb.tasks.page_head import head_of_result, head_of_version
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent
@@ -108,8 +110,32 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
         flight: _variables(_consistent(access, flight, run), databases[1]) for flight in shown
     }
     return update_report(
-        UpdateStory(document, labels, baseline, candidate, databases, before, after, channels)
+        UpdateStory(
+            document,
+            labels,
+            baseline,
+            candidate,
+            databases,
+            before,
+            after,
+            channels,
+            _head(access, reference, document, rows.get(document["candidate"])),
+        )
     )
+
+
+def _head(
+    access: WorkspaceAccess,
+    reference: str,
+    document: Mapping[str, Any],
+    candidate: VersionRow | None,
+) -> Head:
+    """Head of the page of an update or closed loop; candidate : the version that it made."""
+    if candidate is not None:
+        return head_of_version(access, candidate)
+    result = access.catalogue.result(reference)
+    assert result is not None
+    return head_of_result(access, result, document.get("by", ""))
 
 
 def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
@@ -153,11 +179,11 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             id=row.id,
             label=row.label,
             vehicle=row.vehicle,
-            created=row.created_utc,
             content_sha256=row.content_sha256,
             names=sorted(name for name, id in names.items() if id == row.id),
             stale=catalogue.stale(row.id),
             headline=headline(report) if "axes" in report else "",
+            stayed=what_stayed(report) if "axes" in report else "",
             moves=[
                 NameMove(m.at_utc, m.name, m.user, m.reason)
                 for m in catalogue.moves_to(row.vehicle, [row.id])
@@ -174,6 +200,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             database=database,
             parent=parent,
             graph=lineage_graph(_family(access, row, names), row.id),
+            head=head_of_version(access, row),
             responses=known_responses(
                 access, row.id, row.parent, [u.flight for u in roles if u.role == "held_out"]
             ),

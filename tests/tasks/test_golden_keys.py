@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "98cf4d514fc634f9", "9ddddc1b635ef5d7"),
     "compare": (2, "86304b28b497f997", "75ab953bf9aaf46f"),
     "gram": (11, "3e9fd9a183cec2f7", "d0b83ad7b0621ca0"),
-    "close_loop": (27, "c31cf4e947e90e86", "d3af299eab4e5a54"),
+    "close_loop": (28, "893332d9d4f18c03", "d3af299eab4e5a54"),
     "fly": (2, "b3a543f0601e1d34", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (2, "36dbe3bd271ff15b", "be09817f5df27dda"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tracing.decision.findings import Finding, Verdict
+from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
     CrossFlightTests,
@@ -237,6 +237,9 @@ def finding_of(
         value=value,
         ci95=ci95,
         p_adjusted=float(test.adjusted[index]),
+        test=MeanTest(
+            float(test.mean[index]), test.not_rejected(index), float(test.p_at([index])[0])
+        ),
         votes=reported_votes(tests, estimates, test, index),
         explanation_set=tuple(hypotheses[i].id for i in members),
         because=because,

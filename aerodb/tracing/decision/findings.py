@@ -47,11 +47,27 @@ class Vote:
 
 
 @dataclass(frozen=True)
+class MeanTest:
+    """The test of the mean of the votes against zero, SI.
+
+    p : of a mean of zero, of this hypothesis alone. ci95 : the means that it does not reject at
+    5 %; zero is outside if and only if p is below .05.
+    """
+
+    mean: float
+    ci95: tuple[float, float]
+    p: float
+
+
+@dataclass(frozen=True)
 class Finding:
     """One effect that the model lacks, or one sensor that is wrong.
 
-    hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI;
-    ci95 holds random and systematic parts. p_adjusted : over the whole library. votes : the
+    hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI,
+    as it would enter the database; ci95 holds random and systematic parts, and what the shape of
+    its term misses anywhere in the envelope, so that it can contain zero although the mean over the
+    flights is not zero. test : of that mean. p_adjusted : p of the test, adjusted over the whole
+    library. votes : the
     per-flight estimates. explanation_set : ids that explain it equally well, itself first. because
     : one plain sentence. fallen : id -> why that rival was rejected. refound : in how many of how
     many repetitions without some of the flights it was found again. held_out_share : share of the
@@ -75,6 +91,7 @@ class Finding:
     refound: tuple[int, int] = (0, 0)
     held_out_share: float = 0.0
     shape: Mapping[str, Any] | None = None
+    test: MeanTest | None = None
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON of docs/reference/contract.md."""
@@ -83,6 +100,17 @@ class Finding:
             "value": self.value,
             "ci95": list(self.ci95),
             "p_adjusted": self.p_adjusted,
+            **(
+                {}
+                if self.test is None
+                else {
+                    "test": {
+                        "mean": self.test.mean,
+                        "ci95": list(self.test.ci95),
+                        "p": self.test.p,
+                    }
+                }
+            ),
             "votes": [
                 {"flight": vote.flight, "value": vote.value, "se": vote.se} for vote in self.votes
             ],
@@ -106,7 +134,8 @@ class NotFound:
 
     upper_bound : larger values are excluded (95 %). minimum_detectable : size that would have been
     found with power .8. Both are None where the flights say nothing: no flight excites the
-    hypothesis, or it cannot be told from the others.
+    hypothesis, or it cannot be told from the others. believable : range of the parameter; an upper
+    bound beyond it excludes nothing.
     """
 
     hypothesis: str
@@ -118,6 +147,7 @@ class NotFound:
     unit: str
     upper_bound: float | None
     minimum_detectable: float | None
+    believable: tuple[float, float] | None = None
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON of docs/reference/contract.md."""
@@ -125,6 +155,7 @@ class NotFound:
             **_named(self),
             "upper_bound": self.upper_bound,
             "minimum_detectable": self.minimum_detectable,
+            **({} if self.believable is None else {"believable": list(self.believable)}),
         }
 
 

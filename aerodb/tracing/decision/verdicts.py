@@ -227,4 +227,5 @@ def _not_found(
         unit=hypothesis.unit,
         upper_bound=bound if np.isfinite(bound) else None,
         minimum_detectable=detectable if np.isfinite(detectable) else None,
+        believable=hypothesis.plausible,
     )

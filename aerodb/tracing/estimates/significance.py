@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
 from aerodb.support import Array, Mask
@@ -168,6 +169,35 @@ class Tested:
             np.hypot(stdtrit(self.dof[index], 0.975) * self.standard_error[index], systematic)
         )
         return float(self.mean[index]) - half, float(self.mean[index]) + half
+
+    def not_rejected(self, index: int) -> tuple[float, float]:
+        """Return the means that the test of one hypothesis does not reject at 5 %: zero is outside
+        if and only if its `p` is below .05.
+
+        The ends are the test solved for its null value, with the systematic bound on the side on
+        which it counts: an interval for an estimate of bounded bias (Armstrong & Kolesar,
+        Econometrica 86(2), 2018, section 3).
+        """
+        sensors, simex_bias = (float(part[0]) for part in self._biases_at([index]))
+        mean, error, dof = (float(of[index]) for of in (self.mean, self.standard_error, self.dof))
+        ends = [
+            mean + side * _half_width(sensors + max(0.0, -side * simex_bias), error, dof)
+            for side in (-1.0, 1.0)
+        ]
+        return ends[0], ends[1]
+
+
+def _half_width(systematic: float, error: float, dof: float) -> float:
+    """Distance from the mean at which the test with this systematic bound and standard error has p
+    = .05."""
+    if error <= 0.0:
+        return systematic
+    off, widest = systematic / error, systematic / error + float(stdtrit(dof, 0.975))
+
+    def excess(size: float) -> float:
+        return float(stdtr(dof, off - size) + stdtr(dof, -off - size)) - 0.05
+
+    return error * float(brentq(excess, 0.0, widest))
 
 
 def holm(p: Array, size: int) -> Array:

@@ -19,11 +19,14 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.run import run_flow
 from aerodb.increments.validation import AxisValidation, HoldOut
-from aerodb.report.headlines import error_rows, headline
+from aerodb.report.headlines import error_rows, headline, what_stayed
 from aerodb.report.loop_documents import loop_document
-from aerodb.report.page import number, pdf
+from aerodb.report.numbers import number
+from aerodb.report.page import pdf
 from aerodb.report.update_page import UpdateStory, update_report
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.actors import user
+from aerodb.tasks.provenance import code_version
 from aerodb.tasks.steps.compare import compare_with_version
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Vote
@@ -158,22 +161,42 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     tree = checked(written(workspace, "update", "candidate"))
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
     assert lead == headline(update)
+    assert tree.xpath("//p[@class='lead second']")[0].text_content() == what_stayed(update)
+    facts = {
+        term.text_content(): term.getnext().text_content()
+        for term in tree.xpath("(//dl[@class='facts'])[1]/dt")
+    }
+    made_by = access_workspace(str(workspace)).catalogue.version_of_id(update["candidate"])
+    assert facts["Date"] == f"{made_by.created_utc:%Y-%m-%d %H:%M} UTC"
+    assert (facts["Author"], facts["Workspace"]) == (user(), str(workspace))
+    assert facts["Program"] == f"aerodb {code_version()}"
     assert re.search(
         r"on 2 held-out flights the error of C[XZ] falls from [\d.]+ to [\d.]+ rms", lead
     )
-    rows = {row[0]: row for row in table(tree, "Error before and after")}
-    assert list(rows) == [axis for axis in rows if axis in update["axes"]]
+    rows = {row[0]: row for row in table(tree, "Error before and after") if len(row) > 1}
+    assert set(rows) == set(update["axes"])
     for axis, entry in update["axes"].items():
         assert rows[axis][1:3] == [
             number(entry[f"held_out_rms_{side}"], zeros=True) for side in ("before", "after")
         ]
         times = entry["held_out_rms_after"] / entry["noise_floor"] if entry["noise_floor"] else None
-        assert rows[axis][8] == number(times, 2, zeros=True)
+        assert rows[axis][4] == number(times, 2, zeros=True)
         assert rows[axis][-1] == entry["outcome"]
-    terms = {row[0]: row[1] for row in table(tree, "Estimated increments")}
     axis = update["increments"][0]
-    assert terms == {term["term"]: number(term["value"], 4) for term in axis["terms"]}
-    assert len(tree.xpath("//img")) == 4
+    assert [row[:6] for row in table(tree, "Estimated increments")] == [
+        [
+            "constant" if term["term"] == "1" else term["term"],
+            number(term["value"], 4),
+            number(term["standard_error"], 2),
+            *(number(end) for end in term["ci95"]),
+            {"alpha": "1/rad", "delta_elevator": "1/rad"}.get(term["term"], "-"),
+        ]
+        for term in axis["terms"]
+    ]
+    matrix = tree.xpath(f"//table[contains(caption, '{axis['axis']}: correlations')]//tbody/tr")
+    assert [cell.text_content() for cell in matrix[-1][1:]] == [
+        f"{value:.2f}".replace("-", "−") for value in axis["correlation"][-1]
+    ]
     file = Path(update["page"])
     assert (file.parent, file.suffix) == (
         workspace / "reports",
@@ -202,7 +225,9 @@ def test_the_page_of_a_version(made: tuple[Path, dict[str, Any]]) -> None:
     assert "4 identified, 2 held out" in boxes
     changed = {(row[1], row[2]) for row in table(tree, "Changes from v0001")}
     assert changed == {
-        (entry["axis"], term["term"]) for entry in update["increments"] for term in entry["terms"]
+        (entry["axis"], "constant" if term["term"] == "1" else term["term"])
+        for entry in update["increments"]
+        for term in entry["terms"]
     }
     imported = checked(written(workspace, "version", "v0001"))
     assert (
@@ -370,18 +395,17 @@ def test_the_page_of_a_loop_that_finds_nothing() -> None:
     )
     assert tree.xpath("//p[@class='lead']")[0].text_content() == headline(document)
     assert len(tree.xpath("//img")) == 1
-    assert table(tree, "Undecided hypotheses") == [
-        ["flap@CZ", "not excited", "CZ_flap", "1/rad", "–", "–"]
+    assert table(tree, "What these flights cannot decide") == [
+        ["effectiveness of the flap on CZ", "not excited", "none", "–", "", "1/rad"]
     ]
     excluded = tree.xpath("//details[contains(., 'Tested and not found (1)')]//tbody/tr")[0]
     assert [cell.text_content() for cell in excluded] == [
-        "alpha_bias@all",
-        "alpha_bias",
-        "deg",
+        "constant error of angle of attack",
         "0.573",
         "1.15",
+        "deg",
     ]
-    assert "move the flap on its own" in tree.xpath("//ul[@class='next']")[0].text_content()
+    assert "Move the flap on its own" in tree.xpath("//ul[@class='next']")[0].text_content()
 
 
 def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
@@ -389,13 +413,13 @@ def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
     tree = page_of(document)
     assert (
         headline(document)
-        == "Nothing was added to the database, because no single effect is confirmed; found: pitch"
-        " rate force on CX (alias group)."
+        == "Nothing was added to the database, because no single effect is confirmed; found: the"
+        " slope of CX with pitch rate (alias group)."
     )
-    assert "pitch rate force on CX alias group not added" in words_of(tree)
+    assert "1. Slope of CX with pitch rate alias group not added" in words_of(tree)
     assert (
-        tree.xpath("//dt[.='Equally good']/following-sibling::dd[1]")[0].text_content()
-        == "alpha_dot@CX"
+        tree.xpath("//dt[.='Explains it as well']/following-sibling::dd[1]")[0].text_content()
+        == "slope of CX with rate of angle of attack"
     )
     assert ["<b>mach_effect</b>", "explains less & less"] in [
         [cell.text_content() for cell in row]
@@ -421,7 +445,7 @@ def test_what_no_template_explains_is_told_with_its_variables() -> None:
     tree = page_of(loop([], [], [proof("CX", 0.02, 0.02)], (rest,)))
     words = words_of(tree)
     assert (
-        "unnamed on CX unnamed not added 30 % of CX follows <script>alpha</script> & no template"
+        "Error of CX that no effect of the library fits unnamed not added 30 % of CX follows <script>alpha</script> & no template"
         " fits." in words
     )
     assert len(tree.xpath("//img")) == 1, "there is no parameter, and no vote to draw"
@@ -433,8 +457,8 @@ def test_the_headline_hides_no_axis_that_became_worse() -> None:
     document = loop([one, other], [one, other], better)
     assert (
         headline(document)
-        == "The database lacked pitch rate force on CX and zero offset on CZ; with them, on 2"
-        " held-out flights the error of CX falls from 0.02 to 0.005 rms (75 % less)."
+        == "The database lacked the slope of CX with pitch rate and the constant part of CZ; with"
+        " them, on 2 held-out flights the error of CX falls from 0.02 to 0.005 rms (75 % less)."
     )
     worse = loop([one, other], [one, other], [proof("CX", 0.02, 0.005), proof("CZ", 0.01, 0.03)])
     assert headline(worse).endswith("(75 % less), but that of CZ rises.")

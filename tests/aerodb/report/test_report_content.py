@@ -29,7 +29,7 @@ from aerodb.report.flight_figures import (
 )
 from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
 from aerodb.report.headlines import headline
-from aerodb.report.page import number
+from aerodb.report.numbers import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
 from tests.aerodb.report.test_report import checked, found, loop, proof, table, words_of
@@ -202,27 +202,28 @@ def test_only_what_is_proved_is_told_as_a_fact() -> None:
     better = [proof("CX", 0.02, 0.005), proof("Cn", 0.01, 0.01)]
     only = headline({**loop([maybe], [maybe], better), "asked_for": ["beta_slope@Cn"]})
     assert only.startswith(
-        "The database may lack beta slope on Cn: only suspected, added because you asked for it;"
-        " with it,"
+        "The database may lack the slope of Cn with sideslip: only suspected, added because you"
+        " asked for it; with it,"
     )
     older = loop([sure, maybe], [sure, maybe], better)
     del older["asked_for"]
     both = headline(older)
     assert both.startswith(
-        "The database lacked pitch rate force on CX; beta slope on Cn is only suspected, added"
-        " because you asked for it; with"
+        "The database lacked the slope of CX with pitch rate; the slope of Cn with sideslip is only"
+        " suspected, added because you asked for it; with"
     )
     beside = {**loop([maybe, damping := found("roll_damping@Cl", verdict="suspected")],
                      [maybe, damping], better), "asked_for": ["beta_slope@Cn"]}  # fmt: skip
     assert headline(beside).startswith(
-        "The database may lack beta slope on Cn: only suspected, added because you asked for it;"
-        " roll damping on Cl came along, beside which it was estimated; with them,"
+        "The database may lack the slope of Cn with sideslip: only suspected, added because you"
+        " asked for it; the roll damping of Cl came along, beside which it was estimated; with"
+        " them,"
     )
     sensor = found("alpha_bias@all", verdict="sensor")
     assert (
         headline(loop([sensor], [], better))
-        == "Nothing was added to the database: the errors found are in the sensors, alpha bias on"
-        " all (sensor)."
+        == "Nothing was added to the database: the errors found are in the sensors, the"
+        " constant error of angle of attack (sensor)."
     )
 
 
@@ -250,7 +251,7 @@ def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
         " falls" in headline(document)
     )
     tree = checked(update_report(story(document, sides, flown)))
-    assert not [svg for svg in drawn(tree) if re.search(r"before: [\d.e-]+ rms", svg)], (
+    assert not [svg for svg in drawn(tree) if re.search(r"before: [\d.×⁰-⁹⁻¹²³-]+ rms", svg)], (
         "no number on other samples than the table's"
     )
     assert "They are optimistic" in words_of(tree)
@@ -277,8 +278,9 @@ def test_single_flights_stand_beside_all(flown: Flight, sides: Any) -> None:
     rows = tree.xpath("//details[contains(., 'Error of each flight')]//tbody/tr")
     cells = [[" ".join(cell.text_content().split()) for cell in row] for row in rows]
     assert cells == [
-        [f"flight {id[1]}", f"{number(first, 2)} → {number(last, 2)}"]
+        row
         for id, (first, last) in each.items()
+        for row in ([f"flight {id[1]}", "v0001", number(first, 2)], ["v0002", number(last, 2)])
     ]
     assert flight_errors("Cm", before) == {"f4": [None], "f5": [None]}, "an axis without data"
     blind = {"f4": replace(before["f4"], usable={"CZ": np.zeros(len(flown.time), dtype=bool)})}
@@ -312,7 +314,7 @@ def test_where_nothing_was_added_the_distance_is_drawn(flown: Flight, sides: Any
         "errors, residuals over variables, histories; no slices through two equal databases"
     )
     assert not [svg for svg in pictures if "updated database" in svg]
-    assert table(tree, "Error of the database")[1][8] == "60", "after / floor of CZ"
+    assert table(tree, "Error of the database")[1][4] == "60", "after / floor of CZ"
 
 
 def flight_story(flown: Flight, **other: Any) -> FlightStory:

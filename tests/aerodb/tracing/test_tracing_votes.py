@@ -280,3 +280,27 @@ def test_screening_by_p_without_a_systematic_bound_loses_nothing(
             assert np.array_equal(test.p_at([3, 1]), test.p[[3, 1]])
             found |= set(test.significant.tolist())
     assert found == {True, False}
+
+
+@pytest.mark.parametrize("terms", [(), (0,), (0, 1)])
+def test_the_interval_of_a_mean_leaves_out_zero_exactly_if_its_p_is_small(
+    made: Campaign, terms: tuple[int, ...]
+) -> None:
+    """For every hypothesis at many standard errors and sizes, systematic bounds included."""
+    tested = CrossFlightTests(made, tuple(range(7)), TracingSettings()).tested(terms, ())
+    places = [k for k in range(len(NAMES)) if tested.testable[k] and tested.standard_error[k] > 0.0]
+    outside = []
+    for size in (0.0, 0.3, 1.0, 3.0, 10.0):
+        for error in (0.2, 1.0, 5.0):
+            scaled = replace(
+                tested,
+                mean=size * tested.mean,
+                standard_error=error * tested.standard_error,
+            )
+            for k in places:
+                low, high = scaled.not_rejected(k)
+                assert low <= scaled.mean[k] <= high
+                outside.append(not low <= 0.0 <= high)
+                assert outside[-1] == (scaled.p_at([k])[0] < 0.05), (NAMES[k], size, error)
+    assert any(outside)
+    assert not all(outside)

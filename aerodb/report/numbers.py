@@ -1,0 +1,35 @@
+"""Numbers and units as text."""
+
+import math
+from typing import Final
+
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
+    """Format a number with `digits` significant digits, a true minus sign and powers of ten.
+
+    None and non-finite values give a dash. zeros : keep trailing zeros.
+
+    >>> number(-0.00123456), number(None), number(1234.5), number(0.5, zeros=True), number(2.04e-5)
+    ('−0.00123', '–', '1234', '0.500', '2.04×10⁻⁵')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    size = abs(value)
+    if 10 ** (digits - 1) <= size < 1e6:
+        return f"{value:.0f}".replace("-", "−")
+    shown, _, power = f"{value:{'#' if zeros else ''}.{digits}g}".replace("-", "−").partition("e")
+    return f"{shown}×10{str(int(power.replace('−', '-'))).translate(_RAISED)}" if power else shown
+
+
+def for_people(unit: str) -> tuple[float, str]:
+    """Factor and label of the display unit: degrees for radians, a dash without dimension.
+
+    >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
+    ['deg', 'deg/s', '-', 'm/s²', '1/rad']
+    """
+    shown = unit.replace("^2", "²").replace("^3", "³")
+    if unit == "rad" or unit.startswith("rad/"):
+        return math.degrees(1.0), shown.replace("rad", "deg", 1)
+    return 1.0, shown if unit not in ("", "1") else "-"

@@ -1,0 +1,123 @@
+"""Names and units of the terms of increments, which documents write as expressions."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import AeroError
+from aerodb.nomenclature import channel, is_surface
+from aerodb.report.glossary import listed
+from aerodb.tables import parse
+
+#: Longest expression that is shown as it is; a longer one is named by its variables.
+_LONGEST: Final = 40
+#: Most terms whose correlations are shown as a matrix; of more, the large ones are listed.
+_MATRIX: Final = 9
+_LARGE: Final = 0.5
+_AT: Final = re.compile(r"(?P<term>.+?)(?: over (?P<over>\w+))? at (?P<value>-?[\d.e+-]+)")
+_FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
+
+
+def term_name(text: str) -> str:
+    """The name of a term: short expressions as they are, long ones by their variables, values at
+    knots with their unit.
+
+    >>> term_name("alpha*q_hat"), term_name("1"), term_name("alpha at 0.0873")
+    ('alpha*q_hat', 'constant', 'alpha at 5 deg')
+    >>> term_name("clip(alpha - 0.1, 0, 0.05)*20*clip(delta_flap - 0.2, 0, 0.1)*10")
+    'piecewise linear in alpha and delta_flap'
+    """
+    knot = _AT.fullmatch(text)
+    if knot is not None:
+        variable = knot["over"] or knot["term"]
+        value, unit = float(knot["value"]), ""
+        if is_surface(variable) or variable in ("alpha", "beta"):
+            value, unit = math.degrees(value), " deg"
+        along = f" at {variable}" if knot["over"] else " at"
+        return f"{term_name(knot['term'])}{along} {value:.3g}{unit}"
+    if len(text) <= _LONGEST and "clip(" not in text:
+        return "constant" if text == "1" else text
+    try:
+        names = sorted(parse(text).names)
+    except AeroError:
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    kind = "piecewise linear in" if "clip(" in text else "function of"
+    return f"{kind} {listed(names)}" if names else text
+
+
+def term_unit(text: str) -> str:
+    """The unit of the coefficient of a term, for a coefficient without dimension; a question mark
+    where the expression is no product of powers of channels.
+
+    >>> [term_unit(text) for text in ("1", "alpha", "q_hat", "alpha^2", "alpha*delta_flap")]
+    ['-', '1/rad', '-', '1/rad²', '1/rad²']
+    >>> term_unit("alpha at 0.0873"), term_unit("V"), term_unit("exp(alpha)")
+    ('-', '1/(m/s)', '?')
+    """
+    knot = _AT.fullmatch(text)
+    if knot is not None:
+        return term_unit(knot["term"]) if knot["over"] else "-"
+    powers: dict[str, int] = {}
+    for part in text.replace(" ", "").split("*"):
+        found = _FACTOR.fullmatch(part)
+        if found is None:
+            try:
+                float(part)
+            except ValueError:
+                return "?"
+            continue
+        try:
+            unit = channel(found["name"]).unit
+        except AeroError:
+            return "?"
+        if unit not in ("", "1"):
+            powers[unit] = powers.get(unit, 0) + int(found["power"] or 1)
+    if not powers:
+        return "-"
+    raised = "".join(
+        f" {f'({unit})' if '/' in unit else unit}{'' if n == 1 else '²³⁴⁵⁶⁷⁸⁹'[n - 2]}"
+        for unit, n in powers.items()
+    ).strip()
+    return f"1/({raised})" if len(powers) > 1 else f"1/{raised}"
+
+
+def correlation_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> dict[str, Any]:
+    """Correlations of the estimates of an axis: the lower triangle as rows, or for many terms the
+    pairs above `_LARGE`, largest first. Empty for a single term.
+
+    matrix : (k, k).
+    """
+    if len(names) < 2:
+        return {}
+    values = np.asarray(matrix, dtype=np.float64)
+    if len(names) <= _MATRIX:
+        rows = [(name, values[k, : k + 1].tolist()) for k, name in enumerate(names)]
+        return {"rows": rows, "pairs": None}
+    pairs = [
+        (names[i], names[j], float(values[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(values[i, j]) >= _LARGE
+    ]
+    return {"rows": None, "pairs": sorted(pairs, key=lambda pair: -abs(pair[2])), "above": _LARGE}
+
+
+def estimates_of(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The estimated increments of an update's document, one entry per axis, with names, units and
+    correlations."""
+    return [
+        {
+            **entry,
+            "rows": [
+                {**term, "name": term_name(term["term"]), "unit": term_unit(term["term"])}
+                for term in entry["terms"]
+            ],
+            "correlations": correlation_rows(
+                [term_name(term["term"]) for term in entry["terms"]], entry["correlation"]
+            ),
+        }
+        for entry in document["increments"]
+    ]

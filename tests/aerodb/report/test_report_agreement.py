@@ -1,0 +1,168 @@
+"""What a report says is what the stored document holds: one name for each effect, no bound that
+bounds nothing, every changed axis, and type that can be read on paper."""
+
+import base64
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lxml import etree, html
+
+from aerodb.effects.library import TEMPLATES, hypotheses_for
+from aerodb.flight import Flight
+from aerodb.nomenclature import AXES
+from aerodb.report.estimates_page import estimates_report
+from aerodb.report.glossary import EFFECTS, advice_words, hypothesis_words, in_words
+from aerodb.report.headlines import excluded_sizes, shown_axes, what_stayed
+from aerodb.report.style import SMALLEST
+from aerodb.report.update_page import update_report
+from aerodb.tracing.decision.findings import MeanTest
+from tests.aerodb.effects.test_effects import phoenix
+from tests.aerodb.report.test_report import checked, found, loop, proof, words_of
+from tests.aerodb.report.test_report_content import story
+from tests.support import synthetic
+
+#: Width and height of A4 less the margins of the style, pt.
+PAPER = ((210.0 - 2 * 14.0) / 25.4 * 72.0, 235.0 / 25.4 * 72.0)
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return synthetic.flight(np.random.default_rng(1), seconds=20.0)
+
+
+@pytest.fixture(scope="module")
+def page(flight: Flight) -> Any:
+    """The page of a loop that changes all six axes, of two flights."""
+    rng, n = np.random.default_rng(5), len(flight.time)
+    before = {
+        id: synthetic.comparison(flight, {axis: 0.02 * rng.standard_normal(n) for axis in AXES})
+        for id in ("f4", "f5")
+    }
+    after = {
+        id: synthetic.comparison(flight, {axis: 0.01 * rng.standard_normal(n) for axis in AXES})
+        for id in before
+    }
+    findings = [
+        replace(
+            found(f"zero_offset@{axis}"),
+            ci95=(-0.4, 0.02),
+            test=MeanTest(-0.19, (-0.22, -0.16), 1e-6),
+            because=f"always there: {axis}_q = -0.19 over 4 flights; cannot be told from qbar_scale@all",
+        )
+        for axis in AXES
+    ]
+    document = loop(findings, findings, [proof(axis, 0.02, 0.01) for axis in AXES])
+    return update_report(story(document, (before, after), flight))
+
+
+def test_every_effect_of_the_library_has_a_name() -> None:
+    known = {template.effect for template in TEMPLATES} | {"unnamed"}
+    assert known <= set(EFFECTS)
+    names = {}
+    for each in hypotheses_for(*phoenix()):
+        name = hypothesis_words(each.id)
+        assert "@" not in name
+        assert "_" not in re.sub("C_(lift|drag|side)", "", name).replace(each.subject, "")
+        assert names.setdefault(name, each.id) == each.id, "two effects with one name"
+    assert len(names) > 50
+
+
+def test_sentences_have_names_for_ids_and_leave_settings_alone() -> None:
+    said = "table_sign@Cl:Clb or alpha_scale@all: excite delta_flap; state it as [measured.alpha_scale]"
+    assert advice_words(said) == (
+        "the sign or symmetry of table Clb of Cl or the scale of angle of attack: excite flap;"
+        " state it as [measured.alpha_scale]"
+    )
+    assert in_words("would need -5.15 1/rad^3") == "would need -5.15 1/rad³"
+    assert in_words("write to a@b.example, not CX") == "write to a@b.example, not CX"
+
+
+def test_a_bound_beyond_every_believable_size_is_none() -> None:
+    entry = {"verdict": "not_excited", "unit": "1/rad", "upper_bound": 4273.0}
+    entry |= {"minimum_detectable": 1.5, "believable": [-2.0, 1.0]}
+    sizes = excluded_sizes(entry)
+    assert (sizes["upper_bound"], sizes["minimum_detectable"]) == (None, 1.5)
+    assert excluded_sizes({**entry, "upper_bound": 1.9})["upper_bound"] == 1.9
+    older = {name: value for name, value in entry.items() if name != "believable"}
+    assert excluded_sizes(older)["upper_bound"] is None
+    degrees = excluded_sizes({**older, "unit": "rad", "verdict": "not_detected"})
+    assert degrees["minimum_detectable"] == pytest.approx(np.rad2deg(1.5))
+
+
+def test_what_stayed_bad_is_named() -> None:
+    better = [proof("CX", 0.02, 0.0011, noise_floor=0.001), proof("Cm", 0.02, 0.02)]
+    lag = found("alpha_delay@all", verdict="ambiguous_sensor")
+    said = what_stayed(loop([found(), lag], [found()], better))
+    assert said == (
+        "What stayed bad: Cm 20 times its noise floor (0.02 rms); the delay of angle of attack"
+        " (ambiguous sensor) found but not added; 1 of 4 hypotheses not decided by these flights."
+    )
+    clean = loop([found()], [found()], better[:1])
+    clean["not_found"] = clean["not_found"][:1]
+    assert what_stayed(clean).startswith("Nothing stayed bad: every axis is within 1.1 times")
+
+
+def test_forces_are_told_along_one_set_of_axes() -> None:
+    every = [proof(axis, 0.02, 0.01) for axis in (*AXES, "C_lift", "C_drag", "C_side")]
+    body = loop([found("alpha_slope@CZ")], [], every)
+    assert shown_axes(body) == list(AXES)
+    wind = loop([found(f"alpha_slope@{axis}") for axis in ("C_lift", "C_drag")], [], every)
+    wind["not_found"] = []
+    assert shown_axes(wind) == ["Cl", "Cm", "Cn", "C_drag", "C_side", "C_lift"]
+    declared = {**body, "increments": [{"axis": "C_drag"}]}
+    assert "C_drag" in shown_axes(declared)
+
+
+def test_every_changed_axis_is_drawn_where_the_text_says_so(page: str) -> None:
+    tree = checked(page)
+    left = tree.xpath("//h2[starts-with(., 'What is left')]/following-sibling::figure/img")
+    drawn = "".join(_svg(image) for image in left)
+    for axis in AXES:
+        assert f">{axis}: flight" in drawn
+        assert f">{axis} [-]<" in drawn
+    assert all(axis in left[0].get("alt") for axis in AXES)
+
+
+def test_an_interval_that_contradicts_its_test_says_why(page: str) -> None:
+    words = words_of(checked(page))
+    assert "mean of 4 estimates: −0.19 (95 %: −0.22 to −0.16), p = 1×10⁻⁶" in words
+    assert "The mean is not zero; the interval of the estimate contains zero because" in words
+    assert "Always there; cannot be told from the scale of dynamic pressure." in words
+
+
+def test_type_is_eight_points_or_larger_on_a4(page: str) -> None:
+    style = Path("aerodb/report/templates/style.css").read_text(encoding="utf-8")
+    root = float(re.search(r"@media print \{\s*(?:/\*.*?\*/\s*)?html \{ font-size: ([\d.]+)px",
+                           style, re.DOTALL)[1])  # fmt: skip
+    shares = [float(size) for size in re.findall(r"font(?:-size)?: ([\d.]+)rem", style)]
+    assert min(shares) * root * 0.75 >= SMALLEST
+    assert not re.search(r"font(?:-size)?: [\d.]+em", style), "sizes do not multiply"
+    estimates = {"believe": None, "methods": [{"method": "m", "assumes": [], "notes": []}]}
+    estimates |= {"parameters": [], "reasons": []}
+    fitted = {
+        name: (np.arange(50.0), np.zeros(50), np.ones(50)) for name in ("alpha", "q", "az", "theta")
+    }
+    pages = (page, estimates_report(estimates, {"m": {"r" * 16: fitted}}))
+    for text in pages:
+        images = html.document_fromstring(text).xpath("//img")
+        assert images
+        for image in images:
+            assert _smallest(_svg(image)) >= SMALLEST - 0.01, image.get("alt")
+
+
+def _svg(image: Any) -> str:
+    return base64.b64decode(image.get("src").partition(",")[2]).decode()
+
+
+def _smallest(svg: str) -> float:
+    """The smallest type of a figure as printed [pt]: shrunk to the paper, never enlarged."""
+    root = etree.fromstring(svg.encode())
+    width, height = (float(root.get(side).removesuffix("pt")) for side in ("width", "height"))
+    shrunk = min(1.0, PAPER[0] / width, PAPER[1] / height)
+    sizes = re.findall(r"font(?:-size)?: (?:[a-z]+ )?([\d.]+)px", svg)
+    assert sizes
+    return shrunk * min(map(float, sizes))
