@@ -1,6 +1,7 @@
 """Retry a quarantined log, a failed run, or the steps of a flight; stored results are reused."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from typing import Any, Final
 
 from aerodb.errors import InputError, UnknownNameError
@@ -34,6 +35,8 @@ _BODIES: Final[dict[str, Callable[..., Any]]] = {
 }
 #: Shortest prefix of an id; a shorter one is more likely a mistyped name.
 _SHORTEST: Final = 4
+#: Flights of each vehicle, the newest, among which proposals are looked for.
+_COMPARED: Final = 500
 
 
 def retry(
@@ -56,7 +59,9 @@ def retry(
         ]
         runs = [] if chosen else [each for each in failed if _means(reference, each.id)]
     if reference != "all" and not chosen and not runs:
-        return [_flight_again(access, reference, vehicle, run)]
+        known = [name for entry in entries for name in (entry.name, entry.key[:12])]
+        known += [each.id[:12] for each in failed]
+        return [_flight_again(access, reference, vehicle, run, known)]
     done = _logs_again(access, chosen, vehicle, run) if chosen or reference == "all" else []
     return done + [_run_again(each, run) for each in runs if each.flow != "sweep_flow" or not done]
 
@@ -115,13 +120,24 @@ def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
 
 
 def _flight_again(
-    access: WorkspaceAccess, reference: str, vehicle: str | None, run: Run
+    access: WorkspaceAccess,
+    reference: str,
+    vehicle: str | None,
+    run: Run,
+    known: Sequence[str],
 ) -> dict[str, Any]:
+    """Repeat the steps of a flight; known : what else could have been meant."""
     try:
         flight = access.catalogue.flight(reference, vehicle)
     except UnknownNameError as error:
         what = f"neither a log in quarantine, nor a failed run, nor a flight: '{reference[:80]}'"
-        raise UnknownNameError(what, remedy="aerodb status lists what can be retried") from error
+        rows = access.catalogue.vehicles()
+        newest = [f for row in rows for f in access.catalogue.newest_flights(row.name, _COMPARED)]
+        close = get_close_matches(reference[:128], ["all", *known, *(f.label for f in newest)])
+        remedy = "aerodb status lists what can be retried"
+        if close:
+            remedy = f"did you mean {' or '.join(map(repr, close))}? {remedy}"
+        raise UnknownNameError(what, "retry", remedy) from error
     document = run(again_flow, {"flight": flight.id})
     verdict = document["consistency"]["verdict"] if document["consistency"] else ""
     return {"what": flight.id, "kind": "flight", "outcome": "completed", "reason": verdict}

@@ -51,7 +51,7 @@ class WorkspaceAccess:
 
     def database(self, version: str) -> "AeroDatabase":
         """Return the database of a version (its full id)."""
-        return _database(self.catalogue.version_documents(version).content)
+        return database_from(self.catalogue.version_documents(version).content)
 
     def named(self, vehicle: str, name: str) -> str | None:
         """Return the id of the version that a name such as ``released`` points at; None if at
@@ -115,7 +115,8 @@ def _vehicle(text: str, where: str) -> Vehicle:
 
 
 @lru_cache(maxsize=4)
-def _database(content: str) -> "AeroDatabase":
+def database_from(content: str) -> "AeroDatabase":
+    """Return the database of a version's content, JSON text."""
     from aerodb.exchange import (
         from_document,
     )  # a second of imports that a look at what waits does not need

@@ -17,8 +17,10 @@ from .gate import (
     judge_import,
     judge_release,
     judge_rivals,
+    notes_on_release,
     sign_reasons,
 )
+from .held_out import UNCHANGED, held_out_error
 from .model_file import (
     CONSTANT,
     INCREMENT_AXES,
@@ -30,7 +32,6 @@ from .model_file import (
 from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
 from .validation import (
     NEAR_FLOOR,
-    UNCHANGED,
     AxisValidation,
     HoldOut,
     choose_hold_out,
@@ -68,12 +69,14 @@ __all__ = [
     "derivatives_document",
     "estimate_increments",
     "expand",
+    "held_out_error",
     "judge_contradictions",
     "judge_derivatives",
     "judge_import",
     "judge_release",
     "judge_rivals",
     "keep_slope_signs",
+    "notes_on_release",
     "parse_model_file",
     "sign_reasons",
     "validate_by_leaving_one_out",

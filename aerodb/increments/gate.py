@@ -10,8 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.increments.validation import UNCHANGED
-from aerodb.nomenclature import AXES
+from aerodb.increments.held_out import UNCHANGED, pooled, validated
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_changes
 
 #: Fraction of an error below which a change is rounding.
@@ -22,6 +21,14 @@ CONTRADICTIONS: Final = "contradictions"
 _LISTED: Final = 4
 #: Under this word a person accepts an import whose file fails its own check cases.
 FILE_CHECKS: Final = "file_checks"
+
+
+#: Verdicts of findings that leave open what it is, in words.
+_OPEN: Final = {
+    "suspected": "only suspected",
+    "alias_group": "only suspected, as one of several effects that these flights cannot tell apart",
+    "ambiguous_sensor": "only suspected: an effect, or an error of a sensor",
+}
 
 
 @dataclass(frozen=True)
@@ -80,6 +87,7 @@ def judge_release(
     check_cases: Sequence[CheckCase],
     axes: Mapping[str, Mapping[str, Any]],
     within_flights: bool = False,
+    cross_validated: bool = False,
 ) -> Verdict:
     """Judge whether `candidate` may replace `baseline`, the database that is released now.
 
@@ -90,18 +98,51 @@ def judge_release(
     axes : from the version's report, axis -> errors before and after (`aerodb.report.document`).
     within_flights : whether these errors are those of parts of the flights that identified, which
         show nothing of another flight.
+    cross_validated : whether they are those of each flight left out in turn: the check is then not
+        called one of held-out flights.
     """
+    error = "excess error of each flight left out in turn falls (not held out)"
     return Verdict(
         (
             Check("parent is the released version", _parent(standing)),
             Check("not stale", standing.stale),
             Check("content as stored", _content(standing)),
             Check("check cases", _check_cases(candidate, check_cases)),
-            Check("excess held-out error falls", _excess(axes, within_flights)),
+            Check(
+                error if cross_validated else "excess held-out error falls",
+                _excess(axes, within_flights),
+            ),
             Check("no axis worse than its repeatability", _repeatability(axes)),
             Check("no new sign change outside the data", sign_reasons(baseline, candidate)),
         )
     )
+
+
+def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what a person should know beside the verdict: what was not held out, and what is only
+    suspected.
+
+    report : of the version (docs/reference/contract.md); that of an import has no ``axes``.
+    """
+    if "axes" not in report:
+        return ("not held out: an import comes without flights",)
+    notes, axes = [], report["axes"]
+    if report.get("validation", {}).get("kind") == "cross-validated":
+        notes.append(
+            "not held out: each flight was predicted from all others in turn (cross-validated), and"
+            " all of them identified the version"
+        )
+    lacking = [axis for axis, entry in axes.items() if entry.get("held_out_rms_after") is None]
+    if lacking:
+        notes.append(f"not held out: {', '.join(lacking)}; no held-out flight measures them")
+    for finding in report.get("findings", ()):
+        if finding["verdict"] in _OPEN:
+            added = finding["hypothesis"] in report.get("asked_for", ())
+            notes.append(
+                f"{_OPEN[finding['verdict']]}: {finding['hypothesis']}"
+                f"{', added because you asked for it' if added else ', not added'}"
+            )
+    return tuple(notes)
 
 
 def judge_import(
@@ -217,32 +258,28 @@ def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[s
 def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tuple[str, ...]:
     """Whether the error beyond the noise floor falls: pooled over the body axes in units of each
     axis's floor, and on one of them at least by more than the fraction `UNCHANGED`."""
-    validated = {
-        axis: axes[axis]
-        for axis in AXES
-        if axis in axes and axes[axis].get("excess_before") is not None
-    }
-    if not validated:
-        return ("no flight was held out: nothing shows that the error falls",)
+    entries = validated(axes)
+    if not entries:
+        return ("not held out: no flight was, so nothing shows that the error falls",)
     if within_flights:
         return (
             (
-                "no flight was held out, only parts of the flights that identified it: fly at least"
-                " one more"
+                "not held out: only parts of the flights that identified it were predicted from the"
+                " rest; fly at least one more"
             ),
         )
-    before = _pooled(validated, "excess_before")
-    after = _pooled(validated, "excess_after")
+    before = pooled(entries, "excess_before")
+    after = pooled(entries, "excess_after")
     if after < before * (1.0 - _ROUNDING):
         if any(
             entry["excess_after"] < (1.0 - UNCHANGED) * entry["excess_before"]
-            for entry in validated.values()
+            for entry in entries.values()
         ):
             return ()
         return (f"on no axis does the excess error on held-out flights fall by {UNCHANGED:.0%}",)
     grown = ", ".join(
         f"{axis} {entry['excess_before']:.3g} to {entry['excess_after']:.3g}"
-        for axis, entry in validated.items()
+        for axis, entry in entries.items()
         if entry["excess_after"] >= entry["excess_before"]
     )
     return (
@@ -250,19 +287,6 @@ def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tupl
             f"the excess error on held-out flights goes from {before:.4g} to {after:.4g} noise"
             f" floors ({grown})"
         ),
-    )
-
-
-def _pooled(axes: Mapping[str, Mapping[str, Any]], key: str) -> float:
-    """Root mean square over axes, each in units of its noise floor, or of its error before where
-    no floor is known."""
-    units = [entry["noise_floor"] or entry["held_out_rms_before"] or 1.0 for entry in axes.values()]
-    return float(
-        np.sqrt(
-            np.mean(
-                [(entry[key] / unit) ** 2 for entry, unit in zip(axes.values(), units, strict=True)]
-            )
-        )
     )
 
 

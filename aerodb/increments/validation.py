@@ -12,6 +12,7 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation import Theil, rms, theil
+from aerodb.increments.held_out import UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
 
@@ -25,8 +26,6 @@ FEWEST_FOR_HOLD_OUT = 5
 
 #: An error within this factor of the noise floor is at the noise floor.
 NEAR_FLOOR = 1.1
-#: An error that changed by less than this fraction counts as unchanged.
-UNCHANGED = 0.01
 #: Part of the samples in which what is added is less than this part of its largest value, where
 #: flights are flown without it.
 _NIL = 0.1

@@ -11,7 +11,7 @@ SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "Flights": ("flight", "calibration", "recalibrate", "estimate", "estimate-online"),
     "Databases and versions": ("database", "version", "update", "close-loop", "derivatives"),
     "Reports and console": ("report", "web", "status"),
-    "Service": ("serve", "nightly", "retry", "store", "user"),
+    "Service": ("serve", "nightly", "retry", "dismiss", "store", "user"),
     "Upkeep": ("verify", "backup", "restore"),
 }
 #: Options of the program that are also taken behind a command.

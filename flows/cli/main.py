@@ -84,7 +84,7 @@ app.command("derivatives")(derivatives.derivatives)
 app.command("estimate-online")(estimating_online.estimate_online)
 app.command("close-loop")(closing.close_loop)
 app.command("recalibrate")(calibrations.recalibrate)
-for command in (serving.serve, serving.nightly, serving.status, serving.retry):
+for command in (serving.serve, serving.nightly, serving.status, serving.retry, serving.dismiss):
     app.command(command.__name__)(command)
 app.command("web")(web.web)
 app.command("demo")(demonstration.demo)

@@ -46,6 +46,8 @@ def promote(
     if document["moved"]:
         for check in document["checks"]:
             session.say(f"passed: {check}")
+        for note in document["notes"]:
+            session.say(note)
         _say_move(session, document)
         say_derivatives(session, document["derivatives"])
     else:

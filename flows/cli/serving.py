@@ -176,6 +176,23 @@ def _say_runs(session: Session, runs: list[dict[str, Any]]) -> None:
     session.table(["run", "flow", "state", "started", "why"], rows)
 
 
+def dismiss(
+    context: typer.Context,
+    run: Annotated[str, typer.Argument(help="A failed run: its id, or the first digits of it.")],
+    reason: Annotated[str, typer.Option(help="Why nothing more is to be done; it is stored.")],
+) -> None:
+    """Dismiss a failed run: status no longer lists it, and `retry all` leaves it.
+
+    Example: aerodb dismiss 1a2b3c4d --reason "disk replaced, logs ingested by hand"
+    """
+    from aerodb.tasks.steps import dismiss as dismiss_run
+
+    session: Session = context.obj
+    document = dismiss_run(_access(session), run, reason)
+    session.say(f"run {document['run'][:12]} ({document['flow']}) dismissed: {reason}")
+    session.answer(document)
+
+
 def retry(
     context: typer.Context,
     what: Annotated[

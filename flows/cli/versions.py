@@ -9,6 +9,9 @@ from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aerodb.storage.catalogue import Catalogue, NameEvent, NoteKind, NoteRow
     from aerodb.tables import AeroDatabase
 
 app = typer.Typer(
@@ -25,41 +28,140 @@ All = Annotated[bool, typer.Option("--all", help="All entries.")]
 
 @app.command("list")
 def list_versions(
-    context: typer.Context, vehicle: Vehicle = None, limit: Limit = 50, everything: All = False
+    context: typer.Context,
+    vehicle: Vehicle = None,
+    limit: Limit = 50,
+    everything: All = False,
+    search: Annotated[
+        str | None,
+        typer.Option(
+            help="Only versions with these words: names, tags, comments, findings, dates."
+        ),
+    ] = None,
 ) -> None:
     """List versions, oldest first: the newest 50, more with --limit or --all.
 
-    Example: aerodb version list --vehicle my-glider
+    Example: aerodb version list --vehicle my-glider --search "flight-tested"
     """
     from aerodb.tasks.references import vehicle_of
-    from aerodb.tasks.view import versions_document
+    from aerodb.tasks.view import (
+        findings_words,
+        flights_words,
+        held_out_words,
+        matching,
+        versions_document,
+    )
 
     session: Session = context.obj
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
-    rows = catalogue.versions(owner, None if everything else limit)
+    rows = catalogue.versions(owner, None if everything or search else limit)
     documents = versions_document(catalogue, owner, rows)
+    if search:
+        documents = matching(documents, search)[None if everything else -limit :]
+    shown = {document["version"] for document in documents}
     parents = catalogue.versions_by_id(
-        {row.parent for row in rows if row.parent} - {row.id for row in rows}
+        {row.parent for row in rows if row.parent and row.id in shown} - {row.id for row in rows}
     )
     labels = {row.id: row.label for row in (*rows, *parents.values())}
     session.table(
-        ["version", "id", "parent", "made", "names"],
+        [
+            "version",
+            "id",
+            "parent",
+            "made",
+            "names",
+            "held-out error",
+            "flights",
+            "findings",
+            "notes",
+        ],
         [
             [
-                r.label,
-                r.id[:12],
-                labels.get(r.parent or "", ""),
-                f"{r.created_utc:%Y-%m-%d %H:%M}",
-                ", ".join(document["names"]),
+                each["label"],
+                each["version"][:12],
+                labels.get(each["parent"] or "", ""),
+                f"{each['created_utc'][:16].replace('T', ' ')}",
+                ", ".join(each["names"]),
+                held_out_words(each["held_out"]),
+                flights_words(each["flights"]),
+                findings_words(each),
+                _notes_words(each),
             ]
-            for r, document in zip(rows, documents, strict=True)
+            for each in documents
         ],
     )
-    earlier = catalogue.count_versions(owner) - len(rows)
+    if any(each["held_out"]["after"] is not None for each in documents):
+        session.say("held-out error: rms before and after on flights that did not identify it")
+    earlier = 0 if search else catalogue.count_versions(owner) - len(rows)
     if earlier:
         session.say(f"{earlier} earlier entries: --limit N or --all")
     session.answer(documents)
+
+
+def _notes_words(document: dict[str, Any]) -> str:
+    comments = document["comments"]
+    last = comments[-1]["text"].splitlines()[0] if comments else ""
+    last = last if len(last) <= 40 else f"{last[:39]}…"
+    count = f" ({len(comments)} comments)" if len(comments) > 1 else ""
+    return "; ".join(
+        [*(f"#{tag}" for tag in document["tags"]), *([f"{last}{count}"] if last else [])]
+    )
+
+
+@app.command()
+def tag(
+    context: typer.Context,
+    version: str,
+    tags: Annotated[
+        list[str], typer.Argument(metavar="TAG...", help="Tags, such as flight-tested.")
+    ],
+    remove: Annotated[bool, typer.Option("--remove", help="Take the tags away.")] = False,
+    vehicle: Vehicle = None,
+) -> None:
+    """Tag a version, or take tags away; each is an event that stays in the history.
+
+    Example: aerodb version tag v0003 flight-tested
+    """
+    _note(context, version, vehicle, [("untag" if remove else "tag", each) for each in tags])
+
+
+@app.command()
+def comment(
+    context: typer.Context,
+    version: str,
+    text: Annotated[str, typer.Argument(help="What to note about it.")],
+    vehicle: Vehicle = None,
+) -> None:
+    """Comment on a version; the comment stays in the history, with its author.
+
+    Example: aerodb version comment v0003 "roll damping agrees with the tunnel"
+    """
+    _note(context, version, vehicle, [("comment", text)])
+
+
+def _note(
+    context: typer.Context,
+    version: str,
+    vehicle: str | None,
+    notes: "list[tuple[NoteKind, str]]",
+) -> None:
+    from aerodb.tasks.references import version_of
+    from aerodb.tasks.steps import note_version
+    from aerodb.tasks.workspace_access import WorkspaceAccess
+
+    session: Session = context.obj
+    access = WorkspaceAccess(session.workspace(), session.catalogue())
+    row = version_of(access.catalogue, version, vehicle)
+    document: dict[str, Any] = {}
+    for kind, text in notes:
+        document = note_version(access, row, kind, text)
+    comments = len(document["comments"])
+    session.say(
+        f"{row.label} of {row.vehicle}: tags {', '.join(document['tags']) or 'none'};"
+        f" {comments} comment{'' if comments == 1 else 's'}"
+    )
+    session.answer(document)
 
 
 @app.command()
@@ -96,6 +198,10 @@ def show(
     )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")
+    if document["tags"]:
+        session.say(f"tags: {', '.join(document['tags'])}")
+    for each in document["comments"]:
+        session.say(f"{each['at_utc'][:10]} {each['user']}: {each['text']}")
     if checks := document["report"].get("file_checks"):
         session.say(("" if checks["passed"] else "WARNING: ") + checks["sentence"])
     database, folds = _consolidated(session, database) if consolidated else (database, {})
@@ -123,7 +229,8 @@ def history(
     everything: All = False,
     name: OneName = None,
 ) -> None:
-    """Show the moves of names: when, what, by whom, why. The newest 50; more with --limit or --all.
+    """Show moves of names, tags and comments: when, what, by whom, why. The newest 50 moves; more
+    with --limit or --all.
 
     Example: aerodb version history --name released
     """
@@ -134,25 +241,37 @@ def history(
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
     events = catalogue.name_history(owner, name, None if everything else limit)
+    document = history_document(events, [] if name else _notes_since(catalogue, owner, events))
     versions = catalogue.versions_by_id(
-        {id for e in events for id in (e.version, e.previous) if id}
+        {id for each in document for id in (each["to"], each["from"]) if id}
     )
     labels = {id: row.label for id, row in versions.items()}
     session.table(
         ["when", "name", "to", "from", "by", "why"],
         [
             [
-                f"{e.at_utc:%Y-%m-%d %H:%M}",
-                e.name,
-                labels[e.version],
-                labels.get(e.previous or "", ""),
-                e.user,
-                e.reason,
+                f"{each['at_utc'][:16].replace('T', ' ')}",
+                each["name"] or f"({each['note']})",
+                labels[each["to"]],
+                labels.get(each["from"] or "", ""),
+                each["user"],
+                each["reason"],
             ]
-            for e in events
+            for each in document
         ],
     )
-    session.answer(history_document(events))
+    session.answer(document)
+
+
+def _notes_since(
+    catalogue: "Catalogue", vehicle: str, events: "Sequence[NameEvent]"
+) -> "list[NoteRow]":
+    """Notes on a vehicle's versions that are not older than the first of these moves."""
+    notes = catalogue.notes_of([row.id for row in catalogue.versions(vehicle)])
+    first = events[0].at_utc if events else None
+    return [
+        note for each in notes.values() for note in each if first is None or note.at_utc >= first
+    ]
 
 
 @app.command()

@@ -22,6 +22,9 @@ from aerodb.flows.web import (
     change_pages as changes,
 )
 from aerodb.flows.web import (
+    compare_pages as compare,
+)
+from aerodb.flows.web import (
     finding_pages as findings,
 )
 from aerodb.flows.web import (
@@ -84,7 +87,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
         responses=REFUSALS,
     )
     app.state.console = Console(root.absolute(), guard)
-    for part in (overview, flights, versions, lineage, findings, work, changes):
+    for part in (overview, flights, versions, compare, lineage, findings, work, changes):
         app.include_router(part.router)
     app.add_api_route("/static/report.css", _report_style, include_in_schema=False)
     for name in _PLOTTING:

@@ -1,13 +1,13 @@
 """Changes: promote a version and roll back a name, with a confirmation page and the gate's
 answer."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Header, Request
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.flows.release import promote_flow, roll_back_flow
@@ -25,6 +25,7 @@ from aerodb.flows.web.security import check_csrf
 from aerodb.storage.catalogue import standing_moves
 from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.steps import dismiss, note_version
 
 router = APIRouter(tags=["changes"])
 Token = Annotated[
@@ -51,6 +52,19 @@ class RollBack(BaseModel):
     reason: str = Field(max_length=2000)
     name: str = Field(default=RELEASED, max_length=63)
     vehicle: str | None = Field(default=None, max_length=63)
+
+
+class Note(BaseModel):
+    """A comment on a version, or a tag that it gets or loses."""
+
+    kind: Literal["comment", "tag", "untag"]
+    text: str = Field(max_length=2000)
+
+
+class Dismissal(BaseModel):
+    """Why a failed run needs nothing more."""
+
+    reason: str = Field(max_length=2000)
 
 
 async def _form(request: Request) -> dict[str, str]:
@@ -169,6 +183,45 @@ def roll_back(request: Request, reversal: RollBack, token: Token = "") -> Respon
             roll_back_flow, {"vehicle": owner, "name": reversal.name, "reason": reversal.reason}
         )
     )
+
+
+@router.post("/versions/{version}/notes", include_in_schema=False)
+async def note_from_page(request: Request, version: str) -> Response:
+    """Add a note, and show the version again."""
+    fields = await _form(request)
+    check_csrf(request, console_of(request).guard, fields.get("csrf"))
+    kind = fields.get("kind", "comment")
+    if kind not in ("comment", "tag", "untag"):
+        raise InputError(f"no kind of note: '{kind[:80]}'", "kind", "comment, tag or untag")
+    row = version_at(access_of(request), version, None)
+    await run_in_threadpool(note_version, access_of(request), row, kind, fields.get("text", ""))
+    return RedirectResponse(f"/versions/{row.id}", 303)
+
+
+@router.post("/api/versions/{version}/notes", summary="Comment on a version, or tag it")
+def note(
+    request: Request, version: str, note: Note, vehicle: Vehicle = None, token: Token = ""
+) -> Response:
+    """The document of `aerodb version comment` and `aerodb version tag`."""
+    check_csrf(request, console_of(request).guard, token)
+    row = version_at(access_of(request), version, vehicle)
+    return document(note_version(access_of(request), row, note.kind, note.text))
+
+
+@router.post("/work/{run}/dismiss", include_in_schema=False)
+async def dismiss_from_page(request: Request, run: str) -> Response:
+    """Dismiss a failed run, and show the status again."""
+    fields = await _form(request)
+    check_csrf(request, console_of(request).guard, fields.get("csrf"))
+    await run_in_threadpool(dismiss, access_of(request), run, fields.get("reason", ""))
+    return RedirectResponse("/work", 303)
+
+
+@router.post("/api/runs/{run}/dismiss", summary="Dismiss a failed run")
+def dismiss_run(request: Request, run: str, dismissal: Dismissal, token: Token = "") -> Response:
+    """The document of `aerodb dismiss`."""
+    check_csrf(request, console_of(request).guard, token)
+    return document(dismiss(access_of(request), run, dismissal.reason))
 
 
 def _check_seen(request: Request, vehicle: str, name: str, shown: str | None) -> None:

@@ -1,6 +1,5 @@
 """Versions: list, evaluation, sweeps, tables, exports, differences, and the history of names."""
 
-import math
 import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,6 +11,7 @@ from aerodb.errors import InputError
 from aerodb.flows.fly import validate_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.web import models
+from aerodb.flows.web.compare_pages import lines_of
 from aerodb.flows.web.console import (
     PER_PAGE,
     AsOf,
@@ -30,16 +30,17 @@ from aerodb.flows.web.console import (
 from aerodb.flows.web.models import answers
 from aerodb.nomenclature import AXES
 from aerodb.report import channel_scale
-from aerodb.storage.catalogue import VersionRow
-from aerodb.tables import breakpoints_over
 from aerodb.tasks.references import flights_to_judge, value_of, vehicle_of
 from aerodb.tasks.steps import FORMS, export_version
 from aerodb.tasks.view import (
     MOST_LINE_POINTS,
-    compare_versions,
     database_of,
     evaluate_at,
+    findings_words,
+    flights_words,
+    held_out_words,
     history_document,
+    matching,
     sweep,
     table_document,
     version_details,
@@ -51,9 +52,6 @@ router = APIRouter(tags=["versions"])
 Before = Annotated[
     int | None,
     Query(ge=1, le=2**53, description="End of the previous page, from its header Link."),
-]
-Reference = Annotated[
-    str, Query(max_length=300, description="A version: id, label, name or prefix.")
 ]
 Format = Literal["daveml", "jsbsim", "csv", "mat", "netcdf"]
 _SUFFIX: dict[str, str] = {
@@ -72,11 +70,13 @@ def _chosen(access: WorkspaceAccess, vehicle: str | None) -> tuple[str | None, l
 
 
 @router.get("/versions", include_in_schema=False)
-def versions_page(request: Request, vehicle: Vehicle = None, before: Before = None) -> Response:
-    """The versions of a vehicle, newest first."""
+def versions_page(
+    request: Request, vehicle: Vehicle = None, before: Before = None, search: Word = None
+) -> Response:
+    """The versions of a vehicle, newest first, or the newest of those with some words."""
     access = access_of(request)
     owner, names = _chosen(access, vehicle)
-    rows = access.catalogue.versions(owner, PER_PAGE, before) if owner else ()
+    rows = access.catalogue.versions(owner, None if search else PER_PAGE, before) if owner else ()
     further = (
         address("/versions", vehicle=owner, before=rows[0].number)
         if rows and rows[0].number > 1
@@ -88,9 +88,15 @@ def versions_page(request: Request, vehicle: Vehicle = None, before: Before = No
             row.parent for row in rows if row.parent
         ).values()
     }
-    listed = versions_document(access.catalogue, owner, rows)[::-1] if owner else []
+    listed = versions_document(access.catalogue, owner, rows) if owner else []
+    if search:
+        listed = matching(listed, search)[-PER_PAGE:]
     shown = {
-        "versions": listed,
+        "search": search,
+        "held_out_words": held_out_words,
+        "flights_words": flights_words,
+        "findings_words": findings_words,
+        "versions": listed[::-1],
         "labels": labels,
         "vehicle": owner,
         "vehicles": names,
@@ -104,12 +110,19 @@ def versions_page(request: Request, vehicle: Vehicle = None, before: Before = No
     "/api/versions", summary="Versions of a vehicle", responses=answers(list[models.Version])
 )
 def versions(
-    request: Request, vehicle: Vehicle = None, before: Before = None, limit: Limit = PER_PAGE
+    request: Request,
+    vehicle: Vehicle = None,
+    before: Before = None,
+    limit: Limit = PER_PAGE,
+    search: Word = None,
 ) -> Response:
     """The document of `aerodb version list`: the newest, oldest first; the next page has earlier
-    ones."""
+    ones. With `search`: the newest of those that have all its words."""
     access = access_of(request)
     owner = vehicle_of(access.catalogue, vehicle)
+    if search:
+        found = versions_document(access.catalogue, owner, access.catalogue.versions(owner))
+        return document(matching(found, search)[-limit:])
     rows = access.catalogue.versions(owner, limit, before)
     more = bool(rows) and rows[0].number > 1
     further = (
@@ -152,7 +165,7 @@ def version_page(
         found=evaluation,
         fault=fault,
         table=_table(database, table) if table else None,
-        lines=_lines(database),
+        lines=lines_of(database),
         axes=AXES,
         formats=sorted(FORMS),
     )
@@ -325,66 +338,6 @@ def history(
     return document(history_document(shown), further)
 
 
-@router.get("/diff", include_in_schema=False)
-def diff_page(
-    request: Request, before: Word = None, after: Word = None, vehicle: Vehicle = None
-) -> Response:
-    """Differences between two versions."""
-    access = access_of(request)
-    if before is None or after is None:
-        return page_of(
-            request,
-            "diff.html",
-            "Compare versions",
-            before=None,
-            after=None,
-            asked=(before, after, vehicle),
-        )
-    old, new = version_at(access, before, vehicle), version_at(access, after, vehicle)
-    difference, _ = compare_versions(access.catalogue, old, new)
-    labels = access.catalogue.flight_labels(
-        {flight for term in difference["terms"] for flight in term["flights"]}
-    )
-    title = f"Changes from {old.label} to {new.label} of {new.vehicle}"
-    context: dict[str, Any] = {
-        "before": old,
-        "after": new,
-        "diff": difference,
-        "labels": labels,
-        "asked": _called(old, new),
-    }
-    return page_of(request, "diff.html", title, **context)
-
-
-@router.get("/api/diff", summary="Differences between two versions")
-def diff(
-    request: Request,
-    before: Reference,
-    after: Reference,
-    vehicle: Vehicle = None,
-) -> Response:
-    """The document of `aerodb version diff`."""
-    access = access_of(request)
-    difference, _ = compare_versions(
-        access.catalogue, version_at(access, before, vehicle), version_at(access, after, vehicle)
-    )
-    return document(difference)
-
-
-@router.get("/diff/figure.svg", include_in_schema=False)
-def diff_figure(
-    request: Request,
-    before: Annotated[str, Query(max_length=300)],
-    after: Annotated[str, Query(max_length=300)],
-) -> Response:
-    """Slices through two versions where they differ, as a figure."""
-    access = access_of(request)
-    _, drawn = compare_versions(
-        access.catalogue, version_at(access, before, None), version_at(access, after, None), "svg"
-    )
-    return Response(drawn or b"", media_type="image/svg+xml")
-
-
 def _table(database: Any, name: str) -> dict[str, Any]:
     """Return a table with breakpoints in the units that are shown to people (angles in degrees)."""
     content = table_document(database, name)
@@ -402,43 +355,3 @@ def _table(database: Any, name: str) -> dict[str, Any]:
         **content,
         "heads": [(label, values) for (_, label), values in zip(scales, at, strict=True)],
     }
-
-
-def _called(old: VersionRow, new: VersionRow) -> tuple[str, str, str]:
-    """Return references of two versions for people: labels, if both belong to one vehicle."""
-    return (
-        (old.label, new.label, new.vehicle) if old.vehicle == new.vehicle else (old.id, new.id, "")
-    )
-
-
-def _lines(database: Any) -> list[dict[str, Any]]:
-    """Return the inputs along which a version can be drawn, and their range (SI) in tables and
-    flights."""
-    lines = []
-    for name in database.inputs:
-        marks = [
-            float(edge)
-            for points in breakpoints_over(name, database)
-            for edge in (points[0], points[-1])
-        ]
-        for increment in database.increments:
-            if name in increment.envelope:
-                marks += [increment.envelope[name].low, increment.envelope[name].high]
-        marks = [mark for mark in marks if math.isfinite(mark)]
-        factor, label = channel_scale(name)
-        low, high = (
-            (min(marks), max(marks))
-            if marks and max(marks) > min(marks)
-            else (0.0, 1.0 / factor if factor > 1 else 1.0)
-        )
-        lines.append(
-            {
-                "name": name,
-                "label": label,
-                "factor": factor,
-                "low": low,
-                "high": high,
-                "known": bool(marks),
-            }
-        )
-    return lines

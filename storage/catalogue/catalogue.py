@@ -25,6 +25,7 @@ from aerodb.storage.catalogue.flight_rows import FlightLedger
 from aerodb.storage.catalogue.inbox_history import InboxHistory
 from aerodb.storage.catalogue.ledger import in_parts
 from aerodb.storage.catalogue.location import catalogue_location
+from aerodb.storage.catalogue.notes import NoteLedger
 from aerodb.storage.catalogue.postgresql import (
     note_owner,
     open_postgresql,
@@ -62,6 +63,7 @@ class Catalogue(
     InboxHistory,
     RunQueries,
     UserLedger,
+    NoteLedger,
 ):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
 

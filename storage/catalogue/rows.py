@@ -13,6 +13,7 @@ Verdict = Literal["good", "limited", "rejected", "unchecked"]
 Role = Literal["identified", "held_out", "excluded"]
 How = Literal["server", "ephemeral", "direct"]
 InboxKind = Literal["tried", "failed", "stored", "duplicate", "quarantined"]
+NoteKind = Literal["comment", "tag", "untag"]
 UserRole = Literal["read", "ingest", "release"]
 RunState = Literal["running", "completed", "failed", "crashed", "cancelled"]
 
@@ -195,6 +196,17 @@ class VersionDocuments:
     content: str
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class NoteRow:
+    """A comment on a version, or a tag given to it or taken away."""
+
+    version: str
+    kind: NoteKind
+    text: str
+    at_utc: datetime
+    user: str
 
 
 @dataclass(frozen=True)

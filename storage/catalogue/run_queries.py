@@ -22,11 +22,14 @@ class RunQueries(Ledger):
     """Catalogue queries about runs."""
 
     def unresolved_runs(self, limit: int = 50) -> tuple[RunRow, ...]:
-        """Runs that failed or crashed and that no later run of the same task completed, newest
-        first. Failures older than 30 days are ignored.
+        """Runs that failed or crashed, that nobody dismissed and that no later run of the same task
+        completed, newest first. Failures older than 30 days are ignored.
         """
         c, since = s.runs.c, enc.time_text(enc.now() - _MAXIMUM_AGE)
-        query = sa.select(s.runs).where(c.state.in_(("failed", "crashed")), c.started_utc > since)
+        dismissed = sa.exists().where(s.run_dismissals.c.run == c.id)
+        query = sa.select(s.runs).where(
+            c.state.in_(("failed", "crashed")), c.started_utc > since, ~dismissed
+        )
         with self._database.reading() as connection:
             newest = query.order_by(c.started_utc.desc(), c.id).limit(_EXAMINED)
             failed = [self._run_row(row) for row in connection.execute(newest)]

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only
 #: where they differ.
-HEAD: Final = "r0009"
+HEAD: Final = "r0010"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -61,6 +61,7 @@ FLIGHT_EVENTS: Final = ("verdict", "retracted")
 ROLES: Final = ("identified", "held_out", "excluded")
 HOW: Final = ("server", "ephemeral", "direct")
 INBOX_KINDS: Final = ("tried", "failed", "stored", "duplicate", "quarantined")
+NOTE_KINDS: Final = ("comment", "tag", "untag")
 USER_ROLES: Final = ("read", "ingest", "release")
 RUN_STATES: Final = ("running", "completed", "failed", "crashed", "cancelled")
 
@@ -330,6 +331,28 @@ user_events = _table(
     _text("by"),
     _one_of("kind", ("added", "removed")),
     _one_of("role", USER_ROLES),
+)
+
+# Comments and tags of versions; a version has the tags whose newest event adds them.
+version_notes = _table(
+    "version_notes",
+    _sequence(),
+    _text("version", sa.ForeignKey("versions.id"), index=True),
+    _text("kind"),
+    _text("text"),
+    _text("at_utc"),
+    _text("user"),
+    _one_of("kind", NOTE_KINDS),
+)
+
+# Failed runs that a person looked at and does not retry.
+run_dismissals = _table(
+    "run_dismissals",
+    _sequence(),
+    _text("run", sa.ForeignKey("runs.id"), index=True),
+    _text("reason"),
+    _text("at_utc"),
+    _text("user"),
 )
 
 # A link for each row of the tables above that have a `sequence`; see `chain.py`.

@@ -40,6 +40,7 @@ from .ingest import store_log
 from .inputs import describe_inputs
 from .inspect_log import look_over
 from .methods import estimate_by_methods
+from .notes import dismiss, note_version
 from .notify import deliver, tell
 from .publish import publish_candidate, publish_loop
 from .release import promote, roll_back
@@ -67,6 +68,7 @@ __all__ = [
     "deliver",
     "describe_inputs",
     "design_flight",
+    "dismiss",
     "due",
     "estimate",
     "estimate_by_methods",
@@ -92,6 +94,7 @@ __all__ = [
     "note_failure",
     "note_no_room",
     "note_tries",
+    "note_version",
     "parameters_of",
     "plan_update",
     "promote",

@@ -18,6 +18,7 @@ from aerodb.increments import (
     judge_import,
     judge_release,
     judge_rivals,
+    notes_on_release,
 )
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
@@ -45,8 +46,9 @@ def promote(
     (``alpha_scale@all``) and ``contradictions`` of flights, for which the gate would refuse; they
     are stored with the reason.
 
-    Returns a document: vehicle, name, version, label, previous, moved, checks, derivatives. Raises
-    GateRefusal with every reason, also if another run moved the name meanwhile; nothing is changed
+    Returns a document: vehicle, name, version, label, previous, moved, checks, notes (what was not
+    held out, what is only suspected), derivatives. Raises GateRefusal with every reason, also if
+    another run moved the name meanwhile; nothing is changed
     then.
     """
     access = access_workspace(workspace)
@@ -69,11 +71,13 @@ def promote(
         event = catalogue.move_name(
             row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
         )
-    changed = catalogue.version_documents(row.id).report.get("derivatives", [])
+    report = catalogue.version_documents(row.id).report
+    notes = [*notes_on_release(report), *_suspected(row, access)] if name == RELEASED else []
     return {
         **_document(event, row, moved=True),
         "checks": [check.name for check in verdict.checks],
-        "derivatives": changed,
+        "notes": notes,
+        "derivatives": report.get("derivatives", []),
     }
 
 
@@ -151,6 +155,7 @@ def _gate(
         cases,
         documents.report.get("axes", {}),
         within_flights=documents.report.get("validation", {}).get("within_flights", False),
+        cross_validated=documents.report.get("validation", {}).get("kind") == "cross-validated",
     )
     gate = load_settings(access.workspace.root).of(row.vehicle).gate
     listed = documents.report.get("derivatives")
@@ -237,6 +242,23 @@ def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
     return found
 
 
+def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
+    """Return what the flights of a version are suspected of without being limited by it; one
+    sentence for all flights of which the same is."""
+    named: dict[str, list[str]] = {}
+    for use in access.catalogue.version_flights(row.id):
+        if use.role != "excluded":
+            flight = access.catalogue.flight(use.flight)
+            for each in stored_suspicions(access, flight):
+                if not limits_flight(each):
+                    named.setdefault(each.sentence, []).append(access.name_of(flight))
+    return [
+        f"only suspected, of {flights[0] if len(flights) == 1 else f'{len(flights)} flights'}:"
+        f" {sentence}"
+        for sentence, flights in named.items()
+    ]
+
+
 def _responses(
     row: VersionRow, access: WorkspaceAccess, gate: GateSettings, run: str
 ) -> tuple[Check, ...]:
@@ -251,7 +273,7 @@ def _responses(
     uses = access.catalogue.version_flights(row.id)
     held = [use.flight for use in uses if use.role == "held_out"]
     if not held:
-        return (Check(name, ("no flight was held out, so no response can be judged",)),)
+        return (Check(name, ("not held out: no flight was, so no response can be judged",)),)
     folder = str(access.workspace.root)
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
     flown = [

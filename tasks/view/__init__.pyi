@@ -25,7 +25,16 @@ from .trimming import (
     trim_document,
     trim_of,
 )
-from .version_documents import history_document, version_details, versions_document
+from .version_documents import (
+    findings_words,
+    flights_words,
+    held_out_words,
+    history_document,
+    matching,
+    notes_document,
+    version_details,
+    versions_document,
+)
 
 __all__ = [
     "FEWEST_POINTS",
@@ -42,14 +51,19 @@ __all__ = [
     "expansion_document",
     "finding_document",
     "findings_page",
+    "findings_words",
     "flight_details",
     "flights_document",
+    "flights_words",
     "glides",
+    "held_out_words",
     "history_document",
     "impact_document",
     "labels_of",
     "lineage_document",
+    "matching",
     "modes_document",
+    "notes_document",
     "online_estimates",
     "origins_document",
     "prov_of",

@@ -1,6 +1,5 @@
 """Evaluate a version at a point or along a line: values, standard errors, and coverage."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,13 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.exchange import from_document
 from aerodb.increments import with_extrapolated_slopes
 from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Place, evaluate_database
 from aerodb.tasks.references import point_of
+from aerodb.tasks.workspace_access import database_from
 
 #: Largest number of points of a line through a database.
 MOST_LINE_POINTS: Final = 2001
@@ -127,7 +126,7 @@ def sweep(
 
 def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
     """Return the database of a version."""
-    return from_document(json.loads(catalogue.version_documents(version.id).content))
+    return database_from(catalogue.version_documents(version.id).content)
 
 
 @dataclass(frozen=True)

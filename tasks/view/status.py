@@ -186,7 +186,7 @@ def _todo(document: dict[str, Any], reserve: int) -> list[str]:
     for run in document["failed"]:
         items.append(
             f"{run['flow']} failed ({(run['error'].splitlines() or ['?'])[0][:200]}): aerodb retry"
-            f" {run['run'][:12]}"
+            f" {run['run'][:12]}, or aerodb dismiss {run['run'][:12]} --reason WHY"
         )
     for entry in document["vehicles"]:
         items += [

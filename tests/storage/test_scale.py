@@ -275,6 +275,8 @@ def test_a_catalogue_of_the_first_kind_is_brought_up_and_keeps_every_row(tmp_pat
         "stored_files",
         "inbox_events",
         "user_events",
+        "version_notes",
+        "run_dismissals",
         "chain",
         "row_links",
     ):

@@ -9,7 +9,8 @@ import pytest
 
 from aerodb.exchange.native import database_content_sha256, read_native
 from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.gate import Standing, Verdict, judge_release
+from aerodb.increments.gate import Standing, Verdict, judge_release, notes_on_release
+from aerodb.increments.held_out import held_out_error
 from aerodb.increments.validation import repeatability
 from aerodb.tables.check_cases import CheckCase, failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term
@@ -140,7 +141,7 @@ def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
         for axis, entry in axes().items()
     }
     assert judged(baseline, report=unproved).reasons == (
-        "no flight was held out: nothing shows that the error falls",
+        "not held out: no flight was, so nothing shows that the error falls",
     )
     assert not judged(baseline, report={}).passed
 
@@ -333,3 +334,44 @@ def test_an_update_that_no_length_of_fade_can_mend_is_left_to_the_gate(
 ) -> None:
     made = Update(updated(baseline, increment("Cm", {"1": 100.0})), (), ())
     assert keep_slope_signs(made, baseline) is made
+
+
+def test_what_was_not_held_out_or_is_only_suspected_is_said(baseline: AeroDatabase) -> None:
+    candidate = updated(baseline, increment("CZ", {"1": -0.02, "alpha": -0.5}))
+    cases = make_check_cases(candidate)
+    verdict = judge_release(STANDING, baseline, candidate, cases, axes(), cross_validated=True)
+    assert verdict.passed
+    names = [check.name for check in verdict.checks]
+    assert "excess error of each flight left out in turn falls (not held out)" in names
+    assert notes_on_release({}) == ("not held out: an import comes without flights",)
+    held = {"axes": axes(), "validation": {"kind": "held-out"}}
+    assert notes_on_release(held) == ()
+    turned = {"axes": axes(), "validation": {"kind": "cross-validated"}}
+    assert notes_on_release(turned)[0].startswith("not held out: each flight was predicted")
+    assert notes_on_release({"axes": axes(Cm={"held_out_rms_after": None})}) == (
+        "not held out: Cm; no held-out flight measures them",
+    )
+    findings = [
+        {"verdict": "confirmed", "hypothesis": "alpha_slope@CZ"},
+        {"verdict": "suspected", "hypothesis": "zero_offset@Cm"},
+        {"verdict": "alias_group", "hypothesis": "mass_offset"},
+    ]
+    report = {**held, "findings": findings, "asked_for": ["zero_offset@Cm"]}
+    said = notes_on_release(report)
+    assert said[0] == "only suspected: zero_offset@Cm, added because you asked for it"
+    assert said[1].endswith("mass_offset, not added")
+    assert len(said) == 2
+
+
+def test_the_held_out_error_of_a_list_is_that_of_the_gate() -> None:
+    report = {"axes": axes(), "validation": {"kind": "held-out"}}
+    error = held_out_error(report)
+    assert error["kind"] == "held-out"
+    for axis, pair in error["axes"].items():
+        entry = report["axes"][axis]
+        assert pair == [entry["held_out_rms_before"], entry["held_out_rms_after"]]
+    assert "CZ" in error["axes"]
+    assert error["after"] < error["before"]
+    assert held_out_error({})["kind"] == "not held out"
+    inside = {"axes": axes(), "validation": {"kind": "cross-validated", "within_flights": True}}
+    assert held_out_error(inside)["kind"] == "within flights"

@@ -195,6 +195,8 @@ COMMANDS: Final[dict[str, Command]] = {
         "updated",
         ("version", "export", "released", "--output", "{here}/x.dml", "--format", "daveml"),
     ),
+    "version tag": Command("updated", ("version", "tag", "candidate", "flight-tested")),
+    "version comment": Command("updated", ("version", "comment", "candidate", "agrees"), once=True),
     "version lineage": Command(
         "updated", ("version", "lineage", "candidate", "--prov", "{here}/prov.json")
     ),
@@ -226,6 +228,9 @@ COMMANDS: Final[dict[str, Command]] = {
     "nightly": Command("inbox", ("nightly", "--direct")),
     "nightly, under Prefect": Command("inbox", ("nightly",)),
     "retry": Command("crashed", ("retry", "all", "--direct")),
+    "dismiss": Command(
+        "crashed", ("dismiss", "a" * 32, "--reason", "logs ingested by hand"), once=True
+    ),
     "demo": Command("none", ("demo", "--flights", "3", "--direct")),
     "store push": Command("ingested", ("store", "push"), _objects, at_work=lambda *_: True),
     "store pull": Command("ingested", ("store", "pull"), _only_there),

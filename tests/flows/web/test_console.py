@@ -54,6 +54,8 @@ def pages(made: Made) -> dict[str, str]:
         f"/versions/{made.baseline}/lineage?at=alpha%3D5deg": "No increment acts",
         f"/diff?before={made.baseline}&after={version}": "differ in 5 terms",
         "/diff?before=v0001&after=v0001": "No difference",
+        f"/compare?before={made.baseline}&after={version}": "v0001 and v0002 side by side",
+        f"/versions?vehicle={NAME}&search=v0001": "not held out",
         "/findings": "The declared increments on CZ, CX were estimated",
         f"/findings/{version}": "Estimated increments",
         f"/findings/{h('a loop')}": "Nothing was added to the database",

@@ -280,6 +280,34 @@ def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Ma
         page.wait_for_selector("#sweep[data-shown=delta_elevator]")
 
 
+def test_two_versions_are_drawn_side_by_side_while_other_inputs_are_moved(
+    browser: Any, address: str, made: Made
+) -> None:
+    curves = "() => [...document.querySelectorAll('#curves .plot')].map((e) => e.ariaLabel)"
+    with watched(browser, address, 400) as page:
+        visit(page, address, f"/compare?before={made.baseline}&after={made.candidate}")
+        page.wait_for_selector("#compare[data-shown^='alpha']")
+        assert page.locator("#curves figure").count() == 6
+        before = page.evaluate(curves)
+        page.focus("#at-delta_elevator")
+        page.keyboard.press("End")
+        page.wait_for_function(f"(before) => ({curves})()[4] !== before[4]", arg=before)
+        assert page.evaluate(curves)[:4] == before[:4], "the elevator acts on Cm alone"
+        look(page, "/compare", 400)
+        page.select_option("#over", "q")
+        page.wait_for_selector("#compare[data-shown^='q ']")
+        address_kept = page.url
+        assert "delta_elevator%3D20" in address_kept
+        page.goto(address_kept)
+        page.wait_for_selector("#compare[data-shown^='q ']")
+        page.fill("[data-name=alpha] .exact", "no number")
+        page.keyboard.press("Tab")
+        page.fill("#low", "x")
+        page.keyboard.press("Tab")
+        page.wait_for_function("() => document.getElementById('swept').textContent")
+        assert page.input_value("[data-name=alpha] .exact") == "0"
+
+
 def test_a_version_is_promoted_by_keyboard_alone(
     browser: Any, shared: SharedWorkspaces, tmp_path: Path
 ) -> None:

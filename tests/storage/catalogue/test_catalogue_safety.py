@@ -103,6 +103,8 @@ def filled(family: Catalogue) -> None:
     family.add_file("results/r.parquet", h("bytes"), 10)
     family.add_inbox_events([InboxEvent("glider/a.ulg", V, 10, 5, "stored", h("a"))])
     family.add_user("anna", "release", h("token"), by="me")
+    family.add_note(h("v"), "tag", "flight-tested", user="me")
+    family.dismiss_run(run.id, "disk replaced", user="me")
     family.add_repeat(RepeatRow(h("f2"), h("f1"), 0.5, (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)))
 
 

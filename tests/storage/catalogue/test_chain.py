@@ -32,6 +32,7 @@ WORDS = {
     "inbox_events.kind": schema.INBOX_KINDS,
     "user_events.kind": ("added", "removed"),
     "user_events.role": schema.USER_ROLES,
+    "version_notes.kind": schema.NOTE_KINDS,
 }
 
 
@@ -55,6 +56,12 @@ def filled(catalogue: Catalogue) -> None:
     for role in ("read", "release"):
         catalogue.add_user("anna", role, h(role), by="me")  # type: ignore[arg-type]
     catalogue.remove_user("anna", by="me")
+    for kind, text in (("comment", "flew well"), ("tag", "good"), ("untag", "good")):
+        catalogue.add_note(h("a"), kind, text, user="anna")  # type: ignore[arg-type]
+    for run in ("r1", "r2", "r3"):
+        catalogue.start_run("update_flow", how="direct", id=run)
+        catalogue.end_run(run, "failed", "no disk")
+        catalogue.dismiss_run(run, "disk replaced", user="anna")
     with catalogue._database.writing() as connection:
         calibration = {
             "id": "c",
