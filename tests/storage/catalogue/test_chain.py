@@ -255,7 +255,8 @@ def test_events_of_an_older_catalogue_are_linked(path: Path, kept_in: str, tmp_p
     with tampering(path, kept_in) as connection:
         connection.exec_driver_sql("DROP TABLE chain")
         connection.exec_driver_sql("DROP TABLE row_links")
-        connection.exec_driver_sql("DROP TABLE user_events")
+        for table in ("user_events", "version_notes", "run_dismissals"):
+            connection.exec_driver_sql(f"DROP TABLE {table}")
         connection.exec_driver_sql('ALTER TABLE flight_events DROP COLUMN "user"')
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = 'r0007'")
         connection.commit()
