@@ -1,7 +1,7 @@
 """Changes: promote a version and roll back a name, with a confirmation page and the gate's
 answer."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, get_args
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Header, Request
@@ -22,7 +22,7 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import CONFLICTS
 from aerodb.flows.web.security import check_csrf
-from aerodb.storage.catalogue import standing_moves
+from aerodb.storage.catalogue import NoteKind, standing_moves
 from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps import dismiss, note_version
@@ -37,6 +37,7 @@ Token = Annotated[
     ),
 ]
 _NOWHERE = "nothing"
+_KINDS: dict[str, NoteKind] = {kind: kind for kind in get_args(NoteKind)}
 
 
 class Promotion(BaseModel):
@@ -57,7 +58,7 @@ class RollBack(BaseModel):
 class Note(BaseModel):
     """A comment on a version, or a tag that it gets or loses."""
 
-    kind: Literal["comment", "tag", "untag"]
+    kind: NoteKind
     text: str = Field(max_length=2000)
 
 
@@ -190,9 +191,9 @@ async def note_from_page(request: Request, version: str) -> Response:
     """Add a note, and show the version again."""
     fields = await _form(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
-    kind = fields.get("kind", "comment")
-    if kind not in ("comment", "tag", "untag"):
-        raise InputError(f"no kind of note: '{kind[:80]}'", "kind", "comment, tag or untag")
+    kind = _KINDS.get(fields.get("kind", "comment"))
+    if kind is None:
+        raise InputError("no kind of note", "kind", "comment, tag or untag")
     row = version_at(access_of(request), version, None)
     await run_in_threadpool(note_version, access_of(request), row, kind, fields.get("text", ""))
     return RedirectResponse(f"/versions/{row.id}", 303)
