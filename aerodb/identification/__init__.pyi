@@ -1,5 +1,6 @@
 from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
+from .declared_terms import with_known_terms, with_terms
 from .derivative_file import converted, parse_derivative_file
 from .envelope_expansion import Expansion, Growth, Margins, expand_envelope
 from .equations import no_database, no_database_beside, parameter_name
@@ -55,4 +56,6 @@ __all__ = [
     "parse_state_space",
     "state_space_fit",
     "update_by",
+    "with_known_terms",
+    "with_terms",
 ]

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aerodb.errors import InputError
+from aerodb.flows.cli.next_flight import Flights, counted_flights, limit_of
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed, steady_flight
@@ -25,10 +25,7 @@ def design(
         typer.Option(help="CHANNEL=LEAST:GREATEST, such as alpha=-2deg:10deg or az=-20:0 (m/s2)."),
     ] = None,
     duration: Annotated[str, typer.Option(help="Length of the manoeuvre, in s.")] = "20",
-    flights: Annotated[
-        list[str] | None,
-        typer.Option(help="Flights to count as flown, or `none`; default: all of the vehicle."),
-    ] = None,
+    flights: Flights = None,
     output: Annotated[
         Path | None, typer.Option(help="File to write, for aerodb version fly --manoeuvre.")
     ] = None,
@@ -51,12 +48,6 @@ def design(
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle)
     steady = steady_flight(session, row, speed, altitude, climb, glide, fuel, given)
-    if flights == ["none"]:
-        chosen = []
-    elif flights:
-        chosen = [catalogue.flight(ref, row.vehicle).id for ref in flights]
-    else:
-        chosen = [f.id for f in catalogue.flights(row.vehicle) if f.verdict != "rejected"]
     document = design_flight(
         row.id,
         workspace=str(session.workspace().root),
@@ -65,24 +56,13 @@ def design(
         steady=steady,
         limits=dict(limit_of(text) for text in limit or []),
         duration=value_of("time", duration),
-        flights=chosen,
+        flights=counted_flights(catalogue, row, flights),
     )
     _print(session, document)
     if output is not None:
         output.write_text(document["manoeuvre"], "utf-8")
         session.say(f"written: {output} (aerodb version fly {version} --manoeuvre {output})")
     session.answer(document)
-
-
-def limit_of(text: str) -> tuple[str, tuple[float, float]]:
-    """A channel and its least and greatest value, from ``CHANNEL=LEAST:GREATEST``."""
-    from aerodb.tasks.references import value_of
-
-    name, equals, ends = text.partition("=")
-    low, colon, high = ends.partition(":")
-    if not equals or not colon:
-        raise InputError(f"'{text}' is no limit", remedy="write CHANNEL=LEAST:GREATEST")
-    return name, (value_of(name, low), value_of(name, high))
 
 
 def _print(session: Session, document: dict[str, Any]) -> None:

@@ -1,13 +1,16 @@
 """``aerodb version expand``: the next point to which the flown envelope may be expanded."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.next_flight import Flights, counted_flights, limit_of
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed, steady_flight
+from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
     from aerodb.identification import Growth
@@ -22,6 +25,14 @@ def expand(
     start: Annotated[str, typer.Option("--from", help="Edge of what has been flown.")],
     end: Annotated[str, typer.Option("--to", help="Target.")],
     step: Annotated[str, typer.Option(help="Largest step of the variable.")],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Model file (TOML): terms that are estimated on the version from all flights, with"
+            " its priors; their uncertainty is what grows beyond the edge."
+        ),
+    ] = None,
+    flights: Flights = None,
     growth: Annotated[
         list[str] | None,
         typer.Option(
@@ -54,30 +65,42 @@ def expand(
     Example: aerodb version expand released --speed 30 --altitude 300 --variable V --from 25
     --to 17 --step 2 --growth Cm:delta_elevator=8
     """
-    from aerodb.flows.cli.designing import limit_of
     from aerodb.identification import Margins
     from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import expansion_document, sweep_value
+    from aerodb.tasks.steps import expand_flight
+    from aerodb.tasks.view import sweep_value
 
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle)
-    document = expansion_document(
-        catalogue,
-        row,
-        steady_flight(session, row, speed, altitude, climb, glide, fuel, given),
-        variable,
-        (sweep_value(start, variable), sweep_value(end, variable)),
-        sweep_value(step, variable),
-        Margins(
+    document = expand_flight(
+        row.id,
+        workspace=str(session.workspace().root),
+        run="",
+        steady=steady_flight(session, row, speed, altitude, climb, glide, fuel, given),
+        variable=variable,
+        reach=(sweep_value(start, variable), sweep_value(end, variable)),
+        largest_step=sweep_value(step, variable),
+        margins=Margins(
             sigmas,
             control_margin,
             growth_rate,
             dict(limit_of(text) for text in limit or []),
             load_factor,
         ),
-        [_growth(text) for text in growth or []],
+        growth=[_growth(text) for text in growth or []],
+        model=None if model is None else read_text(model),
+        flights=[] if model is None else counted_flights(catalogue, row, flights),
     )
+    if document["known"]:
+        session.table(
+            ["parameter", "known"],
+            [
+                [each["parameter"], f"{each['value']:.4g} +- {each['standard_error']:.2g}"]
+                for each in document["known"]
+            ],
+            numbers=(1,),
+        )
     session.table(
         [variable, "margins"],
         [

@@ -16,6 +16,7 @@ from .counting import repeat_documents, repeating
 from .design import design_flight
 from .estimate_records import estimate_records
 from .estimates_page import estimates_page
+from .expand import expand_flight
 from .export import FORMS, export_version
 from .fly import (
     default_tolerances,
@@ -74,6 +75,7 @@ __all__ = [
     "estimate_by_methods",
     "estimate_records",
     "estimates_page",
+    "expand_flight",
     "export_version",
     "files_of_inbox",
     "find_sensor_rivals",

@@ -15,18 +15,16 @@ from aerodb.identification import (
     expected_noise,
     fits_of,
     manoeuvre_text,
-    parameter_name,
+    with_terms,
 )
-from aerodb.increments import ModelFile, expand, parse_model_file
+from aerodb.increments import ModelFile, parse_model_file
 from aerodb.simulation import Trim
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Increment
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.methods import identification_flights
 from aerodb.tasks.view import SteadyFlight, surface_limits, trim_of
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
-#: Estimate of a term that the database lacks: an increment of zeros would not act at all.
-_NOTHING: Final = 1e-12
 #: Axes that the pitch control drives.
 _LONGITUDINAL: Final = frozenset({"CX", "CZ", "Cm", "C_lift", "C_drag"})
 
@@ -55,7 +53,7 @@ def design_flight(
     access = access_workspace(workspace)
     row = access.catalogue.version_of_id(version)
     declared, database = parse_model_file(model), access.database(version)
-    wider, named = _with_terms(database, declared)
+    wider, named = with_terms(database, declared)
     trimmed = trim_of(access.catalogue, row, steady, wider)
     known, notes = _known(access, flights, declared, database, list(named.values()), run)
     vehicle = access.vehicle(row.vehicle)[0]
@@ -82,21 +80,6 @@ def _controls(declared: ModelFile) -> tuple[str, ...]:
     axes = {entry.axis for entry in declared.increment}
     along = ("pitch",) if axes & _LONGITUDINAL else ()
     return (*along, *(("roll", "yaw") if axes - _LONGITUDINAL else ()))
-
-
-def _with_terms(database: AeroDatabase, declared: ModelFile) -> tuple[AeroDatabase, dict[str, str]]:
-    """The database with an increment of nothing for each declared term, and their names."""
-    named: dict[str, str] = {}
-    added = []
-    for number, entry in enumerate(declared.increment):
-        terms = expand(entry)
-        k = len(terms)
-        expressions = tuple(term.expression for term in terms)
-        added.append(Increment(entry.axis, expressions, np.full(k, _NOTHING), np.zeros((k, k))))
-        for j, term in enumerate(terms):
-            inside = f"estimate_{entry.axis}_{len(database.increments) + number}_{j}"
-            named[inside] = parameter_name(entry.axis, term.name)
-    return replace(database, increments=(*database.increments, *added)), named
 
 
 def _known(

@@ -212,13 +212,16 @@ def expansion_document(
     largest_step: float,
     margins: Margins,
     growth: Sequence[Growth],
+    database: AeroDatabase | None = None,
 ) -> dict[str, Any]:
     """The next permitted point of a version along one variable, from the edge of what has been
     flown towards a target (`reach`) [SI].
 
+    database : in place of the version's own.
+
     Returns a document: version, variable, value, reached, stopped_by, points (value, violations).
     """
-    flown = _Flown(catalogue, row, flight)
+    flown = _Flown(catalogue, row, flight, database)
     found = expand_envelope(
         flown.database, flown.condition, flown.inputs, variable, *reach, largest_step, margins,
         growth, build=flown.build, **flown.options,

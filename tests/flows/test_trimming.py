@@ -119,3 +119,31 @@ def test_the_next_permitted_point_says_what_stops_it(workspace: Path) -> None:
     short = asked(workspace, *ask, "--growth", "CZ:alpha=0.1", "--limit", f"alpha=0:{at + 0.005}")
     assert 24.0 < short["value"] < 25.0
     assert "alpha" in short["stopped_by"][0]
+
+
+def test_what_flights_tell_of_declared_terms_decides_how_far_the_next_point_may_be(
+    workspace: Path, tmp_path: Path
+) -> None:
+    """Flights determine the terms; without any, each needs a prior, and the vaguer that is, the
+    shorter is the step."""
+    slow = asked(workspace, "version", "trim", "candidate", "--speed", "23", *AT[2:])
+    most = slow["channels"]["alpha"] + 0.01
+    ask = ("version", "expand", "candidate", *AT, "--variable", "V", "--from", "25", "--to", "23",
+           "--step", "2", "--growth-rate", "10", "--limit", f"alpha=0:{most}")  # fmt: skip
+    file = tmp_path / "model.toml"
+    terms = '[[increment]]\naxis = "CZ"\nterms = ["1", "alpha"]\n'
+    file.write_text(terms)
+    found = asked(workspace, *ask, "--model", str(file))
+    known = {each["parameter"]: each["standard_error"] for each in found["known"]}
+    assert set(known) == {"CZ_0", "CZ_alpha"}
+    assert 0.0 < known["CZ_alpha"] < 1.0
+    assert (found["value"], found["reached"]) == (23.0, True)
+    refused = aerodb(workspace, *ask, "--model", str(file), "--flights", "none")
+    assert refused.returncode == 3
+    assert "the flights tell nothing of CZ_0" in refused.stderr
+
+    def step(sigma: float) -> float:
+        file.write_text(terms + f'prior = {{ "1" = [0.0, 1e-4], alpha = [0.0, {sigma}] }}\n')
+        return asked(workspace, *ask, "--model", str(file), "--flights", "none")["value"]
+
+    assert 23.0 == step(0.01) < step(1.5) < 25.0

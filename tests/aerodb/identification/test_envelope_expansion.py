@@ -1,25 +1,16 @@
-"""The next permitted point, and campaigns flown with it in the simulator."""
+"""The next permitted point; campaigns flown with it are in `tests/campaigns/expansion.py`."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from aerodb.errors import InputError
 from aerodb.identification import Growth, Margins, expand_envelope
 from aerodb.simulation import Condition, trim
-from tests.support.expanding_campaign import (
-    GROWTH,
-    LIMITS,
-    MARGINS,
-    START,
-    STEP,
-    TARGET,
-    campaign,
-    true_violations,
-)  # fmt: skip
 from tests.support.flying_increments import ALTITUDE, BODY, light_aircraft
 
+LIMITS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.35, 0.35))
+MARGINS = Margins(sigmas=2.0, control=0.1, growth_rate=0.3)
 RANGE = ("V", 48.0, 36.0, 6.0)
 
 
@@ -59,31 +50,6 @@ def test_margins_that_fail_at_the_edge_are_an_error() -> None:
         _expansion(Margins(channels={"alpha": (0.0, 0.01)}))
 
 
-def test_with_a_benign_truth_the_campaign_reaches_its_target() -> None:
-    flown, last = campaign({}, seed=1)
-    assert last.reached
-    assert flown[0] == START
-    assert np.all(np.abs(np.diff([*flown, TARGET])) <= STEP + 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("truth", "seed"),
-    [
-        ({"Cm": "0.02 + 6*max(alpha - 0.1, 0)*delta_elevator"}, 2),
-        ({"Cm": "0.02 + 6*max(alpha - 0.1, 0)*max(alpha - 0.1, 0)"}, 3),
-    ],
-    ids=["elevator loses its effectiveness", "static margin vanishes"],
-)
-def test_the_campaign_stops_before_the_true_margins_are_left(truth, seed) -> None:
-    assert true_violations(truth, TARGET)  # the target cannot be flown
-    flown, last = campaign(truth, seed)
-    assert not last.reached
-    assert last.stopped_by
-    assert len(flown) > 1
-    for value in flown:
-        assert not true_violations(truth, value)
-
-
 def test_growth_is_stated_for_channels_of_a_trim() -> None:
     with pytest.raises(InputError, match="no channel"):
-        _expansion(growth=[replace(GROWTH[0], across="nothing")])
+        _expansion(growth=[Growth("Cm", "alpha", 4.0, across="nothing")])
