@@ -210,6 +210,9 @@ RESULT_COLUMNS: Final[dict[str, Channel]] = {
         Channel("sigma_phi", "rad", "one standard error of the consistent bank angle"),
         Channel("sigma_theta", "rad", "one standard error of the consistent pitch attitude"),
         Channel("sigma_psi", "rad", "one standard error of the consistent heading"),
+        Channel("sigma_wind_north", "m/s", "one standard error of the reconstructed wind, north"),
+        Channel("sigma_wind_east", "m/s", "one standard error of the reconstructed wind, east"),
+        Channel("sigma_wind_down", "m/s", "one standard error of the reconstructed wind, down"),
         Channel(
             "product",
             "1",

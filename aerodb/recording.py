@@ -30,6 +30,16 @@ class Damage:
 
 
 @dataclass(frozen=True)
+class LoggedMessage:
+    """A sentence that the logger itself wrote, at `time` [s] on the log's clock; `level` in lower
+    case, such as ``info`` or ``warning``."""
+
+    time: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Topic:
     """One topic, or one instance of it: time (n,) [s] on the log's monotonic clock, fields (n,).
 
@@ -49,7 +59,7 @@ class Recording:
     An instance ``i > 0`` of a topic is named ``name.i``. `format` is one of ``ulog mcap dataflash
     tabular``.
     `layout` names the mapping that fits (for example ``px4``, ``ros2``, ``sidpac_fdata``); empty
-    when the reader cannot tell.
+    when the reader cannot tell. `messages` in the order of the file.
     """
 
     source: str
@@ -61,3 +71,4 @@ class Recording:
     damage: tuple[Damage, ...] = ()
     start_utc: datetime | None = None
     layout: str = ""
+    messages: tuple[LoggedMessage, ...] = ()

@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
     "conditioning": 4,
-    "consistency": 16,
+    "consistency": 17,
     "coefficients": 4,
     "compare": 2,
     "import": 2,

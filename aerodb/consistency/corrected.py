@@ -62,6 +62,7 @@ DRAWS, MOST_DRAWN = 8, 3
 
 _AIR: Final = ("V", "alpha", "beta")
 _ATTITUDE: Final = ("phi", "theta", "psi")
+_WIND: Final = ("wind_north", "wind_east", "wind_down")
 _OTHERS: Final = ("velocity_north", "velocity_east", "velocity_down")
 
 
@@ -112,6 +113,8 @@ class CorrectedFlight:
     sigma : channel -> (n,), standard errors, SI.
     changed : channels that differ from the measured ones.
     used : channel -> where its values come from.
+    beyond : channel -> (n,), what the smoother gives and the flight does not take, SI: wind, gusts
+        included, and flow angles whose standard errors are too large; nan outside the records.
     noise : error spectrum of the channels, for the source (smoother or sensor) used for alpha.
     result : the reconstruction, with the standard errors of its winds enlarged for gusts.
     """
@@ -120,6 +123,7 @@ class CorrectedFlight:
     sigma: Mapping[str, Array]
     changed: tuple[str, ...]
     used: Mapping[str, ChannelSource]
+    beyond: Mapping[str, Array]
     noise: StateNoise
     result: Reconstruction
 
@@ -154,6 +158,9 @@ def corrected_flight(
     stretches = _smoothed(result, scopes, by, held)
     smoothed = [path for stretch in stretches for path in stretch.paths]
     channels, used, sigma, flags = dict(sensors), {}, {}, dict(flight.flags)
+    beyond: dict[str, Array] = {}
+    for name in _WIND if any(e.parameter.kind == "wind" for e in result.estimates) else ():
+        beyond[name], sigma[name] = _at_full_rate(flight, smoothed, name)
     source: Source = "smoother"
     for name in (*_AIR, *_ATTITUDE):
         if name == "V" and name not in sensors:
@@ -174,6 +181,9 @@ def corrected_flight(
         elif own is not None:
             size = np.hypot(choice.sensor, _by_vertical_air(result, name, values))
             sigma[name] = np.where(np.isfinite(own), size, np.nan)
+        elif name in _AIR:
+            beyond[name] = smooth_channel
+            sigma[name] = np.hypot(error, _by_vertical_air(result, name, values))
     channels |= _pressure(flight, moved, channels, values)
     changed = tuple(
         name
@@ -189,7 +199,7 @@ def corrected_flight(
         flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note)
     )
     return CorrectedFlight(
-        made_flight, sigma, changed, used, _noise(stretches, source, used), result
+        made_flight, sigma, changed, used, beyond, _noise(stretches, source, used), result
     )
 
 
@@ -470,12 +480,20 @@ def _at_full_rate(
     for entry in smoothed:
         record = entry.path.record
         many = round(record.step / flight.step)
-        shown = getattr(entry.path, name) if name in _AIR else entry.path.states[STATES.index(name)]
+        shown = _smoothed_channel(entry, name)
         at = record.first + many * np.arange(len(shown))
         index = np.arange(record.first, min(record.first + many * len(shown), len(values)))
         values[index] = CubicSpline(at, shown)(index) if many > 1 else shown[: len(index)]
         sigma[index] = np.interp(index, at, entry.sigma[name])
     return values, sigma
+
+
+def _smoothed_channel(entry: SmoothedPath, name: str) -> Array:
+    if name in _WIND:
+        return np.asarray(entry.wind[_WIND.index(name)])
+    if name in _AIR:
+        return np.asarray(getattr(entry.path, name))
+    return np.asarray(entry.path.states[STATES.index(name)])
 
 
 def _unchanged(smooth_channel: Array, measured: Array | None) -> bool:

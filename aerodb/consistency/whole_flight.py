@@ -2,7 +2,7 @@
 flight."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,8 +47,10 @@ class Consistent:
     """A flight after the consistency step.
 
     flight : with corrected channels; unchanged when it could not be checked.
-    sigma : channel -> (n,), standard errors of V, alpha, beta and attitude, SI.
+    sigma : channel -> (n,), standard errors of V, alpha, beta, attitude and wind, SI.
     changed : channels that differ from the measured ones.
+    beyond : channel -> (n,), SI, that the reconstruction gives and the flight does not take: wind,
+        and flow angles whose standard errors are too large.
     document : the result as JSON.
     verdict : good, limited or rejected, with reasons.
     drifted : parameters that differ from the calibration.
@@ -60,6 +62,7 @@ class Consistent:
     document: Mapping[str, Any]
     verdict: Verdict
     drifted: tuple[Drift, ...] = ()
+    beyond: Mapping[str, Array] = field(default_factory=dict)
 
 
 def make_consistent(
@@ -131,7 +134,9 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy, navigation
     )
     made = replace(corrected.flight, notes=(*corrected.flight.notes, *noisy))
-    return Consistent(made, corrected.sigma, corrected.changed, document, verdict, drifted)
+    return Consistent(
+        made, corrected.sigma, corrected.changed, document, verdict, drifted, corrected.beyond
+    )
 
 
 def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:

@@ -1,5 +1,5 @@
 from . import page
-from .decimation import decimated, flagged_stretches
+from .decimation import decimated, extremes, flagged_stretches
 from .diff_documents import diff_document
 from .diff_figures import diff_figure
 from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
@@ -42,7 +42,11 @@ __all__ = [
     "effect_words",
     "error_rows",
     "estimates_report",
+<<<<<<< HEAD
     "excluded_sizes",
+=======
+    "extremes",
+>>>>>>> d245f3a (Flight page: reconstructed alpha, beta and wind with their sigma, coefficients that stay when released moves, logged topics, track, parameters and messages, time from zero, dark mode)
     "flagged_stretches",
     "flight_report",
     "for_people",

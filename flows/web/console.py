@@ -14,7 +14,11 @@ from starlette.responses import Response
 
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
+<<<<<<< HEAD
 from aerodb.report import for_people, number, page, visible
+=======
+from aerodb.report import channel_scale, for_people, page, visible
+>>>>>>> d245f3a (Flight page: reconstructed alpha, beta and wind with their sigma, coefficients that stay when released moves, logged topics, track, parameters and messages, time from zero, dark mode)
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.references import version_of
@@ -164,6 +168,7 @@ def _engine() -> jinja2.Environment:
     engine.filters |= {"part": part, "shortened": shortened, "moment": moment}
     engine.globals |= {
         "address": address,
+        "channel_scale": channel_scale,
         "unit_of": lambda unit: for_people(unit)[1],
         "in_units": in_units,
         "sections": SECTIONS,

@@ -1,11 +1,8 @@
-"""Flights: the list, one flight with its record and report, and its channels for plots."""
+"""Flights: the list, and one flight with its record and report."""
 
-import json
-import struct
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from contextlib import suppress
+from typing import Annotated, Literal
 
-import numpy as np
 from fastapi import APIRouter, Query, Request
 from pydantic import BeforeValidator
 from starlette.responses import Response
@@ -30,14 +27,12 @@ from aerodb.flows.web.models import answers
 from aerodb.storage.catalogue import RETRACTED, VERDICTS, FlightFilter, FlightRow
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.view import (
-    FEWEST_POINTS,
-    MOST_POINTS,
-    Series,
     envelopes_of,
     flight_details,
     flights_document,
+    has_log_here,
+    log_document,
     record_of,
-    series_of,
 )
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -123,8 +118,11 @@ def envelopes(
 
 
 @router.get("/flights/{flight}", include_in_schema=False)
-def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
-    """One flight: its details, its record, and what is based on it."""
+def flight_page(
+    request: Request, flight: str, vehicle: Vehicle = None, fetch: bool = False
+) -> Response:
+    """One flight: its details, its record, and what is based on it; `fetch` its log from the object
+    store."""
     access = access_of(request)
     row = access.catalogue.flight(flight, vehicle)
     record, missing = None, ""
@@ -132,6 +130,10 @@ def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
         record = record_of(access, row)
     except AeroError as error:
         missing = str(error)
+    said = None
+    if fetch or has_log_here(access, row):
+        with suppress(AeroError):  # lost or damaged: the channels are there all the same
+            said = log_document(access, row)
     return page_of(
         request,
         "flight.html",
@@ -140,6 +142,8 @@ def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
         label=row.label,
         record=record,
         missing=missing,
+        said=said,
+        zero=record.start if record else 0.0,
         released=_released(access, row),
     )
 
@@ -163,82 +167,6 @@ def flight_report(
     )
     parameters = {"kind": "flight", "about": row.id, "version": version or ""}
     return report(console_of(request).run(report_flow, parameters))
-
-
-@router.get(
-    "/api/flights/{flight}/channels",
-    summary="Channels of a flight, decimated for plots",
-    tags=["flights"],
-    responses=answers(models.Record),
-)
-def channels(
-    request: Request,
-    flight: str,
-    names: Annotated[
-        str,
-        Query(
-            max_length=4000,
-            description="Channels and axes, separated by commas; default: those shown first.",
-        ),
-    ] = "",
-    start: Annotated[float, Query(alias="from", description="From this time [s].")] = -1e12,
-    end: Annotated[float, Query(alias="to", description="To this time [s].")] = 1e12,
-    points: Annotated[
-        int,
-        Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="Largest number of points per line."),
-    ] = 2000,
-    format: Annotated[
-        Literal["json", "binary"], Query(description="binary: float64 arrays after a JSON heading.")
-    ] = "json",
-    vehicle: Vehicle = None,
-) -> Response:
-    """Time [s] and values (SI) of each line, decimated for a screen; extremes are kept.
-
-    A window with few samples is returned in full.
-    """
-    access = access_of(request)
-    row = access.catalogue.flight(flight, vehicle)
-    wanted = [name.strip() for name in names.split(",") if name.strip()] or list(
-        record_of(access, row).first
-    )
-    lines, ends = series_of(access, row, wanted, start, end, points)
-    heading = {"flight": row.id, "start": ends[0], "end": ends[1]}
-    if format == "binary":
-        return Response(_packed(heading, lines), media_type="application/octet-stream")
-    arrays = [
-        {**_heading(line), "time": line.time.tolist(), "values": line.values.tolist()}
-        for line in lines
-    ]
-    return document({**heading, "series": arrays})
-
-
-def _heading(line: Series) -> dict[str, Any]:
-    return {
-        "name": line.name,
-        "source": line.source,
-        "unit": line.unit,
-        "label": line.label,
-        "factor": line.factor,
-        "flagged": [list(stretch) for stretch in line.flagged],
-    }
-
-
-def _packed(lead: dict[str, Any], lines: Sequence[Series]) -> bytes:
-    """Return the heading's length (uint32), the JSON heading padded to 8 bytes, then time and
-    values.
-
-    All numbers are little-endian.
-    """
-    heading = json.dumps(
-        {**lead, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}
-    ).encode("ascii")
-    heading += b" " * (-(len(heading) + 4) % 8)
-    arrays = (
-        np.ascontiguousarray(values, "<f8").tobytes()
-        for line in lines
-        for values in (line.time, line.values)
-    )
-    return struct.pack("<I", len(heading)) + heading + b"".join(arrays)
 
 
 def _released(access: WorkspaceAccess, row: FlightRow) -> str | None:

@@ -99,7 +99,7 @@ class Sweep(_Document):
 
 class Line(_Document):
     """One line of a record: `time` [s] and `values` (SI); `factor` converts them to the unit in
-    `label`."""
+    `label`; `version` is that of a prediction."""
 
     name: str
     source: str
@@ -107,6 +107,7 @@ class Line(_Document):
     label: str
     factor: float
     flagged: list[list[float]]
+    version: str
     time: list[float]
     values: list[float | None]
 
@@ -118,6 +119,56 @@ class Record(_Document):
     start: float
     end: float
     series: list[Line]
+
+
+class Values(_Document):
+    """Values (SI) of a channel; `factor` converts them to the unit in `label`."""
+
+    name: str
+    source: str
+    unit: str
+    label: str
+    factor: float
+    values: list[float | None]
+
+
+class Pairs(_Document):
+    """One channel over another at common `time` [s]."""
+
+    flight: str
+    time: list[float]
+    x: Values
+    y: Values
+
+
+class Track(_Document):
+    """Path over the ground: `time` [s], metres; no `altitude` if the flight has none."""
+
+    flight: str
+    time: list[float]
+    north: list[float | None]
+    east: list[float | None]
+    altitude: list[float | None]
+
+
+class LogContent(_Document):
+    """What a log says of itself; `changed_to` of a parameter is its last value in flight."""
+
+    format: str
+    firmware: str
+    information: dict[str, str | int | float]
+    parameters: list[dict[str, str | int | float | None]]
+    messages: list[dict[str, str | float]]
+
+
+class LoggedTopic(_Document):
+    """A topic of a log: first and last time [s] on the log's clock, and its fields with units."""
+
+    topic: str
+    samples: int
+    start: float | None
+    end: float | None
+    fields: list[dict[str, str]]
 
 
 class Finding(_Document):

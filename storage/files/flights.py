@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.flight import Flight
 from aerodb.nomenclature import CHANNELS, RESULT_COLUMNS, Channel, channel
-from aerodb.recording import Damage, Recording, Topic
+from aerodb.recording import Damage, LoggedMessage, Recording, Topic
 from aerodb.storage.catalogue import measured
 from aerodb.storage.files.parquet import (
     Column,
@@ -139,6 +139,7 @@ def write_topics(folder: Path, recording: Recording) -> None:
         "damage": [asdict(d) for d in recording.damage],
         "start_utc": _time_text(recording.start_utc),
         "layout": recording.layout,
+        "messages": [asdict(entry) for entry in recording.messages],
     }
     (folder / INDEX).write_text(json_text(index), encoding="ascii")
 
@@ -209,6 +210,12 @@ def open_recording(folder: Path) -> Recording:
     return _recording(index, StoredTopics(folder, index["topics"]))
 
 
+def topic_paths(folder: Path) -> dict[str, Path]:
+    """Topic name -> file of the recording stored in `folder`; InputError without one."""
+    names = _index(folder)["topics"]
+    return {name: folder / f"{number:04d}.parquet" for number, name in enumerate(names)}
+
+
 def _recording(index: Mapping[str, Any], topics: Mapping[str, Topic]) -> Recording:
     return Recording(
         source=index["source"],
@@ -220,6 +227,8 @@ def _recording(index: Mapping[str, Any], topics: Mapping[str, Topic]) -> Recordi
         damage=tuple(Damage(**d) for d in index["damage"]),
         start_utc=_time(index["start_utc"]),
         layout=index["layout"],
+        # Recordings of former versions have none.
+        messages=tuple(LoggedMessage(**entry) for entry in index.get("messages", ())),
     )
 
 

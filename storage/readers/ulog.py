@@ -11,6 +11,7 @@ import hashlib
 import io
 from collections.abc import Collection, Iterable, Mapping
 from datetime import UTC, datetime, timedelta
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,15 @@ from pyulog.exceptions import ULogException
 
 from aerodb.errors import InputError
 from aerodb.logs import missing_by_topic
-from aerodb.recording import Damage, DamageKind, Recording, Topic
+from aerodb.recording import Damage, DamageKind, LoggedMessage, Recording, Topic
 from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
 from aerodb.storage.readers.ulog_topics import LoggedTopics, TopicRecords
 
 MAGIC = b"ULog\x01\x12\x35"
 #: Maximum number of damaged intervals listed one by one; the rest is one entry.
 _LISTED = 200
+#: Most messages of the autopilot that are kept.
+_MOST_MESSAGES = 10_000
 _TYPES = {name: np.dtype(entry[2]).newbyteorder("<") for name, entry in ULog._UNPACK_TYPES.items()}
 _NO_LOG = "check that the transfer was complete; the original on the vehicle may still be intact"
 
@@ -85,7 +88,10 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
     metadata = metadata_of(definitions)
     start = _start_utc(definitions, read)
     layout = "px4" if metadata.get("sys_name") == "PX4" or "sensor_combined" in read else ""
-    return Recording(str(path), "ulog", sha256, size, read, metadata, tuple(damage), start, layout)
+    said = messages_of(definitions)
+    return Recording(
+        str(path), "ulog", sha256, size, read, metadata, tuple(damage), start, layout, said
+    )
 
 
 def check_header(head: bytes, size: int, path: Path) -> None:
@@ -231,6 +237,15 @@ def metadata_of(definitions: ULog) -> dict[str, str | int | float]:
     values |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
     values |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
     return {name: value for name, value in values.items() if isinstance(value, (str, int, float))}
+
+
+def messages_of(definitions: ULog) -> tuple[LoggedMessage, ...]:
+    """What the autopilot said, with and without a tag, by time; at most `_MOST_MESSAGES`."""
+    said = [*definitions.logged_messages, *chain(*definitions.logged_messages_tagged.values())]
+    return tuple(
+        LoggedMessage(entry.timestamp * 1e-6, entry.log_level_str().lower(), entry.message)
+        for entry in sorted(said, key=lambda entry: entry.timestamp)[:_MOST_MESSAGES]
+    )
 
 
 def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:

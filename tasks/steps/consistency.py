@@ -161,7 +161,7 @@ def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | N
 
 
 def _table(consistent: Consistent) -> dict[str, np.ndarray]:
-    """Return what reconstruction changed, as columns; empty if it changed nothing."""
+    """Return what reconstruction changed or adds to a flight, as columns; empty if nothing."""
     flight = consistent.flight
     flags = {
         f"flags_{name}": flight.flags[name] for name in consistent.changed if name in flight.flags
@@ -170,6 +170,7 @@ def _table(consistent: Consistent) -> dict[str, np.ndarray]:
     table = {
         "time": flight.time,
         **{name: flight[name] for name in consistent.changed},
+        **consistent.beyond,
         **flags,
         **sigma,
     }

@@ -1,4 +1,13 @@
-from .channels import FEWEST_POINTS, MOST_POINTS, Series, envelopes_of, record_of, series_of
+from .channels import (
+    FEWEST_POINTS,
+    MOST_POINTS,
+    Series,
+    envelopes_of,
+    pair_of,
+    record_of,
+    series_of,
+    track_of,
+)
 from .evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
 from .finding_documents import finding_document, findings_page, labels_of, reference_of
 from .flight_documents import damage_document, flight_details, flights_document
@@ -11,6 +20,7 @@ from .lineage_documents import (
     prov_of,
     rebuilds,
 )
+from .log_documents import has_log_here, log_document, logged_series, topics_document
 from .online_estimates import online_estimates
 from .status import status_of
 from .table_documents import table_document
@@ -56,16 +66,20 @@ __all__ = [
     "flights_document",
     "flights_words",
     "glides",
+    "has_log_here",
     "held_out_words",
     "history_document",
     "impact_document",
     "labels_of",
     "lineage_document",
+    "log_document",
+    "logged_series",
     "matching",
     "modes_document",
     "notes_document",
     "online_estimates",
     "origins_document",
+    "pair_of",
     "prov_of",
     "rebuilds",
     "record_of",
@@ -77,6 +91,8 @@ __all__ = [
     "sweep_document",
     "sweep_value",
     "table_document",
+    "topics_document",
+    "track_of",
     "trim_document",
     "trim_of",
     "version_details",

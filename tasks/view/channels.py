@@ -4,7 +4,7 @@ Only the columns and row groups of the window are read: an hour at 100 Hz opens 
 minute.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
@@ -13,13 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import AeroError, InputError, UnknownNameError, nearest
-from aerodb.nomenclature import axis_description, channel, is_surface
-from aerodb.report import channel_scale, decimated, flagged_stretches
+from aerodb.nomenclature import NAVIGATION, is_surface
+from aerodb.physics import Earth
+from aerodb.report import decimated, extremes, flagged_stretches
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import StoredSeries
 from aerodb.support import Array
+from aerodb.tasks.view.stored_flight import Column, Source, StoredFlight, stored_flight
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
+#: Groups of channels, as a page offers them; surfaces, coefficients and the rest follow.
+GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "Air": ("V", "alpha", "beta", "wind_north", "wind_east", "wind_down", "qbar", "mach", "rho"),
+    "Motion": ("p", "q", "r", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"),
+    "Attitude": ("phi", "theta", "psi"),
+    "Position": (*NAVIGATION, "latitude", "longitude", "height_above_ground", "pressure_altitude"),
+}
 #: Channels shown first, in this order, if the flight has them; surfaces follow.
 FIRST: Final = ("V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude")
 PANELS: Final = 12
@@ -32,63 +41,75 @@ _STRETCHES: Final = 100
 class Series:
     """One line of a plot.
 
-    source : ``measured``, ``reconstructed``, ``flight`` or ``database`` (coefficients). time : (n,)
-    [s]. values : (n,) in `unit` (SI); `factor` converts them to the unit in `label`. flagged :
-    intervals [s] that are not used.
+    source : as in `Column`, or ``logged``. time : (n,) [s]. values : (n,) in `unit` (SI); `factor`
+    converts them to the unit in `label`. flagged : intervals [s] that are not used. version : label
+    of the version that predicts the values.
     """
 
     name: str
-    source: str
+    source: Source
     unit: str
     label: str
     factor: float
     time: Array
     values: Array
     flagged: tuple[tuple[float, float], ...] = ()
+    version: str = ""
 
 
 @dataclass(frozen=True)
 class Record:
-    """Available channels and axes of a flight by name, those shown first, and its start and end
-    [s]."""
+    """What can be plotted of a flight: names by group, those shown first, its start and end [s].
 
-    channels: tuple[str, ...]
-    axes: tuple[str, ...]
+    sigmas : names that have a standard error, as ``sigma_NAME``. version : label of the version
+    whose prediction is shown beside the coefficients. has_track : whether there is a position.
+    """
+
+    groups: Mapping[str, tuple[str, ...]]
     first: tuple[str, ...]
+    sigmas: tuple[str, ...]
     start: float
     end: float
     samples: int
+    version: str
+    has_track: bool
 
 
 @dataclass(frozen=True, eq=False)
-class _Stored:
-    """Stored files of a flight: the mapped channels, those that consistency changed, the last
-    comparison."""
+class Track:
+    """The path over the ground: time [s], north and east of the local origin and altitude [m], each
+    (n,); altitude is empty if the flight has none."""
 
-    flight: StoredSeries
-    consistent: StoredSeries | None
-    comparison: StoredSeries | None
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Axes of the comparison, in stored order; each has as many rows as the flight."""
-        if self.comparison is None:
-            return ()
-        n, count = self.flight.rows, self.comparison.rows // self.flight.rows
-        return tuple(
-            str(self.comparison.read(["axis"], k * n, k * n + 1)["axis"][0]) for k in range(count)
-        )
+    time: Array
+    north: Array
+    east: Array
+    altitude: Array
 
 
 def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
     """Return what can be plotted of a flight; InputError if its file is missing or damaged."""
-    stored = _open(access, row)
-    names = tuple(stored.flight.metadata["channels"])
-    surfaces = sorted(name for name in names if is_surface(name))
+    stored = stored_flight(access, row)
+    names = stored.channels
+    surfaces = tuple(sorted(name for name in names if is_surface(name)))
+    groups = {
+        group: tuple(name for name in members if name in names) for group, members in GROUPS.items()
+    }
+    groups |= {"Controls": surfaces, "Coefficients": stored.axes}
+    grouped = {name for members in groups.values() for name in members}
+    groups["Other"] = tuple(name for name in names if name not in grouped)
     chosen = [name for name in FIRST if name in names][: PANELS - min(len(surfaces), 3)]
     first = (*chosen, *surfaces)[:PANELS] or names[:PANELS]
     start, end = stored.flight.ends()
-    return Record(names, stored.axes, tuple(first), start, end, stored.flight.rows)
+    return Record(
+        {group: members for group, members in groups.items() if members},
+        tuple(first),
+        stored.sigmas,
+        start,
+        end,
+        stored.flight.rows,
+        stored.version,
+        any(all(name in names for name in pair) for pair in _POSITIONS),
+    )
 
 
 def series_of(
@@ -99,39 +120,124 @@ def series_of(
     end: float,
     points: int,
 ) -> tuple[list[Series], tuple[float, float]]:
-    """Return the lines of the channels and axes `names` from `start` to `end` [s], and the flight's
-    ends.
+    """Return the lines of `names` from `start` to `end` [s], and the flight's ends.
 
-    Each line has at most `points` + 2 samples. A channel is given as measured and, if consistency
-    corrected it, as reconstructed; an axis as flown and as the database predicts it. Raises
+    Each line has at most `points` + 2 samples. A channel is given as measured and as reconstructed;
+    an axis as flown and as a version predicts it; ``sigma_NAME`` is a standard error. Raises
     UnknownNameError for a name that the flight lacks, InputError if the number of points or names
     is out of bounds.
     """
-    if not FEWEST_POINTS <= points <= MOST_POINTS:
-        raise InputError(f"{points} points", "points", f"from {FEWEST_POINTS} to {MOST_POINTS}")
     if len(names) > MOST_SERIES:
         raise InputError(f"{len(names)} names", "names", f"at most {MOST_SERIES} at once")
+    stored, window = _windowed(access, row, start, end, points)
+    found = {name: _columns(stored, row, name) for name in names}
+    time, lines = stored.flight.read(["time"], *window)["time"], []
+    for name, columns in found.items():
+        for place, column in enumerate(columns):
+            is_used = column.source in ("measured", "reconstructed") and place == len(columns) - 1
+            lines.append(
+                Series(
+                    column.name,
+                    column.source,
+                    column.unit,
+                    column.label,
+                    column.factor,
+                    *decimated(time, column.read(*window), points),
+                    _flagged(stored.flight, name, window) if is_used else (),
+                    column.version,
+                )
+            )
+    return lines, stored.flight.ends()
+
+
+def pair_of(
+    access: WorkspaceAccess,
+    row: FlightRow,
+    names: tuple[str, str],
+    start: float,
+    end: float,
+    points: int,
+) -> tuple[Column, Column, Array]:
+    """Return where the values of two names are, and time [s], x and y at common samples (3, n).
+
+    At most `points` + 2 samples, with the extremes of both; the reconstructed values if there are
+    any, otherwise those measured; coefficients as flown. Raises as `series_of`.
+    """
+    stored, window = _windowed(access, row, start, end, points)
+    x, y = (_best(_columns(stored, row, name)) for name in names)
+    time = stored.flight.read(["time"], *window)["time"]
+    both = np.array([time, x.read(*window), y.read(*window)])
+    return x, y, both[:, _common(both[1:], points)]
+
+
+def track_of(
+    access: WorkspaceAccess, row: FlightRow, start: float, end: float, points: int
+) -> Track:
+    """Return the path over the ground between two times [s]; InputError if the flight has none.
+
+    Latitude and longitude are used where the flight has no position in metres; their origin is the
+    first known one.
+    """
+    stored, window = _windowed(access, row, start, end, points)
+    pair = next((p for p in _POSITIONS if all(n in stored.channels for n in p)), None)
+    if pair is None:
+        raise InputError(
+            "no position is logged", f"flight {row.label}", "map north and east, or coordinates"
+        )
+    names = [*pair, *(("altitude",) if "altitude" in stored.channels else ())]
+    columns = np.array([_best(_columns(stored, row, name)).read(*window) for name in names])
+    known = np.flatnonzero(np.isfinite(columns[:2]).all(axis=0))
+    if pair[0] == "latitude" and len(known):
+        earth = Earth(*columns[:2, known[0]])
+        columns[:2] = earth.to_local(columns[0], columns[1])
+    time = stored.flight.read(["time"], *window)["time"]
+    shown = np.vstack([time, columns])[:, _common(columns, points)]
+    return Track(*shown[:3], shown[3] if len(shown) > 3 else np.empty(0))
+
+
+_POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
+
+
+def _windowed(
+    access: WorkspaceAccess, row: FlightRow, start: float, end: float, points: int
+) -> tuple[StoredFlight, tuple[int, int]]:
+    """Return the stored flight and the rows of a time window; InputError if they cannot be asked
+    for."""
+    check_window(start, end, points)
+    stored = stored_flight(access, row)
+    return stored, _window(stored.flight, start, end)
+
+
+def check_window(start: float, end: float, points: int) -> None:
+    """Raise InputError unless `points` samples between two times [s] can be asked for."""
+    if not FEWEST_POINTS <= points <= MOST_POINTS:
+        raise InputError(f"{points} points", "points", f"from {FEWEST_POINTS} to {MOST_POINTS}")
     if not start <= end:
         raise InputError(
             f"from {start:g} to {end:g} is not a time interval",
             "from, to",
             "give the earlier time first",
         )
-    stored = _open(access, row)
-    known = [*stored.flight.metadata["channels"], *stored.axes]
-    for name in names:
-        if name not in known:
-            raise UnknownNameError(
-                f"no channel '{name[:80]}'", f"flight {row.label}", nearest(name[:80], known)
-            )
-    window = _window(stored.flight, start, end)
-    wanted = list(dict.fromkeys(names))
-    channels = [name for name in wanted if name not in stored.axes]
-    lines = [
-        *_channels(stored, channels, window, points),
-        *_coefficients(stored, wanted, window, points),
-    ]
-    return sorted(lines, key=lambda line: wanted.index(line.name)), stored.flight.ends()
+
+
+def _columns(stored: StoredFlight, row: FlightRow, name: str) -> list[Column]:
+    columns = stored.columns(name)
+    if not columns:
+        raise UnknownNameError(
+            f"no channel '{name[:80]}'", f"flight {row.label}", nearest(name[:80], stored.names())
+        )
+    return columns
+
+
+def _best(columns: Sequence[Column]) -> Column:
+    """Return the column with what was flown: not a prediction."""
+    return [column for column in columns if column.source != "database"][-1]
+
+
+def _common(values: Array, points: int) -> NDArray[np.intp]:
+    """Return indices, at most `points` + 2, with the extremes of each row of `values` (k, n)."""
+    chosen = [extremes(row, max(2, points // len(values))) for row in values]
+    return np.unique(np.concatenate(chosen))
 
 
 #: Channels whose range describes the flight's envelope.
@@ -150,64 +256,24 @@ def envelopes_of(
     for row in rows:
         envelopes[row.id] = {}
         with suppress(AeroError):
-            stored = _open(access, row)
-            names = [name for name in ENVELOPE if name in stored.flight.metadata["channels"]]
-            for line in _whole(stored, names):
-                envelopes[row.id][line[0]] = [float(np.min(line[1])), float(np.max(line[1]))]
+            stored = stored_flight(access, row)
+            for name, values in _usable(stored, ENVELOPE):
+                envelopes[row.id][name] = [float(np.min(values)), float(np.max(values))]
     return envelopes
 
 
-def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
-    """Yield the usable samples of channels; reconstructed values where consistency corrected
-    them."""
-    flags = [name for name in stored.flight.metadata["flags"] if name in names or name == "flight"]
-    columns = stored.flight.read([*names, *(f"flags_{name}" for name in flags)])
-    moved = [
-        name
-        for name in names
-        if stored.consistent is not None and name in stored.consistent.columns
-    ]
-    columns |= stored.consistent.read(moved) if stored.consistent is not None and moved else {}
+def _usable(stored: StoredFlight, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
+    """Yield the usable samples of channels that the flight has; corrected values where there are
+    any."""
+    logged, corrected = stored.flight.metadata["channels"], stored.corrected
     for name in names:
-        good = np.isfinite(columns[name])
-        for flag in flags:
-            if flag in (name, "flight"):
-                good &= columns[f"flags_{flag}"] == 0
+        if name not in logged and name not in corrected:
+            continue
+        used = stored.columns(name)[-1] if name in corrected else stored.columns(name)[0]
+        values = used.read(0, stored.flight.rows)
+        good = np.isfinite(values) & ~_flags(stored.flight, name, (0, stored.flight.rows))
         if good.any():
-            yield name, columns[name][good]
-
-
-def _open(access: WorkspaceAccess, row: FlightRow) -> _Stored:
-    results = access.catalogue.results_of(row.id)
-    by_step = {
-        step: [r for r in results if r.step == step]
-        for step in ("ingest", "consistency", "compare")
-    }
-    if not by_step["ingest"]:
-        raise InputError(
-            "its channels are not stored", f"flight {row.label}", "ingest its log again"
-        )
-    flight = StoredSeries.open(access.file_of(by_step["ingest"][-1].path), "flight")
-    consistent = _newest(access, by_step["consistency"], flight.rows)
-    released = access.named(row.vehicle, "released")
-    compared = [
-        StoredSeries.open(access.file_of(r.path), "result") for r in by_step["compare"][-8:]
-    ]
-    beside = [
-        c
-        for c in compared
-        if c.metadata["metadata"]["version"] == released and c.rows % max(1, flight.rows) == 0
-    ]
-    return _Stored(flight, consistent, beside[-1] if beside else None)
-
-
-def _newest(access: WorkspaceAccess, results: Sequence[Any], rows: int) -> StoredSeries | None:
-    """Return the newest result with series on the flight's own time grid."""
-    for result in reversed(results):
-        series = StoredSeries.open(access.file_of(result.path), "result")
-        if "time" in series.columns and series.rows == rows:
-            return series
-    return None
+            yield name, values[good]
 
 
 def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
@@ -218,54 +284,19 @@ def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
     return max(0, int(np.floor(low)) - 1), min(n, int(np.ceil(high)) + 2)
 
 
-def _channels(
-    stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int
-) -> Iterator[Series]:
-    if not names:
-        return
-    flags = [name for name in stored.flight.metadata["flags"] if name in names or name == "flight"]
-    columns = stored.flight.read(["time", *names, *(f"flags_{name}" for name in flags)], *window)
-    moved: dict[str, Any] = {}
-    if stored.consistent is not None:
-        changed = [name for name in names if name in stored.consistent.columns]
-        moved = stored.consistent.read(changed, *window) if changed else {}
-    time = columns["time"]
-    everywhere = _flagged(time, [columns["flags_flight"]] if "flight" in flags else [])
-    for name in names:
-        own = [columns[f"flags_{flag}"] for flag in flags if flag in (name, "flight")]
-        flagged = _flagged(time, own) if name in flags else everywhere
-        factor, label = channel_scale(name)
-        look = (channel(name).unit, label, factor)
-        if name in moved:
-            yield Series(name, "measured", *look, *decimated(time, columns[name], points))
-            yield Series(
-                name, "reconstructed", *look, *decimated(time, moved[name], points), flagged
-            )
-        else:
-            yield Series(name, "measured", *look, *decimated(time, columns[name], points), flagged)
+def _flags(flight: StoredSeries, name: str, window: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return where samples of a channel must not be used, by its own flags and the flight's."""
+    wanted = [f"flags_{flag}" for flag in flight.metadata["flags"] if flag in (name, "flight")]
+    bits: Mapping[str, NDArray[Any]] = flight.read(wanted, *window)
+    none = np.zeros(max(0, window[1] - window[0]), dtype=bool)
+    return np.logical_or.reduce([none, *(values != 0 for values in bits.values())])
 
 
 def _flagged(
-    time: Array, flags: Sequence[NDArray[np.unsignedinteger[Any]]]
+    flight: StoredSeries, name: str, window: tuple[int, int]
 ) -> tuple[tuple[float, float], ...]:
-    """Return the intervals [s] in which any of `flags` (each (n,)) marks a sample as unused."""
-    if not flags or not len(time):
+    """Return the intervals [s] in which samples of a channel are not used."""
+    flags = _flags(flight, name, window)
+    if not flags.any():
         return ()
-    return tuple(
-        flagged_stretches(time, np.logical_or.reduce([bits != 0 for bits in flags]), _STRETCHES)
-    )
-
-
-def _coefficients(
-    stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int
-) -> Iterator[Series]:
-    n = stored.flight.rows
-    for place, axis in enumerate(stored.axes):
-        if axis not in names or stored.comparison is None:
-            continue
-        first, last = (place * n + k for k in window)
-        columns = stored.comparison.read(["time", "measured", "predicted", "usable"], first, last)
-        label = f"{axis} [-] {axis_description(axis)}"
-        for source, name in (("flight", "measured"), ("database", "predicted")):
-            values = np.where(columns["usable"], columns[name], np.nan)
-            yield Series(axis, source, "1", label, 1.0, *decimated(columns["time"], values, points))
+    return tuple(flagged_stretches(flight.read(["time"], *window)["time"], flags, _STRETCHES))

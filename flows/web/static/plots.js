@@ -41,7 +41,7 @@ const plots = (() => {
     figure.append(caption, place);
     parent.append(figure);
     let stretches = [];
-    const axis = { font, stroke: "#333", grid: { stroke: "#e5e5e5", width: 1 }, ticks: { stroke: "#bbb", width: 1, size: 4 } };
+    const axis = { font, stroke: colour("soft"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("line"), width: 1, size: 4 } };
     const u = new uPlot(
       {
         width: Math.max(place.clientWidth, 200),
