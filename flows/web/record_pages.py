@@ -74,7 +74,8 @@ def channels(
     if not wanted and not logged:
         wanted = list(record_of(access, row).first)
     lines, ends = series_of(access, row, wanted, start, end, points)
-    lines += logged_series(access, row, logged, start, end, points)
+    if logged:
+        lines += logged_series(access, row, logged, start, end, points)
     heading = {"flight": row.id, "start": ends[0], "end": ends[1]}
     if format == "binary":
         return Response(_packed(heading, lines), media_type="application/octet-stream")

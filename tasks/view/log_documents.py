@@ -134,7 +134,7 @@ def logged_series(
         raise InputError(f"{len(names)} fields", "logged", f"at most {MOST_SERIES} at once")
     check_window(start, end, points)
     paths = topic_paths(access.topics_of(row.log_sha256))
-    units = _mapped_units(access, row) if names else {}
+    units = _mapped_units(access, row)
     lines = []
     for name in dict.fromkeys(names):
         stored, field = _field_of(paths, name, row.label)
