@@ -42,11 +42,8 @@ __all__ = [
     "effect_words",
     "error_rows",
     "estimates_report",
-<<<<<<< HEAD
     "excluded_sizes",
-=======
     "extremes",
->>>>>>> d245f3a (Flight page: reconstructed alpha, beta and wind with their sigma, coefficients that stay when released moves, logged topics, track, parameters and messages, time from zero, dark mode)
     "flagged_stretches",
     "flight_report",
     "for_people",

@@ -14,11 +14,7 @@ from starlette.responses import Response
 
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
-<<<<<<< HEAD
-from aerodb.report import for_people, number, page, visible
-=======
-from aerodb.report import channel_scale, for_people, page, visible
->>>>>>> d245f3a (Flight page: reconstructed alpha, beta and wind with their sigma, coefficients that stay when released moves, logged topics, track, parameters and messages, time from zero, dark mode)
+from aerodb.report import channel_scale, for_people, number, page, visible
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.references import version_of
