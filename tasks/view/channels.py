@@ -192,7 +192,8 @@ def track_of(
         columns[:2] = earth.to_local(columns[0], columns[1])
     time = stored.flight.read(["time"], *window)["time"]
     shown = np.vstack([time, columns])[:, _common(columns, points)]
-    return Track(*shown[:3], shown[3] if len(shown) > 3 else np.empty(0))
+    altitude = shown[3] if len(shown) > 3 else np.empty(0)
+    return Track(shown[0], shown[1], shown[2], altitude)
 
 
 _POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))

@@ -176,7 +176,8 @@ def _unit(stored: StoredSeries, field: str, units: Mapping[tuple[str, str], str]
 def _mapped_units(access: WorkspaceAccess, row: FlightRow) -> dict[tuple[str, str], str]:
     """Return (topic, field) -> unit, as the flight's mapping states it for logs that state none."""
     mapping = mapping_of(access, row)
-    sources = [s for entry in (*mapping.channel, *mapping.derived) for s in entry.sources]
+    sources = [source for channel in mapping.channel for source in channel.sources]
+    sources += [source for derived in mapping.derived for source in derived.sources]
     return {
         (topic, source.field): source.unit
         for source in sources

@@ -6,7 +6,7 @@ of which version it is.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -128,29 +128,37 @@ class StoredFlight:
 
     def _of_axis(self, axis: str) -> list[Column]:
         assert self.coefficients is not None
-        n, look = self.flight.rows, ("1", f"{axis} [-] {axis_description(axis)}", 1.0)
+        n, label = self.flight.rows, f"{axis} [-] {axis_description(axis)}"
         first = n * self.axes.index(axis)
-        flown = Column(axis, "flight", *look, self.coefficients, "measured", first, "usable")
-        found = []
+        flown = Column(
+            axis, "flight", "1", label, 1.0, self.coefficients, "measured", first, "usable"
+        )
+        found = [flown]
         if self.predicted is not None:
-            for place in range(self.predicted.rows // n):
-                if self.predicted.read(["axis"], place * n, place * n + 1)["axis"][0] == axis:
-                    where = (self.predicted, "predicted", place * n, "usable", self.version)
-                    found.append(Column(axis, "database", *look, *where))
-        return [flown, *found]
+            for row in range(0, self.predicted.rows, n):
+                if self.predicted.read(["axis"], row, row + 1)["axis"][0] == axis:
+                    found.append(
+                        replace(
+                            flown,
+                            source="database",
+                            series=self.predicted,
+                            column="predicted",
+                            first=row,
+                            version=self.version,
+                        )
+                    )
+        return found
 
     def _of_sigma(self, name: str) -> list[Column]:
+        own = _SIGMA + name
         if name in self.axes:
-            assert self.coefficients is not None
-            first = self.flight.rows * self.axes.index(name)
-            look = ("1", f"{_SIGMA}{name} [-] one standard error", 1.0)
-            where = (self.coefficients, "sigma", first, "usable")
-            return [Column(_SIGMA + name, "sigma", *look, *where)]
+            (flown, *_), label = self._of_axis(name), f"{own} [-] one standard error"
+            return [replace(flown, name=own, source="sigma", label=label, column="sigma")]
         assert self.consistent is not None
-        unit = RESULT_COLUMNS[_SIGMA + name].unit
+        unit = RESULT_COLUMNS[own].unit
         factor, shown = for_people(unit)
-        look = (unit, f"{_SIGMA}{name} [{shown}] one standard error", factor)
-        return [Column(_SIGMA + name, "sigma", *look, self.consistent, _SIGMA + name)]
+        label = f"{own} [{shown}] one standard error"
+        return [Column(own, "sigma", unit, label, factor, self.consistent, own)]
 
 
 def stored_flight(access: WorkspaceAccess, row: FlightRow) -> StoredFlight:
