@@ -36,7 +36,14 @@ def _engine() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    engine.filters |= {
+    engine.filters |= filters()
+    engine.globals["colours"] = _COLOURS
+    return engine
+
+
+def filters() -> dict[str, Any]:
+    """Return the filters that the templates of this package use, for engines that include them."""
+    return {
         "name": name,
         "number": number,
         "share": share,
@@ -51,8 +58,6 @@ def _engine() -> jinja2.Environment:
         "capital": capital,
         "term_name": term_name,
     }
-    engine.globals["colours"] = _COLOURS
-    return engine
 
 
 def name(text: object) -> Markup:

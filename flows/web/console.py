@@ -14,7 +14,7 @@ from starlette.responses import Response
 
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
-from aerodb.report import channel_scale, for_people, number, page, visible
+from aerodb.report import channel_scale, for_people, page, visible
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.references import version_of
@@ -159,8 +159,7 @@ def _engine() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    shared = (page.name, number, page.share, page.words, page.instant, page.sentence, visible)
-    engine.filters |= {function.__name__: function for function in shared}
+    engine.filters |= page.filters()
     engine.filters |= {"part": part, "shortened": shortened, "moment": moment}
     engine.globals |= {
         "address": address,

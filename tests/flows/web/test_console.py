@@ -221,7 +221,7 @@ def test_a_closed_loop_says_what_it_found_and_why_and_what_stays_open(client: Te
     for words in (
         "suspected not added",
         "−0.24 1/rad (95 %: −0.3 to −0.2)",
-        "alpha_scale@all",
+        "scale of angle of attack",
         "not excited",
     ):
         assert words in said, words
