@@ -14,6 +14,7 @@ from aerodb.storage.inbox import InboxFile
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
 from aerodb.tasks.steps import (
+    complete_file,
     deliver,
     files_of_inbox,
     note_failure,
@@ -32,10 +33,10 @@ _NAMED: Final = 20
 
 
 def sweep_flow(
-    steps: Steps, *, workspace: str, run: str, vehicle: str | None = None
+    steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, file: str | None = None
 ) -> dict[str, Any]:
-    """Ingest what waits in the inbox, of one `vehicle` or of all; a second sweep waits for the
-    first.
+    """Ingest what waits in the inbox, of one `vehicle` or of all, or one complete `file` (its path
+    in the inbox); a second sweep waits for the first.
 
     Returns a document: ``files``, one ending each (`aerodb.tasks.steps.inbox.settle`, or
     ``no_room``), ``waiting``, what stays and why, and ``undelivered`` notifications.
@@ -46,7 +47,11 @@ def sweep_flow(
     access = access_workspace(workspace)
     settings = load_settings(access.workspace.root)
     with holding(access.workspace.lock("inbox")):
-        entries = files_of_inbox(access, settings, vehicle)
+        entries = (
+            files_of_inbox(access, settings, vehicle)
+            if file is None
+            else complete_file(access, settings, file)
+        )
         files: list[dict[str, Any]] = []
         faults: list[SettingsError] = []
         try:

@@ -90,6 +90,12 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
         )
 
 
+def acts_as(role: UserRole) -> bool:
+    """Return whether who acts in place of the operating system's user has at least `role`."""
+    actor = _ACTING.get()
+    return actor is not None and USER_ROLES.index(actor.role) >= USER_ROLES.index(role)
+
+
 def _owns(workspace: Workspace) -> bool:
     return pwd is None or workspace.root.stat().st_uid == os.getuid()
 

@@ -40,6 +40,9 @@ from aerodb.flows.web import (
     record_pages as records,
 )
 from aerodb.flows.web import (
+    upload_pages as uploads,
+)
+from aerodb.flows.web import (
     version_pages as versions,
 )
 from aerodb.flows.web import (
@@ -90,7 +93,18 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
         responses=REFUSALS,
     )
     app.state.console = Console(root.absolute(), guard)
-    for part in (overview, flights, records, versions, compare, lineage, findings, work, changes):
+    for part in (
+        overview,
+        flights,
+        records,
+        versions,
+        compare,
+        lineage,
+        findings,
+        work,
+        changes,
+        uploads,
+    ):
         app.include_router(part.router)
     app.add_api_route("/static/report.css", _report_style, include_in_schema=False)
     for name in _PLOTTING:

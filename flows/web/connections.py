@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from aerodb.flows.web.security import is_upload
+
 try:
     import resource
 except ImportError:  # a system without limits of descriptors
@@ -19,7 +21,7 @@ except ImportError:  # a system without limits of descriptors
 #: Longest time [s] for the head of a request, and for its body (at most 64 kB).
 HEAD_SECONDS: Final = 10.0
 BODY_SECONDS: Final = 15.0
-#: Slowest reader of an answer [B/s]: a fifth of a modem's speed.
+#: Slowest reader of an answer, and sender of a log [B/s]: a fifth of a modem's speed.
 _LEAST_RATE: Final = 1000.0
 #: Descriptors kept for the catalogue, files and child processes.
 _KEPT: Final = 256
@@ -63,7 +65,7 @@ class Connection(H11Protocol):
         self._waiting, self._most = waiting, most
         self._awaited: tuple[str, object] = ("", None)
         self._timer: asyncio.TimerHandle | None = None
-        self._unsent = 0
+        self._unsent = self._received = 0
 
     def connection_made(self, transport: Any) -> None:
         """Take the connection; the one that has waited longest gives way when there are too
@@ -75,6 +77,7 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Take what the client sent; its time is for a whole head or body, however many parts."""
+        self._received += len(data)
         super().data_received(data)
         self._follow()
 
@@ -111,6 +114,7 @@ class Connection(H11Protocol):
         self._stop()
         if phase == "work":
             return
+        self._received = 0
         self._unsent = self.transport.get_write_buffer_size()
         if not self._unsent:
             self._waiting[self] = None
@@ -118,7 +122,13 @@ class Connection(H11Protocol):
         self._timer = self.loop.call_later(seconds, self._late)
 
     def _late(self) -> None:
-        """Close the connection, unless the client is still reading an answer."""
+        """Close the connection, unless the client is still reading an answer or sending a log."""
+        if self._awaited[0] == "body" and is_upload(self.scope) and self._is_sending():
+            self._received = 0
+            self._waiting.pop(self, None)
+            self._waiting[self] = None  # it made progress: others have waited longer
+            self._timer = self.loop.call_later(BODY_SECONDS, self._late)
+            return
         unsent = self.transport.get_write_buffer_size()
         sent, self._unsent = self._unsent - unsent, unsent
         if unsent and sent >= _LEAST_RATE * HEAD_SECONDS:
@@ -129,6 +139,10 @@ class Connection(H11Protocol):
             self.abandon()
             return
         self._timer = self.loop.call_later(HEAD_SECONDS, self._late)
+
+    def _is_sending(self) -> bool:
+        """Whether the client sends as fast as it must, or is being held back."""
+        return self._received >= _LEAST_RATE * BODY_SECONDS or self.flow.read_paused
 
 
 def connections(most: int) -> Any:

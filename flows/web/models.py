@@ -186,6 +186,19 @@ class Finding(_Document):
     verdicts: dict[str, int]
 
 
+class Ending(_Document):
+    """How a log ended: `kind` is stored, duplicate, quarantined, failed, no_room, left or
+    waiting."""
+
+    file: str
+    vehicle: str
+    kind: str
+    flight: str | None
+    reason: str
+    verdict: str | None
+    sha256: str
+
+
 class Move(_Document):
     """A move of a name."""
 

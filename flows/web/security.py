@@ -16,6 +16,7 @@ import hmac
 import ipaddress
 import logging
 import os
+import re
 import secrets
 import socket
 import time
@@ -43,6 +44,9 @@ LARGEST_BODY: Final = 64 << 10
 #: Wrong tokens of an address in a minute; further ones are not checked.
 MOST_WRONG: Final = 10
 _REMEMBERED: Final = 10_000
+#: Logs that are received at a time; their bodies are streamed to the disk.
+MOST_UPLOADS: Final = 4
+_UPLOAD: Final = re.compile(r"/api/vehicles/[^/]+/logs")
 _logger: Final = logging.getLogger(__name__)
 #: Returns the user whose token has a hash, or None.
 UserOf = Callable[[str], Actor | None]
@@ -225,7 +229,7 @@ class Secured:
     def __init__(self, app: ASGIApp, guard: Guard, log: AccessLog, user_of: UserOf) -> None:
         self._app, self._guard, self._log, self._user_of = app, guard, log, user_of
         self._attempts = Attempts()
-        self._at_work = 0
+        self._at_work = self._uploads = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -274,6 +278,8 @@ class Secured:
     async def _answered(self, scope: Scope, receive: Receive, send: Send) -> Response | None:
         """Let the application answer; return the answer instead if the body is too large, or too
         many requests are at work."""
+        if is_upload(scope):
+            return await self._uploaded(scope, receive, send)
         try:
             body = await _whole_body(receive)
         except _DisconnectedError:
@@ -295,6 +301,22 @@ class Secured:
             self._at_work -= 1
         return None
 
+    async def _uploaded(self, scope: Scope, receive: Receive, send: Send) -> Response | None:
+        """Let the application receive a log, whose body it reads itself; return the answer instead
+        if too many are being received."""
+        if self._uploads >= MOST_UPLOADS:
+            return PlainTextResponse(
+                f"aerodb: {MOST_UPLOADS} logs are being received; try again soon\n",
+                503,
+                {"retry-after": "5"},
+            )
+        self._uploads += 1
+        try:
+            await self._app(scope, receive, send)
+        finally:
+            self._uploads -= 1
+        return None
+
     async def _admitted(self, scope: Scope, address: str) -> Actor | Response:
         """Return who sent a request, or the answer to one that is not admitted."""
         headers = Headers(scope=scope)
@@ -312,7 +334,7 @@ class Secured:
             return PlainTextResponse(
                 "aerodb: changes are accepted only from pages of this console\n", 403
             )
-        if (
+        if not is_upload(scope) and (
             int(length if (length := headers.get("content-length", "0")).isdecimal() else 0)
             > LARGEST_BODY
         ):
@@ -345,6 +367,11 @@ class Secured:
         )
         self._attempts.note(address, hashed, visitor is not None)
         return visitor or refusal
+
+
+def is_upload(scope: Scope) -> bool:
+    """Return whether a request brings a log, which may be larger than other bodies."""
+    return scope["method"] == "POST" and _UPLOAD.fullmatch(scope["path"]) is not None
 
 
 def _same_origin(headers: Headers, host: str) -> bool:

@@ -18,11 +18,13 @@ from .quarantined import (
     newest_quarantined,
     return_to_inbox,
 )
+from .uploads import Upload, receiving
 
 __all__ = [
     "REASON",
     "InboxFile",
     "Quarantined",
+    "Upload",
     "archive_log",
     "archived_path",
     "count_quarantined",
@@ -31,6 +33,7 @@ __all__ = [
     "open_log",
     "post_notification",
     "quarantine_unreadable",
+    "receiving",
     "refuse_oversized",
     "rescan_inbox",
     "return_to_inbox",

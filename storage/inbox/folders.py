@@ -132,7 +132,7 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
 
 def may_settle(entry: InboxFile) -> bool:
     """Whether the file can become ready by waiting."""
-    return entry.state == "copying" and not _unfinished(entry.path)
+    return entry.state == "copying" and not named_unfinished(entry.path.name)
 
 
 def rescan_inbox(entries: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
@@ -203,7 +203,7 @@ def _judged(entry: InboxFile, vehicles: Collection[str], settle: float, now: int
             else "not in the folder of a vehicle"
         )
         return replace(entry, state="blocked", reason=f"{problem}: {remedy}")
-    if _unfinished(entry.path):
+    if named_unfinished(entry.path.name):
         return replace(entry, reason="its name marks it as unfinished")
     age = (now - max(entry.mtime_ns, entry.ctime_ns)) / 1e9
     # A negative age means that the clock was set back; only `rescan_inbox` can decide then.
@@ -216,9 +216,9 @@ def _judged(entry: InboxFile, vehicles: Collection[str], settle: float, now: int
     )
 
 
-def _unfinished(path: Path) -> bool:
-    name = path.name.lower()
-    return name.startswith(".") or name.endswith("~") or name.endswith(UNFINISHED)
+def named_unfinished(name: str) -> bool:
+    """Whether a file's name says that it is not complete."""
+    return name.startswith(".") or name.endswith("~") or name.lower().endswith(UNFINISHED)
 
 
 def _closed(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,12 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.storage.inbox.folders import move_into_inbox
+from aerodb.storage.inbox.uploads import put_into_inbox
 from aerodb.storage.workspace import Workspace
 
 REASON: Final = "reason.json"
-#: Names that can be used in the inbox again; other entries are named by the start of their key.
-_PLAIN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._ ()-]{0,120}")
 
 
 @dataclass(frozen=True)
@@ -85,16 +82,6 @@ def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> P
     """
     if not entry.can_return:
         raise InputError("not a regular file", entry.name, "copy the log itself into the inbox")
-    name = entry.name if _PLAIN.fullmatch(entry.name) else f"{entry.key[:12]}{entry.file.suffix}"
-    folder = workspace.inbox / vehicle
-    folder.mkdir(exist_ok=True)
-    target, number = folder / name, 0
-    while True:
-        try:
-            move_into_inbox(entry.file, target)
-            break
-        except FileExistsError:  # another log has this name now
-            number += 1
-            target = folder / f"{entry.key[:12]}-{number}-{name}"
+    target = put_into_inbox(workspace, entry.file, vehicle, entry.name, entry.key)
     shutil.rmtree(entry.file.parent)
     return target

@@ -29,6 +29,7 @@ from .fly_manoeuvre import fly_manoeuvre
 from .frequency_response import respond
 from .importing import import_database, read_database
 from .inbox import (
+    complete_file,
     files_of_inbox,
     in_quarantine,
     note_failure,
@@ -65,6 +66,7 @@ __all__ = [
     "compare_loaded",
     "compare_with_database",
     "compare_with_version",
+    "complete_file",
     "default_tolerances",
     "deliver",
     "describe_inputs",

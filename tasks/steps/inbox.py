@@ -47,6 +47,14 @@ def files_of_inbox(
     ]
 
 
+def complete_file(access: WorkspaceAccess, settings: Settings, relative: str) -> list[InboxFile]:
+    """Return the one file at this path in the inbox, known to be complete: it need not settle. None
+    if it is no longer there."""
+    entries = files_of_inbox(access, settings, wait=False)
+    settle = settings.inbox.settle
+    return rescan_inbox([e for e in entries if e.relative == relative], settle, settle)
+
+
 def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dict[str, Any]:
     """Quarantine a file that is never to be read again: a link or pipe unopened, a log by its
     bytes.

@@ -1,0 +1,111 @@
+"""Logs that come over the network: the rules of the inbox, of roles, and of changes."""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from aerodb.flows.web.security import LARGEST_BODY
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.actors import hash_of_token, new_token
+from tests.support.console_workspace import client_of
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, channels, write_csv
+
+ADDRESS = f"/api/vehicles/{NAME}/logs"
+
+
+@pytest.fixture
+def workspace(shared: SharedWorkspaces, tmp_path: Path) -> Workspace:
+    return shared.prepared(tmp_path / "workspace")
+
+
+@pytest.fixture
+def client(workspace: Workspace) -> Iterator[TestClient]:
+    with client_of(workspace) as opened:
+        opened.headers["x-csrf-token"] = opened.get("/api/session").json()["csrf"]
+        yield opened
+
+
+def inbox_of(workspace: Workspace) -> list[str]:
+    return [path.name for path in workspace.inbox.rglob("*") if path.is_file()]
+
+
+def test_a_log_is_ingested_and_sent_again_a_duplicate(
+    client: TestClient, workspace: Workspace, tmp_path: Path
+) -> None:
+    data = write_csv(tmp_path / "long.csv", channels(1, 30.0, 50.0)).read_bytes()
+    assert len(data) > LARGEST_BODY
+    ended = client.post(f"{ADDRESS}?name=flight1.csv", content=data).json()
+    assert (ended["kind"], ended["file"]) == ("stored", f"{NAME}/flight1.csv")
+    assert ended["sha256"] == ended["flight"] == hashlib.sha256(data).hexdigest()
+    assert client.get(f"/api/flights/{ended['flight']}").json()["log"]["name"] == "flight1.csv"
+    again = client.post(f"{ADDRESS}?name=other.csv", content=data).json()
+    assert (again["kind"], again["flight"]) == ("duplicate", ended["flight"])
+    assert inbox_of(workspace) == []
+
+
+def test_what_is_no_log_is_quarantined_with_the_reason(
+    client: TestClient, workspace: Workspace
+) -> None:
+    ended = client.post(f"{ADDRESS}?name=../../notes.ulg", content=b"ULog\x01\x12\x35" * 9).json()
+    assert ended["kind"] == "quarantined"
+    assert ended["reason"]
+    assert (workspace.root / "quarantine" / ended["sha256"]).is_dir()
+    assert ended["file"].startswith(f"{NAME}/{ended['sha256'][:12]}")  # not the name it came with
+    assert inbox_of(workspace) == []
+
+
+@pytest.mark.parametrize(
+    ("address", "content", "status", "words"),
+    [
+        (f"{ADDRESS}?name=a.csv", b"", 422, "the file is empty"),
+        (f"{ADDRESS}?name=a.csv.part", b"x", 422, "unfinished"),
+        (f"{ADDRESS}?name=.a.csv", b"x", 422, "unfinished"),
+        ("/api/vehicles/nobody/logs?name=a.csv", b"x", 404, "nobody"),
+        (f"{ADDRESS}?name={'a' * 201}", b"x", 422, "at most 200"),
+    ],
+)
+def test_refused_before_anything_is_kept(
+    client: TestClient, workspace: Workspace, address: str, content: bytes, status: int, words: str
+) -> None:
+    answer = client.post(address, content=content)
+    assert answer.status_code == status
+    assert words in answer.text
+    assert inbox_of(workspace) == []
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_larger_than_the_limit_leaves_nothing(
+    client: TestClient, workspace: Workspace, announced: bool
+) -> None:
+    (workspace.root / "settings.toml").write_text("[limits]\nsize = 100000\n", encoding="utf-8")
+    data = b"x" * 100_001
+    content = data if announced else iter([data[:60_000], data[60_000:]])
+    answer = client.post(f"{ADDRESS}?name=a.csv", content=content)
+    assert answer.status_code == 422
+    assert "the limit is 0 MB" in answer.text
+    assert inbox_of(workspace) == []
+
+
+def test_only_who_may_ingest_with_the_token_of_the_session(
+    client: TestClient, workspace: Workspace
+) -> None:
+    forged = client.post(f"{ADDRESS}?name=a.csv", content=b"x", headers={"x-csrf-token": "0" * 64})
+    assert forged.status_code == 403
+    elsewhere = {"sec-fetch-site": "cross-site"}
+    assert client.post(f"{ADDRESS}?name=a.csv", content=b"x", headers=elsewhere).status_code == 403
+    token = new_token()
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        catalogue.add_user("reader", "read", hash_of_token(token), by="test")
+    with client_of(workspace, token=token) as reader:
+        assert "Add logs" not in reader.get("/flights").text
+        csrf = reader.get("/api/session").json()["csrf"]
+        refused = reader.post(f"{ADDRESS}?name=a.csv", content=b"x", headers={"x-csrf-token": csrf})
+        assert refused.status_code == 403
+        assert "requires the role ingest" in refused.text
+    assert "Add logs" in client.get("/flights").text
+    assert inbox_of(workspace) == []
