@@ -369,7 +369,7 @@ class Secured:
         return visitor or refusal
 
 
-def is_upload(scope: Scope) -> bool:
+def is_upload(scope: Mapping[str, Any]) -> bool:
     """Return whether a request brings a log, which may be larger than other bodies."""
     return scope["method"] == "POST" and _UPLOAD.fullmatch(scope["path"]) is not None
 
