@@ -50,7 +50,8 @@ Models that are integrated:
 3. An unstable motion (`instability`) needs `stabilised` or `multiple_shooting`.
 4. `filter_error`, `extended_kalman` and `unscented_kalman` are for turbulence. A model that is not
    linear is linearised along the motion that the filter sees (`linearisation`, `one_step`); the
-   filter (`filtering`, `filter_kernels`) then gives the likelihood that `scoring` climbs.
+   filter (`filtering`, `filter_kernels`) then gives the likelihood (`filter_problem`) that
+   `scoring` climbs.
 
 Start values: `subspace` identifies a linear model of records without any, and says how its order
 came about; `start_values` turns it into those of a declared `StateSpace`, which `output_error` does

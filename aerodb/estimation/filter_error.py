@@ -14,11 +14,12 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filter_fit import fit_of
+from aerodb.estimation.filter_problem import Covariance, FilterProblem, Point
 from aerodb.estimation.fit import Fit
 from aerodb.estimation.gauss_newton import search
 from aerodb.estimation.one_step import around, repeated, slopes, stepped
 from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, boundary_p_value
-from aerodb.estimation.scoring import Covariance, FilterProblem, Optimum, Point, maximise
+from aerodb.estimation.scoring import Optimum, maximise
 from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
 
@@ -39,6 +40,8 @@ _GAINED = 0.05
 _ROUGH = 25
 #: Steps of a search for the noise alone.
 _NOISE_STEPS = 50
+#: Log-likelihood that a further step of it must promise.
+_ENOUGH = 0.02
 
 
 def filter_error(
@@ -139,12 +142,12 @@ def checked_states(
 
 def likely_noise(
     model: DynamicModel, records: Sequence[TimeHistory], disturbed: tuple[int, ...]
-) -> Point:
+) -> Optimum:
     """Process and measurement noise that are most likely, with the parameters free."""
     steady = isinstance(model, LinearModel)
     start = first_noise(model, records, disturbed)
     problem = _problem(model, records, disturbed, "diagonal", steady, start)
-    return maximise(problem, start, _NOISE_STEPS).point
+    return maximise(problem, start, _NOISE_STEPS, enough=_ENOUGH)
 
 
 def _problem(

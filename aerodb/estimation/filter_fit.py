@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aerodb.estimation.coloured_noise import autoregressive_noise
+from aerodb.estimation.filter_problem import FilterProblem
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import bounds_of, priors_of
 from aerodb.estimation.process_noise import ProcessNoiseTest
-from aerodb.estimation.scoring import SINGULAR, FilterProblem, Optimum
+from aerodb.estimation.scoring import SINGULAR, Optimum
 from aerodb.estimation.standing import standings
 from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import elapsed

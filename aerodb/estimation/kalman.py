@@ -2,19 +2,21 @@
 fixed-interval smoother for the motion."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filter_error import checked_states, likely_noise
+from aerodb.estimation.filter_fit import covariances
 from aerodb.estimation.filter_kernels import predict
+from aerodb.estimation.filter_problem import Point
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
-from aerodb.estimation.one_step import around, slopes, stepped
+from aerodb.estimation.linearisation import advanced_everywhere
+from aerodb.estimation.one_step import around
 from aerodb.estimation.parameters import Parameter
-from aerodb.estimation.scoring import Point
+from aerodb.estimation.scoring import Optimum, scored
 from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.estimation.whiteness import ljung_box
@@ -22,8 +24,10 @@ from aerodb.support import Array
 
 #: How a distribution is carried through the model: by derivatives, or by sigma points.
 Transform = Literal["extended", "unscented"]
-#: From states and parameters (l, k) to anything (m, k).
+#: From states and parameters (n, l, k) to anything (n, m, k).
 Law = Callable[[Array], Array]
+#: Slopes, shifts and covariances of the rest.
+Linear = tuple[Array, Array, Array]
 
 #: Least standard deviation of a parameter without prior and bounds before the first sample.
 _UNKNOWN = 1.0
@@ -33,12 +37,12 @@ _ADDED, _TIED = 0.05, 0.999
 #: Least variance that sigma points are spread with; passes about the smoothed motion at most, and
 #: the share of a standard error that ends them.
 _FLAT, _PASSES, _SMALL = 1e-14, 12, 0.02
+#: Most steps to the most likely parameters, and the largest one in standard errors.
+_CORRECTIONS, _FARTHEST = 4, 5.0
 _COLOURED, _CORRELATED = 0.01, 0.2
 _ASSUMES = (
     "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
     "The parameters are constant, and the motion is close to linear within their uncertainty.",
-    "What is most likely is motion and parameters together: in turbulence that lies up to about one"
-    " standard error from the most likely parameters, which filter error gives.",
 )
 
 
@@ -78,10 +82,13 @@ def unscented_kalman(
     1. Process and measurement noise are those most likely by filter error. Records follow one
     another, each with its own motion.
 
-    The motion is smoothed over its record (Rauch, Tung & Striebel), and the filter is run again
+    The motion is smoothed over its record (Bryson & Frazier), and the filter is run again
     about the smoothed motion and the parameters found, until these stay: a single pass trusts its
-    first, poor linearisation. What it ends at is the most likely motion and parameters together.
-    Standard errors grow with the innovations where these are larger than the filter expects.
+    first, poor linearisation. It begins where filter error found the noise. What it ends at is the
+    most likely motion and parameters together, which in turbulence lies up to about one standard
+    error from the most likely parameters; steps by the score of the likelihood of the innovations
+    lead there. Standard errors grow with the innovations where these are larger than the filter
+    expects.
 
     Parameters
     ----------
@@ -93,7 +100,7 @@ def unscented_kalman(
     Julier & Uhlmann, Proceedings of the IEEE 92(3), 2004: sigma points.
     Bell, SIAM Journal on Optimization 4(3), 1994; Garcia-Fernandez, Svensson & Sarkka, IEEE
     Transactions on Automatic Control 62(4), 2017: passes about the smoothed motion.
-    Rauch, Tung & Striebel, AIAA Journal 3(8), 1965: the smoother.
+    Bierman, Automatica 9(4), 1973: the smoother, which inverts no covariance of the state.
     """
     return _estimated("ukf", "unscented", model, records, process_noise)
 
@@ -106,18 +113,46 @@ def _estimated(
     process_noise: Sequence[str] | None,
 ) -> Fit:
     disturbed = checked_states(model, records, process_noise)
-    noise = likely_noise(model, records, disturbed)
+    likely = likely_noise(model, records, disturbed)
+    noise = likely.point
     unknown = model.parameters.unknown
     first = np.array([_first_deviation(item) for item in unknown])
     mean = np.array([item.value if item.prior is None else item.prior for item in unknown])
     covariance = np.diag(first**2)
-    tracks = []
-    for record in records:
-        track = _tracked(model, record, noise, mean, covariance, transform)
+    prior, tracks, s = mean, [], len(model.states)
+    for record, passed in zip(records, likely.passes, strict=True):
+        states = passed.states[:, :, 0]
+        about = np.hstack([states, np.tile(noise.vector, (len(states), 1))])
+        track = _tracked(model, record, noise, mean, covariance, transform, about)
         tracks.append(track)
-        s = len(model.states)
         mean, covariance = track.mean[-1, s:], track.covariance[-1, s:, s:]
+    mean, covariance = _most_likely(likely, mean, covariance, prior, first)
     return _fit(method, model, records, noise, mean, covariance, first, tracks)
+
+
+def _most_likely(
+    likely: Optimum, mean: Array, covariance: Array, prior: Array, first: Array
+) -> tuple[Array, Array]:
+    """The parameters that are most likely whatever the motion, from those (f,) that are most likely
+    together with one, by the score of the likelihood of the innovations; and their covariance (f,
+    f), widened as coloured innovations widen that of filter error."""
+    problem = replace(likely.problem, steady=False, along=())
+    wide = np.array([each.prior is None for each in problem.model.parameters.unknown])
+    deviation = np.sqrt(np.diag(covariance))
+    for _ in range(_CORRECTIONS if np.isfinite(covariance).all() else 0):
+        found, score = scored(problem, replace(likely.point, vector=mean))
+        move = covariance @ (score - np.where(wide, (mean - prior) / first**2, 0.0))
+        if not np.all(np.abs(move) <= _FARTHEST * deviation):
+            break
+        mean = mean + move
+        if np.all(np.abs(move) <= _SMALL * deviation):
+            white, coloured = (
+                np.diag(each)[: len(mean)] for each in covariances(found.problem, found)
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):
+                wider = np.sqrt(np.nan_to_num(coloured / white, nan=1.0, posinf=1.0))
+            return mean, covariance * np.outer(wider, wider)
+    return mean, covariance
 
 
 def _first_deviation(item: Parameter) -> float:
@@ -128,27 +163,31 @@ def _first_deviation(item: Parameter) -> float:
     return max(abs(item.value), _UNKNOWN)
 
 
-def _linear(law: Law, centre: Array, spread: Array, transform: Transform) -> tuple[Array, ...]:
-    """``law(x) = A x + b + e`` about a distribution with mean (l,) and covariance (l, l): A (m, l),
-    b (m,) and the covariance of e (m, m).
+def _linear(law: Law, centre: Array, spread: Array, transform: Transform) -> Linear:
+    """``law(x) = A x + b + e`` about n distributions with means (n, l) and covariances (n, l, l): A
+    (n, m, l), b (n, m) and the covariance of e (n, m, m).
 
     The extended form takes derivatives at the mean; the unscented one regresses on 2 l sigma points
     of equal weight.
     """
+    n, size = centre.shape
     if transform == "extended":
-        moved, size = around(centre[:, None])
-        value, jacobian = slopes(law(moved), size)
-        slope = jacobian[:, :, 0]
-        return slope, value[:, 0] - slope @ centre, np.zeros((len(slope), len(slope)))
-    values, vectors = np.linalg.eigh(spread)
-    steps = np.sqrt(np.maximum(values, _FLAT) * len(centre))
+        moved, step = around(centre.T)
+        values = law(np.moveaxis(moved.reshape(size, 2 * size + 1, n), 2, 0))
+        up, down = values[:, :, 1 : size + 1], values[:, :, size + 1 :]
+        slope = (up - down) / (2.0 * step.T[:, None])
+        rest = np.zeros((n, values.shape[1], values.shape[1]))
+        return slope, values[:, :, 0] - (slope @ centre[:, :, None])[:, :, 0], rest
+    flat, vectors = np.linalg.eigh(spread)
+    steps = np.sqrt(np.maximum(flat, _FLAT) * size)[:, None]
     root = vectors * steps
-    images = law(np.hstack([centre[:, None] + root, centre[:, None] - root]))
-    up, down = images[:, : len(centre)], images[:, len(centre) :]
-    slope = ((up - down) / (2.0 * steps)) @ vectors.T
-    mean = images.mean(axis=1)
-    bend = 0.5 * (up + down) - mean[:, None]
-    return slope, mean - slope @ centre, bend @ bend.T / len(centre)
+    images = law(np.concatenate([centre[:, :, None] + root, centre[:, :, None] - root], axis=2))
+    up, down = images[:, :, :size], images[:, :, size:]
+    slope = ((up - down) / (2.0 * steps)) @ np.swapaxes(vectors, 1, 2)
+    mean = images.mean(axis=2)
+    bend = 0.5 * (up + down) - mean[:, :, None]
+    shift = mean - (slope @ centre[:, :, None])[:, :, 0]
+    return slope, shift, bend @ np.swapaxes(bend, 1, 2) / size
 
 
 def _tracked(
@@ -158,14 +197,17 @@ def _tracked(
     parameters: Array,
     uncertainty: Array,
     transform: Transform,
+    about: Array,
 ) -> _Track:
     """Filter one record forwards, smooth it backwards, and repeat about the smoothed motion until
-    the parameters stay."""
-    track = _passed(model, record, noise, parameters, uncertainty, transform, None)
+    the parameters stay; first about states with parameters (n, s + f)."""
+    track = _passed(model, record, noise, parameters, uncertainty, "extended", about, None)
     for _ in range(_PASSES):
         if not np.isfinite(track.log_likelihood):
             break
-        again = _passed(model, record, noise, parameters, uncertainty, transform, track)
+        again = _passed(
+            model, record, noise, parameters, uncertainty, transform, track.mean, track.covariance
+        )
         if not np.isfinite(again.log_likelihood):
             break
         moved = np.abs(again.mean[-1] - track.mean[-1])
@@ -183,78 +225,82 @@ def _passed(
     parameters: Array,
     uncertainty: Array,
     transform: Transform,
-    about: _Track | None,
+    about: Array,
+    spread: Array | None,
 ) -> _Track:
-    """One pass, linearised about a track, or about what the filter knows at each sample."""
+    """One pass, linearised about states and parameters (n, s + f) with covariances."""
     s, measured = len(model.states), record.stacked(model.outputs)
-    n, size = len(measured), s + len(parameters)
-    still, added = np.zeros((s, s, 1)), np.zeros((s, s, 1))
-
-    def own(part: Array) -> dict[str, Array]:
-        return model.parameters.values(part)
+    n, size = about.shape
+    if spread is None:
+        spread = np.zeros((n, size, size))
 
     def start(part: Array) -> Array:
-        state = model.initial_state(own(part), record)
-        return np.vstack([np.broadcast_to(state, (s, part.shape[1])), part])
+        state = model.initial_state(model.parameters.values(part[0]), record)
+        return np.vstack([np.broadcast_to(state, (s, part.shape[2])), part[0]])[None]
 
-    def outputs(i: int, whole: Array) -> Array:
-        return model.observed(own(whole[s:]), record, i, whole[:s])
+    def both(whole: Array) -> Array:
+        following, outputs = advanced_everywhere(model, record, whole[:, s:], whole[:, :s])
+        return np.concatenate([following, whole[:, s:], outputs], axis=1)
 
-    def after_step(i: int, whole: Array) -> Array:
-        return np.vstack([stepped(model, own(whole[s:]), record, i, whole[:s]), whole[s:]])
-
-    def centre(i: int) -> tuple[Array, Array]:
-        return (mean, covariance) if about is None else (about.mean[i], about.covariance[i])
-
-    middle = (parameters, uncertainty) if about is None else (
-        about.mean[-1, s:], about.covariance[-1, s:, s:]
-    )  # fmt: skip
-    slope, shift, rest = _linear(start, *middle, transform)
-    mean, covariance = slope @ parameters + shift, slope @ uncertainty @ slope.T + rest
-    before, after = np.empty((2, n, size)), np.empty((2, n, size, size))
-    steps, predicted = np.empty((n, size, size)), np.empty(measured.shape)
-    sizes, total = np.full(n, np.nan), 0.0
     with np.errstate(all="ignore"):
+        slope, shift, rest = (
+            each[0] for each in _linear(start, about[-1:, s:], spread[-1:, s:, s:], transform)
+        )
+        mean, covariance = slope @ parameters + shift, slope @ uncertainty @ slope.T + rest
+        slopes, shifts, rests = _linear(both, about, spread, transform)
+        steps, sights = slopes[:, :size], slopes[:, size:]
+        moved = np.ascontiguousarray(np.moveaxis(steps[:, :s, :s], 0, -1))
+        still, added = np.zeros((s, s, n)), np.zeros((s, s, n))
+        process = np.repeat(noise.process[:, None], n, axis=1)
+        predict(moved, still, process, record.step, added)
+        means, covariances = np.empty((n, size)), np.empty((n, size, size))
+        predicted, sizes, total = np.empty(measured.shape), np.full(n, np.nan), 0.0
+        pulls, holds = np.zeros((n, size)), np.zeros((n, size, size))
+        kept = np.tile(np.eye(size), (n, 1, 1))
         for i in range(n):
-            before[0, i], after[0, i] = mean, covariance
-            sight, shift, rest = _linear(
-                partial(outputs, i),
-                *centre(i),
-                transform,
-            )
-            predicted[i] = sight @ mean + shift
+            predicted[i] = sights[i] @ mean + shifts[i, size:]
             seen = np.isfinite(measured[i])
             if seen.any():
-                c = sight[seen]
-                variance = c @ covariance @ c.T + (rest + noise.measurement)[np.ix_(seen, seen)]
-                gain = np.linalg.solve(variance, c @ covariance).T
+                c = sights[i, seen]
+                own = (rests[i, size:, size:] + noise.measurement)[np.ix_(seen, seen)]
+                variance = c @ covariance @ c.T + own
                 miss = measured[i, seen] - predicted[i, seen]
-                weighted = float(miss @ np.linalg.solve(variance, miss))
-                sizes[i] = weighted / seen.sum()
-                total -= 0.5 * (weighted + np.linalg.slogdet(2.0 * np.pi * variance)[1])
-                mean = mean + gain @ miss
-                covariance = covariance - gain @ variance @ gain.T
+                if not (np.isfinite(variance).all() and np.isfinite(miss).all()):
+                    return _lost(means, covariances, measured, predicted, sizes)
+                weighted = np.linalg.solve(variance, np.column_stack([c, miss]))
+                pulls[i], holds[i] = c.T @ weighted[:, -1], c.T @ weighted[:, :-1]
+                spent = float(miss @ weighted[:, -1])
+                sizes[i] = spent / seen.sum()
+                total -= 0.5 * (spent + np.linalg.slogdet(2.0 * np.pi * variance)[1])
+                mean = mean + covariance @ pulls[i]
+                kept[i] -= covariance @ holds[i]
+                covariance = kept[i] @ covariance
                 covariance = 0.5 * (covariance + covariance.T)
-            before[1, i], after[1, i] = mean, covariance
+            means[i], covariances[i] = mean, covariance
             if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-                lost = after[1] * np.nan
-                return _Track(before[1], lost, predicted, measured - predicted, sizes, -np.inf)
+                return _lost(means, covariances, measured, predicted, sizes)
             if i + 1 < n:
-                steps[i], shift, rest = _linear(partial(after_step, i), *centre(i), transform)
-                mean = steps[i] @ mean + shift
-                moved = np.ascontiguousarray(steps[i, :s, :s, None])
-                predict(moved, still, noise.process[:, None], record.step, added)
-                covariance = steps[i] @ covariance @ steps[i].T + rest
-                covariance[:s, :s] += added[:, :, 0]
-    smoothed, spreads = before[1].copy(), after[1].copy()
-    for i in range(n - 2, -1, -1):
-        cross = after[1, i] @ steps[i].T
-        gain = np.linalg.lstsq(after[0, i + 1], cross.T, rcond=1e-14)[0].T
-        smoothed[i] += gain @ (smoothed[i + 1] - before[0, i + 1])
-        spreads[i] += gain @ (spreads[i + 1] - after[0, i + 1]) @ gain.T
+                mean = steps[i] @ mean + shifts[i, :size]
+                covariance = steps[i] @ covariance @ steps[i].T + rests[i, :size, :size]
+                covariance[:s, :s] += added[:, :, i]
+        pull, hold = np.zeros(size), np.zeros((size, size))
+        for i in range(n - 1, -1, -1):
+            means[i] += covariances[i] @ pull
+            covariances[i] -= covariances[i] @ hold @ covariances[i]
+            if i:
+                back = kept[i] @ steps[i - 1]
+                pull = steps[i - 1].T @ pulls[i] + back.T @ pull
+                hold = steps[i - 1].T @ holds[i] @ steps[i - 1] + back.T @ hold @ back
     # constants have the estimate of the whole record at every sample
-    smoothed[:, s:], spreads[:, s:, s:] = mean[s:], covariance[s:, s:]
-    return _Track(smoothed, spreads, predicted, measured - predicted, sizes, float(total))
+    means[:, s:], covariances[:, s:, s:] = mean[s:], covariance[s:, s:]
+    return _Track(means, covariances, predicted, measured - predicted, sizes, float(total))
+
+
+def _lost(
+    mean: Array, covariance: Array, measured: Array, predicted: Array, sizes: Array
+) -> _Track:
+    """The track of a filter that lost the motion."""
+    return _Track(mean, covariance * np.nan, predicted, measured - predicted, sizes, -np.inf)
 
 
 def _fit(
@@ -304,7 +350,7 @@ def _fit(
     if rows and not lost:
         notes.append(
             f"The innovations of {', '.join(rows)} are correlated from sample to sample: the noise"
-            " is not white as assumed, and the standard errors are too small."
+            " is not white as assumed; standard errors count it, the estimates may be biased."
         )
     return Fit(
         method=method,

@@ -15,8 +15,8 @@ from aerodb.estimation import (
     state_space,
     unscented_kalman,
 )
+from aerodb.estimation.filter_problem import Point
 from aerodb.estimation.kalman import _tracked
-from aerodb.estimation.scoring import Point
 from tests.support import short_period
 
 METHODS = (extended_kalman, unscented_kalman)
@@ -38,7 +38,8 @@ def test_linear_regression_is_its_special_case(transform: str) -> None:
     record = TimeHistory("r", time, {"u": drive}, {"y": y})
     noise = Point(np.zeros(2), np.zeros(1), np.array([[0.01]]))
     prior = np.diag([4.0, 1.0])
-    track = _tracked(model, record, noise, np.array([1.0, 0.0]), prior, transform)
+    about = np.tile([0.0, 1.0, 0.0], (60, 1))
+    track = _tracked(model, record, noise, np.array([1.0, 0.0]), prior, transform, about)
     seen = np.isfinite(y)
     x = np.column_stack([drive, np.ones(60)])[seen]
     covariance = np.linalg.inv(x.T @ x / 0.01 + np.linalg.inv(prior))
@@ -61,7 +62,7 @@ def test_smoother_is_the_conditional_distribution(transform: str) -> None:
     )  # fmt: skip
     record = TimeHistory("r", step * np.arange(n), {}, {"y": y})
     noise = Point(np.zeros(1), np.array([q]), np.array([[r**2]]))
-    track = _tracked(model, record, noise, np.zeros(1), np.eye(1), transform)
+    track = _tracked(model, record, noise, np.zeros(1), np.eye(1), transform, np.zeros((n, 2)))
     order = np.arange(n)
     joint = 1.0 + q**2 * step * np.minimum.outer(order, order)
     gain = np.linalg.solve(joint + r**2 * np.eye(n), joint).T
