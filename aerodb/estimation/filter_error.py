@@ -180,14 +180,15 @@ def first_noise(
     values = model.parameters.values(vector)
     record = records[0]
     state = np.array(np.broadcast_to(model.initial_state(values, record), (len(model.states), 1)))
-    moved, size = around(state)
-    wide = repeated(values, 1)
-    _, sight = slopes(model.observed(wide, record, 0, moved), size)
-    _, transition = slopes(stepped(model, wide, record, 0, moved), size)
-    held, power = np.zeros(len(state)), np.eye(len(state))
-    for _ in range(_HORIZON):
-        held += (((sight[:, :, 0] @ power) ** 2) / variance[:, None]).sum(axis=0) / _HORIZON
-        power = transition[:, :, 0] @ power
+    with np.errstate(all="ignore"):
+        moved, size = around(state)
+        wide = repeated(values, 1)
+        _, sight = slopes(model.observed(wide, record, 0, moved), size)
+        _, transition = slopes(stepped(model, wide, record, 0, moved), size)
+        held, power = np.zeros(len(state)), np.eye(len(state))
+        for _ in range(_HORIZON):
+            held += (((sight[:, :, 0] @ power) ** 2) / variance[:, None]).sum(axis=0) / _HORIZON
+            power = transition[:, :, 0] @ power
     process = np.zeros(len(state))
     for j in disturbed:
         process[j] = np.sqrt(_FIRST_SHARE / (held[j] * record.step)) if held[j] > 0.0 else 0.0

@@ -1,7 +1,7 @@
 """Kalman filters whose state is augmented by the parameters: extended and unscented, with a
 fixed-interval smoother for the motion."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,7 +16,8 @@ from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.linearisation import advanced_everywhere
 from aerodb.estimation.one_step import around
 from aerodb.estimation.parameters import Parameter
-from aerodb.estimation.scoring import Optimum, scored
+from aerodb.estimation.scoring import SINGULAR, Optimum, scored
+from aerodb.estimation.standing import standings
 from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.estimation.whiteness import ljung_box
@@ -31,14 +32,12 @@ Linear = tuple[Array, Array, Array]
 
 #: Least standard deviation of a parameter without prior and bounds before the first sample.
 _UNKNOWN = 1.0
-#: A parameter whose standard deviation falls by less than this share is not estimated, and two with
-#: a greater correlation than this take each other's place.
-_ADDED, _TIED = 0.05, 0.999
+_LOST = "the filter lost the motion: start closer, or state priors or bounds"
 #: Least variance that sigma points are spread with; passes about the smoothed motion at most, and
 #: the share of a standard error that ends them.
 _FLAT, _PASSES, _SMALL = 1e-14, 12, 0.02
-#: Most steps to the most likely parameters, and the largest one in standard errors.
-_CORRECTIONS, _FARTHEST = 4, 5.0
+#: Most steps to the most likely parameters, each of at most one standard error.
+_CORRECTIONS = 12
 _COLOURED, _CORRELATED = 0.01, 0.2
 _ASSUMES = (
     "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
@@ -126,33 +125,31 @@ def _estimated(
         track = _tracked(model, record, noise, mean, covariance, transform, about)
         tracks.append(track)
         mean, covariance = track.mean[-1, s:], track.covariance[-1, s:, s:]
-    mean, covariance = _most_likely(likely, mean, covariance, prior, first)
-    return _fit(method, model, records, noise, mean, covariance, first, tracks)
+    mean, reached = _most_likely(likely, mean, covariance, prior, first)
+    return _fit(method, model, records, noise, mean, covariance, reached, tracks)
 
 
 def _most_likely(
     likely: Optimum, mean: Array, covariance: Array, prior: Array, first: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Optimum | None]:
     """The parameters that are most likely whatever the motion, from those (f,) that are most likely
-    together with one, by the score of the likelihood of the innovations; and their covariance (f,
-    f), widened as coloured innovations widen that of filter error."""
+    together with one, by the score of the likelihood of the innovations; None for the likelihood
+    there where they are not reached."""
     problem = replace(likely.problem, steady=False, along=())
-    wide = np.array([each.prior is None for each in problem.model.parameters.unknown])
-    deviation = np.sqrt(np.diag(covariance))
+    wide = np.array([each.prior is None for each in problem.model.parameters.unknown], dtype=bool)
+    deviation, f = np.sqrt(np.diag(covariance)), len(mean)
+    held = np.where(wide, first**-2.0, 0.0)
     for _ in range(_CORRECTIONS if np.isfinite(covariance).all() else 0):
         found, score = scored(problem, replace(likely.point, vector=mean))
-        move = covariance @ (score - np.where(wide, (mean - prior) / first**2, 0.0))
-        if not np.all(np.abs(move) <= _FARTHEST * deviation):
+        information = found.information[:f, :f] + np.diag(held)
+        if not np.isfinite(information).all():
             break
-        mean = mean + move
-        if np.all(np.abs(move) <= _SMALL * deviation):
-            white, coloured = (
-                np.diag(each)[: len(mean)] for each in covariances(found.problem, found)
-            )
-            with np.errstate(divide="ignore", invalid="ignore"):
-                wider = np.sqrt(np.nan_to_num(coloured / white, nan=1.0, posinf=1.0))
-            return mean, covariance * np.outer(wider, wider)
-    return mean, covariance
+        move = np.linalg.lstsq(information, score - held * (mean - prior), rcond=SINGULAR)[0]
+        size = float(np.max(np.abs(move) / deviation, initial=0.0))
+        mean = mean + move / max(1.0, size)
+        if size <= _SMALL:
+            return mean, found
+    return mean, None
 
 
 def _first_deviation(item: Parameter) -> float:
@@ -310,24 +307,31 @@ def _fit(
     noise: Point,
     mean: Array,
     covariance: Array,
-    first: Array,
+    reached: Optimum | None,
     tracks: Sequence[_Track],
 ) -> Fit:
-    """The answer, with standard errors for innovations of the size that they have."""
-    unknown, lost = model.parameters.unknown, not np.isfinite(covariance).all()
-    size = float(np.nanmean(np.concatenate([track.sizes for track in tracks]))) if not lost else 1.0
-    covariance = covariance * max(1.0, size)
+    """The answer, with standard errors for innovations of the size and colour that they have."""
+    unknown, lost = model.parameters.unknown, reached is None
+    judged: Mapping[str, tuple[Standing, str]] = {
+        item.name: ("diverged", _LOST) for item in unknown
+    }
+    if reached is not None:
+        size = float(np.nanmean(np.concatenate([track.sizes for track in tracks])))
+        f = len(unknown)
+        white, coloured = (each[:f, :f] for each in covariances(reached.problem, reached))
+        judged = standings(unknown, mean, reached.information[:f, :f], white, SINGULAR)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.nan_to_num(np.diag(coloured) / np.diag(white), nan=1.0, posinf=1.0)
+        covariance = covariance * max(1.0, size) * np.sqrt(np.outer(ratio, ratio))
     values = model.parameters.values(mean)
     deviation = np.sqrt(np.diag(covariance))
-    judged = {
-        item.name: _standing(j, unknown, mean, covariance, first, lost)
-        for j, item in enumerate(unknown)
-    }
     number = {item.name: j for j, item in enumerate(unknown)}
     estimates = []
     for item in model.parameters.items:
         source, factor = item.tied or (item.name, 1.0)
-        standing, reason = judged.get(source, ("fixed", "not estimated"))
+        standing, reason = judged.get(source, ("estimated", ""))
+        if source not in number:
+            standing, reason = "fixed", "not estimated"
         value, error = float(values[item.name]), np.nan
         if standing in ("estimated", "prior"):
             error = abs(factor) * float(deviation[number[source]])
@@ -340,7 +344,7 @@ def _fit(
         estimates.append(ParameterEstimate(item.name, value, error, item.unit, standing, reason))
     pairs = list(zip(records, tracks, strict=True))
     residuals = {r.name: dict(zip(model.outputs, t.innovations.T, strict=True)) for r, t in pairs}
-    notes = ["The filter lost the motion: state priors or bounds, or start closer."] if lost else []
+    notes = [f"There is no estimate: {_LOST}."] if lost else []
     tests, rows = {}, []
     for name in model.outputs:
         p_value, correlation = ljung_box([each[name] for each in residuals.values()])
@@ -375,24 +379,3 @@ def _fit(
         assumes=_ASSUMES,
         notes=tuple(notes),
     )
-
-
-def _standing(
-    j: int, unknown: Sequence[Parameter], mean: Array, covariance: Array, first: Array, lost: bool
-) -> tuple[Standing, str]:
-    item, deviation = unknown[j], np.sqrt(np.diag(covariance))
-    if lost:
-        return "diverged", "the filter lost the motion: state its prior, or start closer"
-    with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = np.abs(covariance[j] / (deviation * deviation[j]))
-    correlation[j] = 0.0
-    if deviation[j] > (1.0 - _ADDED) * first[j]:
-        if item.prior_error is not None:
-            return "prior", "the data hardly reduce the prior's standard deviation"
-        return "not excited", "no output changes with it: excite what it acts on, or fix it"
-    if correlation.max(initial=0.0) > _TIED and item.prior_error is None:
-        other = unknown[int(correlation.argmax())].name
-        return "not identifiable", f"{other} can take its place: excite them apart, or fix one"
-    if not item.lower < mean[j] < item.upper:
-        return "at bound", "the filter moves it beyond its bound"
-    return "estimated", ""

@@ -26,7 +26,6 @@ class Method:
     function : module and name of the function; it is imported when it is first called.
     display : a help for judgement, never a candidate.
     disturbed : its states have process noise: those that outputs show.
-    slow : takes minutes for a flight of a vehicle; ``all`` leaves it out there.
     """
 
     name: str
@@ -34,7 +33,6 @@ class Method:
     function: tuple[str, str]
     display: bool = False
     disturbed: bool = False
-    slow: bool = False
 
     def load(self) -> Callable[..., Fit]:
         """The function that estimates."""
@@ -43,7 +41,6 @@ class Method:
         return found
 
 
-_FILTERS: Final = {"disturbed": True, "slow": True}
 _METHODS = (
     Method(REGRESSION, "equation error", ("aerodb.estimation", "regression")),
     Method(
@@ -78,9 +75,9 @@ _METHODS = (
         display=True,
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),
-    Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error"), **_FILTERS),
-    Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman"), **_FILTERS),
-    Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman"), **_FILTERS),
+    Method("filter-error", "dynamic", ("aerodb.estimation", "filter_error"), disturbed=True),
+    Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman"), disturbed=True),
+    Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman"), disturbed=True),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
 )
 
@@ -89,15 +86,15 @@ METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
 def chosen_methods(names: Sequence[str], *, linear: bool = False) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is neither a display nor slow, or of a `linear`
-    model, where filters are fast, every one that integrates a model.
+    """Methods by name; ``all`` for every one that is no display, or of a `linear` model every one
+    that integrates a model.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
         if linear:
             return tuple(m for m in METHODS.values() if m.kind == "dynamic")
-        return tuple(m for m in METHODS.values() if not m.display and not m.slow)
+        return tuple(m for m in METHODS.values() if not m.display)
     for name in names:
         if name not in METHODS:
             raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS))

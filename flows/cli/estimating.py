@@ -33,7 +33,7 @@ def estimate(
         typer.Option(
             "--method",
             "--methods",
-            help="Methods by name, or `all` but filters, which take minutes; repeat the option.",
+            help="Methods by name, or `all`; repeat the option.",
         ),
     ] = None,
     baseline: Annotated[
@@ -115,7 +115,7 @@ def _of_flights(
     page: bool,
 ) -> dict[str, Any]:
     from aerodb.flows.estimate import estimate_flow
-    from aerodb.identification import chosen_methods
+    from aerodb.identification import chosen_methods, declares_state_space
 
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
@@ -133,7 +133,9 @@ def _of_flights(
         {
             "flights": [row.id for row in rows],
             "model": model,
-            "methods": [each.name for each in chosen_methods(methods)],
+            "methods": [
+                each.name for each in chosen_methods(methods, linear=declares_state_space(model))
+            ],
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
             "page": page,
         },
