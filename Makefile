@@ -7,10 +7,12 @@ JOBS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 READY := $(VENV)/.ready
 # Tools that only a release needs.
 RELEASE := .venv-release
-# aerodb with flows, tasks and storage in it, as it is installed: what mypy and lint-imports read.
+# Tools that only the documentation site needs.
+DOCS := .venv-docs
+# aerodb with flows, tasks and storage in it, as it is installed: what mypy, lint-imports and the site read.
 WHOLE := $(VENV)/whole
 
-.PHONY: install demo pictures test lint bench campaign pins release clean
+.PHONY: install demo pictures test lint whole docs bench campaign pins release clean
 
 install: $(READY)
 
@@ -35,10 +37,25 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/vulture
-	rm -rf $(WHOLE)/aerodb && mkdir -p $(WHOLE)/aerodb
-	ln -s $(CURDIR)/aerodb/__init__.py* $(CURDIR)/aerodb/__main__.py $(CURDIR)/aerodb/[a-z]* $(addprefix $(CURDIR)/,flows tasks storage) $(WHOLE)/aerodb
+	$(MAKE) whole
 	cd $(WHOLE) && ../bin/mypy --config-file ../../pyproject.toml
 	cd $(WHOLE) && PYTHONPATH=$(CURDIR) ../bin/lint-imports --config ../../pyproject.toml
+
+whole:
+	rm -rf $(WHOLE)/aerodb && mkdir -p $(WHOLE)/aerodb
+	ln -s $(CURDIR)/aerodb/__init__.py* $(CURDIR)/aerodb/__main__.py $(CURDIR)/aerodb/[a-z]* $(addprefix $(CURDIR)/,flows tasks storage) $(WHOLE)/aerodb
+
+# The documentation site in dist/docs, with the notebooks as they run now; nothing of it is fetched from anywhere when it is read.
+docs: install $(DOCS)/.ready whole
+	rm -rf $(DOCS)/pages dist/docs
+	$(BIN)/python docs/site/pages.py $(DOCS)
+	cd $(DOCS) && NO_MKDOCS_2_WARNING=1 bin/mkdocs build --quiet --strict
+
+$(DOCS)/.ready: flows/deploy/docs-tools.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r $<
+	cd $(DOCS)/lib/python*/site-packages && echo "import site; site.addsitedir('`echo $(CURDIR)/$(VENV)/lib/python*/site-packages`')" > aerodb.pth
+	@touch $@
 
 bench: install
 	$(BIN)/python -m tests.bench
@@ -52,6 +69,7 @@ pins: $(RELEASE)/.ready
 	$(PINS) --universal --no-deps requirements.txt -o requirements-hashed.txt
 	$(PINS) --python-platform linux --extra jsbsim --constraint requirements.txt pyproject.toml flows/deploy/build.in -o flows/deploy/runtime.txt
 	$(PINS) flows/deploy/release-tools.in -o flows/deploy/release-tools.txt
+	$(PINS) flows/deploy/docs-tools.in -o flows/deploy/docs-tools.txt
 
 # What a release consists of: the wheel, its bill of materials (CycloneDX) and the licences of all that it needs.
 release: install $(RELEASE)/.ready
@@ -70,4 +88,4 @@ $(RELEASE)/.ready: flows/deploy/release-tools.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(RELEASE) demo-workspace dist
+	rm -rf $(VENV) $(RELEASE) $(DOCS) demo-workspace dist

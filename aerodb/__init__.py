@@ -1,6 +1,6 @@
 """Aerodynamic databases kept true to flight: from flight logs to a traced new database version.
 
-As a library (`aerodb.flows.library`)::
+As a library (`aerodb.flows.library`):
 
     import aerodb
 

@@ -28,7 +28,8 @@ RUNTIME = ROOT / "flows" / "deploy" / "runtime.txt"
 
 def test_what_is_installed_has_the_pinned_version_and_hashes() -> None:
     assert _pins(HASHED) == PINNED
-    for path in (HASHED, RUNTIME, ROOT / "flows" / "deploy" / "release-tools.txt"):
+    tools = (ROOT / "flows" / "deploy" / f"{kind}-tools.txt" for kind in ("release", "docs"))
+    for path in (HASHED, RUNTIME, *tools):
         for package in _packages(path):
             assert _PIN.match(package), package[:40]
             assert _HASH.search(package), package[:40]
@@ -40,7 +41,18 @@ def test_production_needs_pinned_packages_and_no_tool_of_the_tests() -> None:
     others = {"async-timeout"}  # of the first Pythons 3.11
     differing = {n: v for n, v in runtime.items() if PINNED.get(n) != v and n not in others}
     assert differing == {}
-    tools = {"pytest", "hypothesis", "moto", "playwright", "ruff", "mypy", "schemathesis", "flask"}
+    tools = {
+        "mkdocs",
+        "ipykernel",
+        "pytest",
+        "hypothesis",
+        "moto",
+        "playwright",
+        "ruff",
+        "mypy",
+        "schemathesis",
+        "flask",
+    }
     assert not tools & runtime.keys()
     for requirement in map(Requirement, requires("aerodb") or ()):
         if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):

@@ -2,15 +2,21 @@
 `storage`."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import urllib.request
+import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from aerodb import Client, evaluate, load_database, open_workspace
+from tests.support.console_workspace import TOKEN
 from tests.support.paths import ROOT
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, write_files
 
 
@@ -80,3 +86,85 @@ def test_a_folder_full_of_clashing_names_changes_nothing(wheel: Path, tmp_path: 
     run(command, *workspace, "vehicle", "add", "logs/vehicle.toml")
     run(command, *workspace, "flight", "ingest", str(logs[0]), "--vehicle", NAME, "--direct")
     assert NAME in run(command, *workspace, "flight", "list", "--vehicle", NAME)
+
+
+@pytest.fixture(scope="module")
+def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The command as pip installs it into an environment of its own; the packages that it needs are
+    those of this one."""
+    place = tmp_path_factory.mktemp("environment") / "venv"
+    venv.create(place, with_pip=False, symlinks=True)
+    packages = next(place.glob("lib/python*/site-packages"))
+    needs = [path for path in sys.path if path.endswith("site-packages")]
+    (packages / "needs.pth").write_text("\n".join(needs) + "\n", encoding="utf-8")
+    options = ["--no-deps", "--no-index", "--quiet", "--disable-pip-version-check"]
+    python = str(place / "bin" / "python")
+    command = [sys.executable, "-m", "pip", "--python", python, "install", *options, str(wheel)]
+    subprocess.run(command, check=True, timeout=600)
+    return place / "bin" / "aerodb"
+
+
+@pytest.fixture
+def clashing(tmp_path: Path) -> Path:
+    """A folder in which every name that the program imports is somebody's own."""
+    here = tmp_path / "users own"
+    here.mkdir()
+    own = "raise SystemExit('the user\\'s own was imported')\n"
+    for name in ("flows", "tasks", "storage", "aerodb", "readers", "prefect"):
+        (here / name).mkdir()
+        (here / name / "__init__.py").write_text(own, encoding="utf-8")
+    for name in ("numpy", "scipy", "typer", "json", "units", "catalogue", "errors", "vehicle"):
+        (here / f"{name}.py").write_text(own, encoding="utf-8")
+    return here
+
+
+def called(program: Path, here: Path, *words: str) -> str:
+    """What the command says in a folder."""
+    kept = {n: v for n, v in os.environ.items() if not n.startswith(("AERODB_", "PYTHON"))}
+    done = subprocess.run(
+        [str(program), *words], cwd=here, env=kept, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_beside_clashing_names_the_installed_command_exports_and_serves_the_console(
+    program: Path, clashing: Path, shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    workspace, _ = shared.updated(tmp_path / "w")
+    words = ("--workspace", str(workspace.root))
+    called(program, clashing, *words, "version", "export", "candidate", "--format", "daveml",
+           "--output", "candidate.dml")  # fmt: skip
+    exported = load_database(clashing / "candidate.dml")
+    version = open_workspace(workspace.root).version("candidate")
+    assert evaluate(exported, alpha=0.05)["CZ"] == pytest.approx(version.evaluate(alpha=0.05)["CZ"])
+    kept = {n: v for n, v in os.environ.items() if not n.startswith(("AERODB_", "PYTHON"))}
+    console = subprocess.Popen(
+        [str(program), *words, "web", "--port", "0"],
+        cwd=clashing,
+        env={**kept, "AERODB_TOKEN": TOKEN, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert console.stdout is not None
+        address = re.search(r"http://\S+?:\d+", console.stdout.readline())
+        assert address
+        with Client(address[0], TOKEN) as client:
+            assert client.version("candidate")["label"] == "v0002"
+        request = urllib.request.Request(f"{address[0]}/")
+        request.add_header("Authorization", f"Bearer {TOKEN}")
+        with urllib.request.urlopen(request, timeout=300) as answer:
+            assert b"<html" in answer.read()
+    finally:
+        console.kill()
+        console.wait(300)
+
+
+@pytest.mark.campaign
+def test_beside_clashing_names_the_installed_command_runs_the_demo(
+    program: Path, clashing: Path
+) -> None:
+    said = called(program, clashing, "--workspace", "w", "demo", "--flights", "3", "--direct")
+    assert "ingested 3 logs: stored" in said
+    assert {path.name for path in (clashing / "w").iterdir()} >= {"catalogue.sqlite", "reports"}

@@ -1,0 +1,100 @@
+"""Lay out the pages of the site: ``python docs/site/pages.py FOLDER``.
+
+The repository's documents, at their own places; one page of the API per package, with the names of
+its face; and the navigation's lists of decisions and packages.
+"""
+
+import ast
+import sys
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+#: Documents of the site, as globs of the repository.
+DOCUMENTS = (
+    *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "docs/*.md"),
+    *("docs/*/*.md", "docs/*/*.svg", "docs/notebooks/*.ipynb", "flows/deploy/*.md"),
+)
+#: Packages of the API beside the library, in the order in which a flight passes them.
+PACKAGES = (
+    *("logs", "conditioning", "crosschecks", "consistency", "coefficients", "tables"),
+    *("increments", "effects", "tracing", "loop", "estimation", "identification", "simulation"),
+    *("exchange", "report", "physics", "support"),
+)
+MODULES = ("recording", "flight", "nomenclature", "units", "vehicle", "errors")
+
+
+def documents() -> list[Path]:
+    """Return the documents, relative to the repository."""
+    return sorted(path.relative_to(ROOT) for pattern in DOCUMENTS for path in ROOT.glob(pattern))
+
+
+def names_of(face: Path) -> list[str]:
+    """Return the public names of a face, which its stub lists."""
+    tree = ast.parse(face.read_text(encoding="utf-8"))
+    listed = next(
+        each.value
+        for each in tree.body
+        if isinstance(each, ast.Assign) and getattr(each.targets[0], "id", "") == "__all__"
+    )
+    return [name for name in ast.literal_eval(listed) if not name.startswith("__")]
+
+
+def api_page(title: str, package: str, names: list[str]) -> str:
+    """Return the page of a package: its docstring, then each public name."""
+    parts = [f"# {title}", f"::: {package}\n    options: {{members: false, heading_level: 2}}"]
+    # Functions, then classes; constants are for those who read the code.
+    shown = [name for name in names if not name.strip("_").isupper()]
+    parts += [f"::: {package}.{name}" for name in sorted(shown, key=lambda n: n[0].isupper())]
+    return "\n\n".join(parts) + "\n"
+
+
+def pages() -> dict[str, str]:
+    """Return the pages of the API by their file."""
+    found = {"index.md": api_page("The library", "aerodb", names_of(ROOT / "aerodb/__init__.pyi"))}
+    for name in PACKAGES:
+        names = names_of(ROOT / f"aerodb/{name}/__init__.pyi")
+        found[f"{name}.md"] = api_page(f"aerodb.{name}", f"aerodb.{name}", names)
+    for name in MODULES:
+        found[f"{name}.md"] = f"# aerodb.{name}\n\n::: aerodb.{name}\n"
+    return found
+
+
+def configuration() -> dict[str, object]:
+    """Return the configuration with its lists of decisions and packages."""
+    text = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8")
+    settings: dict[str, object] = yaml.safe_load(text)
+    decisions = sorted(
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "docs/decisions").glob("*.md")
+    )
+    api = [f"docs/api/{name}" for name in pages()]
+    lists = {"docs/api": api, "docs/decisions": [decisions[-1], *decisions[:-1]]}
+    settings["nav"] = [
+        {title: lists.get(str(entry), entry) for title, entry in each.items()}
+        if isinstance(each, dict)
+        else each
+        for each in settings["nav"]  # type: ignore[attr-defined]
+    ]
+    return settings
+
+
+def main(folder: Path) -> None:
+    """Write everything into `folder`."""
+    for document in documents():
+        place = folder / "pages" / document
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes((ROOT / document).read_bytes())
+    for name, text in pages().items():
+        place = folder / "pages/docs/api" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text, encoding="utf-8")
+    settings = configuration() | {
+        "docs_dir": str(folder / "pages"),
+        "site_dir": str(ROOT / "dist/docs"),
+    }
+    (folder / "mkdocs.yml").write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve())

@@ -1,0 +1,61 @@
+"""The site has every document of the repository and every package of the science; it is built by
+`make docs`."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import aerodb
+from tests.support.paths import ROOT
+
+
+@pytest.fixture(scope="module")
+def site() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("pages", ROOT / "docs" / "site" / "pages.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def listed(entries: Any) -> list[str]:
+    """The pages of a navigation, flat."""
+    if isinstance(entries, str):
+        return [entries]
+    if isinstance(entries, dict):
+        entries = entries.values()
+    return [page for each in entries for page in listed(each)]
+
+
+def test_every_document_is_in_the_navigation(site: ModuleType, tmp_path: Path) -> None:
+    site.main(tmp_path)
+    there = {
+        path.relative_to(tmp_path / "pages").as_posix()
+        for path in (tmp_path / "pages").rglob("*")
+        if path.suffix in (".md", ".ipynb")
+    }
+    nav = listed(site.configuration()["nav"])
+    assert set(nav) == there
+    assert len(nav) == len(there)
+
+
+def test_the_api_has_every_package_and_every_name_of_the_library(site: ModuleType) -> None:
+    science = {
+        path.parent.name
+        for path in (ROOT / "aerodb").glob("*/__init__.pyi")
+        if path.parent.name != "examples"
+    }
+    assert set(site.PACKAGES) == science
+    page = site.pages()["index.md"]
+    for name in aerodb.__all__:
+        assert f"::: aerodb.{name}\n" in page or name == "__version__", name
+
+
+def test_nothing_of_the_site_is_fetched_from_elsewhere(site: ModuleType) -> None:
+    theme: Any = site.configuration()["theme"]
+    assert theme["font"] is False
+    assert "http" not in (ROOT / "docs" / "site" / "mkdocs.yml").read_text(encoding="utf-8")
