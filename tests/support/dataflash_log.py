@@ -4,6 +4,9 @@ Python's `struct`, one record at a time."""
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+
+from aerodb.recording import Topic
 
 #: Format character -> code of `struct`, and how often a stored value is larger than the value.
 CODES = {
@@ -89,3 +92,23 @@ class DataFlashWriter:
     def _write(self, name: str, record: bytes) -> None:
         self.data += record
         self.ends.append((len(self.data), name))
+
+
+def write_dataflash(
+    path: Path, topics: Sequence[Topic], firmware: str = "ArduPlane V4.3.0"
+) -> None:
+    """Write topics, whose names and fields are those of `MESSAGES`, as one log in order of time;
+    fields that a topic lacks are 0."""
+    log = DataFlashWriter.begun()
+    log.add("MSG", 1000, firmware)
+    for function, servo in ((4, 1), (4, 2), (19, 3), (21, 4)):
+        log.add("PARM", 1000, f"SERVO{servo}_FUNCTION", float(function), 0.0)
+    rows = sorted(
+        ((round(time * 1e6), topic, k) for topic in topics for k, time in enumerate(topic.time)),
+        key=lambda row: row[0],
+    )
+    for us, topic, k in rows:
+        labels = MESSAGES[topic.name][2].split(",")[1:]
+        values = (topic.fields[name][k] if name in topic.fields else 0 for name in labels)
+        log.add(topic.name, us, *(float(each) for each in values))
+    path.write_bytes(bytes(log.data))
