@@ -88,12 +88,16 @@ class _Search:
         would be thrown away are not computed."""
         if not self.quick:
             return False
+        return self.outputs_only(vector).cost > cost + 1e-9 * abs(cost)
+
+    def outputs_only(self, vector: Array) -> _State:
+        """The state at `vector` without derivatives."""
         values, none = self.parameters.values(vector), np.zeros(0)
         responses = []
         for history in self.histories:
             outputs = self.model.simulated(values, history)[:, :, 0]
             responses.append(Response(outputs, none, none.astype(np.int64), none, none))
-        return self._state(vector, tuple(responses)).cost > cost + 1e-9 * abs(cost)
+        return self._state(vector, tuple(responses))
 
     def _state(self, vector: Array, responses: tuple[Response, ...]) -> _State:
         o = len(self.model.outputs)
@@ -126,6 +130,13 @@ class _Search:
         with np.errstate(divide="ignore"):
             steps = np.where(alone > 0, _DIFFERENCE / np.sqrt(alone), np.inf)
         return np.minimum(steps, 10.0 * first_steps(vector))
+
+
+def likelihood_of_start(
+    model: DynamicModel, records: Sequence[TimeHistory], covariance: Covariance
+) -> float:
+    """Log-likelihood with priors at a model's start values; -inf where it diverges."""
+    return -_Search(model, records, covariance).outputs_only(model.parameters.start()).cost
 
 
 def search(

@@ -11,7 +11,13 @@ from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.equation_error import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
-from aerodb.estimation.gauss_newton import SINGULAR, Solution, projected, search
+from aerodb.estimation.gauss_newton import (
+    SINGULAR,
+    Solution,
+    likelihood_of_start,
+    projected,
+    search,
+)
 from aerodb.estimation.instability import instability
 from aerodb.estimation.likelihood import Covariance, coloured_information
 from aerodb.estimation.parameters import Parameters
@@ -20,6 +26,7 @@ from aerodb.estimation.start_values import (
     FROM_SUBSPACE,
     LinearModel,
     has_start_values,
+    with_regressed_start_values,
     with_start_values,
 )
 from aerodb.estimation.state_space import StateSpace
@@ -30,6 +37,9 @@ from aerodb.support import Array
 ASSUMES = (
     "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
     "The noise of the outputs has no mean and is the same in every record.",
+)
+_FROM_REGRESSION = (
+    "The search began at values from regression, which are likelier than those given."
 )
 _UNCORRELATED = "The noise of different outputs is uncorrelated."
 
@@ -54,8 +64,9 @@ def output_error(
 
     Parameters
     ----------
-    model : a linear one whose entries all start at zero, or from whose start values the search
-        does not end, starts from those of subspace identification.
+    model : a linear one starts from what regression on measured states gives where that is likelier
+        than its start values; where these are all zero, or the search does not end from them, from
+        those of subspace identification.
     records : with the model's outputs; a sample that is NaN is left out.
     covariance : of the measurement noise: diagonal, or full with correlation between outputs.
 
@@ -82,8 +93,13 @@ def output_error(
 
     if not isinstance(model, StateSpace | DelayedStateSpace):
         return fitted(model, "")
+    regressed = with_regressed_start_values(model, records)
     if has_start_values(model):
-        fit = fitted(model, "")
+        given = likelihood_of_start(model, records, covariance)
+        if regressed and likelihood_of_start(regressed, records, covariance) > given:
+            fit = fitted(regressed, _FROM_REGRESSION)
+        else:
+            fit = fitted(model, "")
         if fit.converged:
             return fit
         again = _from_subspace(model, records)
@@ -93,7 +109,8 @@ def output_error(
         return other if other.converged else fit
     started = _from_subspace(model, records)
     if isinstance(started, str):
-        return fitted(model, f"The search began at zero: {started}.")
+        note = f"The search began at {'values from regression' if regressed else 'zero'}"
+        return fitted(regressed or model, f"{note}: {started}.")
     return fitted(started, FROM_SUBSPACE)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from aerodb.estimation.delays import DelayedStateSpace
 from aerodb.estimation.state_space import StateSpace
 from aerodb.estimation.structure_matching import matched_start_values
-from aerodb.estimation.subspace import LinearIdentified, identified_linear_model, path
+from aerodb.estimation.subspace import identified_linear_model, path
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
@@ -51,8 +51,37 @@ def _started(model: StateSpace, records: Sequence[TimeHistory]) -> StateSpace:
     found = identified_linear_model(
         records, model.inputs, model.states, order=len(model.states), states=model.states
     )
+    paths = [path(found, record) for record in records]
+    offset = [found.offset[record.name] for record in records]
+    return _along(
+        model, records, [(x + at, rate) for (x, rate), at in zip(paths, offset, strict=True)]
+    )
+
+
+def with_regressed_start_values(
+    model: LinearModel, records: Sequence[TimeHistory]
+) -> LinearModel | None:
+    """The model with start values from its equations along the measured states and their numerical
+    derivatives, which noise bends a little; None where a state is not measured throughout."""
+    if isinstance(model, DelayedStateSpace):
+        inner = with_regressed_start_values(model.model, [model.timely(each) for each in records])
+        return replace(model, model=inner) if isinstance(inner, StateSpace) else None
+    if any(name not in model.outputs for name in model.states):
+        return None
+    paths = [record.stacked(model.states) for record in records]
+    if not all(np.isfinite(states).all() and len(states) > 1 for states in paths):
+        return None
+    rates = [np.gradient(x, record.step, axis=0) for x, record in zip(paths, records, strict=True)]
+    return _along(model, records, list(zip(paths, rates, strict=True)))
+
+
+def _along(
+    model: StateSpace, records: Sequence[TimeHistory], paths: Sequence[tuple[Array, Array]]
+) -> StateSpace:
+    """The model with what least squares give of its state equations along paths: states and rates
+    (n, s) of each record."""
     unknown = [item.name for item in model.parameters.unknown]
-    blocks, responses = _equations(model, records, found, unknown)
+    blocks, responses = _equations(model, records, paths, unknown)
     # Constants of each record first: trim and biases are no part of the derivatives.
     about = [(x - x.mean(axis=0)).reshape(-1, len(unknown)) for x in blocks]
     varying = [(z - z.mean(axis=0)).ravel() for z in responses]
@@ -92,17 +121,19 @@ def _solved(matrix: Array, response: Array) -> Array:
     used = scale > 1e-9 * scale.max(initial=1e-300)
     if used.any():
         size = scale[used]
-        solved[used] = np.linalg.lstsq(matrix[:, used] / size, response, rcond=1e-8)[0] / size
+        columns = matrix[:, used] / size
+        normal, right = columns.T @ columns, columns.T @ response  # a start need not be exact
+        solved[used] = np.linalg.lstsq(normal, right, rcond=1e-14)[0] / size
     return solved
 
 
 def _equations(
     model: StateSpace,
     records: Sequence[TimeHistory],
-    found: LinearIdentified,
+    paths: Sequence[tuple[Array, Array]],
     unknown: Sequence[str],
 ) -> tuple[list[Array], list[Array]]:
-    """The model's state equations along the paths of the subspace model: for each record the
+    """The model's state equations along paths of the states and their rates: for each record the
     columns (n, s, g) of the unknown parameters, and what the known entries leave (n, s). Each row
     is scaled by the spread of its rate."""
     column = {name: j for j, name in enumerate(unknown)}
@@ -110,10 +141,8 @@ def _equations(
     responses: list[Array] = []
     known = model.parameters.values(np.zeros(len(unknown)))
     tied = {item.name: item.tied for item in model.parameters.items if item.tied is not None}
-    for record in records:
-        inputs = np.column_stack([record.inputs[name] for name in model.inputs])
-        deviation, rate = path(found, record)
-        states = deviation + found.offset[record.name]
+    for record, (states, rate) in zip(records, paths, strict=True):
+        inputs = model.driving(record)[:, :-1]
         weight = 1.0 / np.maximum(rate.std(axis=0), 1e-300)
         wide = np.zeros((*rate.shape, len(unknown)))
         left = rate.copy()

@@ -63,7 +63,7 @@ class StateSpace:
         """Time derivatives (s, k)."""
         own = self._local(values, record)
         low = min(int(sample), len(record.time) - 2)
-        pair = self._driving(record)[low : low + 2]
+        pair = self.driving(record)[low : low + 2]
         driving = pair[0] + (sample - low) * (pair[1] - pair[0])
         inner = _beside(self.b.at(own), self.state_bias.at(own)) @ driving
         return np.asarray(np.einsum("kab,bk->ak", self.a.at(own), state) + inner.T)
@@ -72,7 +72,7 @@ class StateSpace:
         """Outputs (o, k)."""
         own = self._local(values, record)
         direct = _beside(self.d.at(own), self.output_bias.at(own))
-        inner = direct @ self._driving(record)[sample]
+        inner = direct @ self.driving(record)[sample]
         return np.asarray(np.einsum("kab,bk->ak", self.c.at(own), state) + inner.T)
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
@@ -81,7 +81,7 @@ class StateSpace:
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
         """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
-        own, driving = self._local(values, record), self._driving(record)
+        own, driving = self._local(values, record), self.driving(record)
         a = self.a.at(own)
         b = _beside(self.b.at(own), self.state_bias.at(own))
         d = _beside(self.d.at(own), self.output_bias.at(own))
@@ -101,7 +101,7 @@ class StateSpace:
 
         Returns F (s, s, k), f (n - 1, s, k), C (o, s, k) and g (n, o, k).
         """
-        own, driving = self._local(values, record), self._driving(record)
+        own, driving = self._local(values, record), self.driving(record)
         b = _beside(self.b.at(own), self.state_bias.at(own))
         d = _beside(self.d.at(own), self.output_bias.at(own))
         phi, gamma = _discrete(self.a.at(own), b, record.step)
@@ -123,7 +123,7 @@ class StateSpace:
     ) -> tuple[Array, Array]:
         """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`:
         those of the discrete model, exact."""
-        own, driving = self._local(values, record), self._driving(record)
+        own, driving = self._local(values, record), self.driving(record)
         b = _beside(self.b.at(own), self.state_bias.at(own))
         d = _beside(self.d.at(own), self.output_bias.at(own))[0]
         a, c = self.a.at(own), self.c.at(own)[0]
@@ -201,7 +201,7 @@ class StateSpace:
     def _remembered(self) -> dict[tuple[tuple[str, ...], str], tuple[Array, Array, Array]]:
         return {}
 
-    def _driving(self, record: TimeHistory) -> Array:
+    def driving(self, record: TimeHistory) -> Array:
         """Inputs and a column of ones, (n, m + 1)."""
         columns = []
         for name in self.inputs:

@@ -66,7 +66,7 @@ class _Matching:
         self, model: StateSpace, records: Sequence[TimeHistory], found: LinearIdentified
     ) -> None:
         paths = np.concatenate([path(found, record)[0] for record in records])
-        inputs = np.concatenate([record.stacked_inputs(model.inputs) for record in records])
+        inputs = np.concatenate([model.driving(record)[:, :-1] for record in records])
         outputs = np.concatenate([record.stacked(model.outputs) for record in records])
         root = np.linalg.cholesky(
             np.atleast_2d(np.cov(paths.T)) + 1e-12 * np.eye(len(found.A)) * paths.var()

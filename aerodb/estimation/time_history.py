@@ -55,10 +55,6 @@ class TimeHistory:
         """Measured outputs of these names, (n, o)."""
         return np.column_stack([self.outputs[name] for name in names])
 
-    def stacked_inputs(self, names: tuple[str, ...]) -> Array:
-        """Inputs of these names, (n, m)."""
-        return np.column_stack([self.inputs[name] for name in names])
-
 
 class Recorded(Protocol):
     """A record with a name and a clock."""
