@@ -223,8 +223,10 @@ def test_states_that_are_not_measured_get_start_values_by_their_structure():
     model = state_space(
         ["alpha", "q"], ["iH"], ["q"],
         Parameters(
-            tuple(Parameter(name, 0.0) for name in ("Za", "Ma", "Mq", "Md"))
-            + (Parameter("Zd", 0.0, tied=("Md", 0.1033716)),)
+            (
+                *(Parameter(name, 0.0) for name in ("Za", "Ma", "Mq", "Md")),
+                Parameter("Zd", 0.0, tied=("Md", 0.1033716)),
+            )
         ),
         a=[["Za", 0.5931], ["Ma", "Mq"]], b=[["Zd"], ["Md"]], c=[[0, 1]],
     )  # fmt: skip
