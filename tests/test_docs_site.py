@@ -1,7 +1,10 @@
 """The site has every document of the repository and every package of the science; it is built by
 `make docs`."""
 
+import doctest
 import importlib.util
+import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,14 +15,19 @@ import aerodb
 from tests.support.paths import ROOT
 
 
-@pytest.fixture(scope="module")
-def site() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("pages", ROOT / "docs" / "site" / "pages.py")
+def loaded(name: str) -> ModuleType:
+    """A module of docs/site, which is no package."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "site" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def site() -> ModuleType:
+    return loaded("pages")
 
 
 def listed(entries: Any) -> list[str]:
@@ -53,6 +61,18 @@ def test_the_api_has_every_package_and_every_name_of_the_library(site: ModuleTyp
     page = site.pages()["index.md"]
     for name in aerodb.__all__:
         assert f"::: aerodb.{name}\n" in page or name == "__version__", name
+
+
+def test_docstrings_become_markdown() -> None:
+    module = loaded("docstrings")
+    assert not doctest.testmod(module).failed
+    for written in (aerodb.evaluate, aerodb.load, aerodb.Client):
+        text = module.as_markdown(inspect.getdoc(written))
+        assert "---" not in text
+        assert "**Parameters**" in text
+        assert re.search(r"^- \*\*(units|vehicle|url)\*\*: ", text, re.MULTILINE)
+        assert not re.search(r"^- \*\*Raises", text, re.MULTILINE)
+    assert "```python\n>>> import aerodb\n" in module.as_markdown(inspect.getdoc(aerodb.evaluate))
 
 
 def test_nothing_of_the_site_is_fetched_from_elsewhere(site: ModuleType) -> None:

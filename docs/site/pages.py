@@ -7,6 +7,7 @@ its face; and the navigation's lists of decisions and packages.
 import ast
 import sys
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -41,18 +42,24 @@ def names_of(face: Path) -> list[str]:
     return [name for name in ast.literal_eval(listed) if not name.startswith("__")]
 
 
-def api_page(title: str, package: str, names: list[str]) -> str:
-    """Return the page of a package: its docstring, then each public name."""
+def api_page(title: str, package: str, names: list[str], inherited: bool = False) -> str:
+    """Return the page of a package: its docstring, then each public name.
+
+    inherited : whether classes show what they have of others.
+    """
+    more = "\n    options: {inherited_members: true}" if inherited else ""
     parts = [f"# {title}", f"::: {package}\n    options: {{members: false, heading_level: 2}}"]
     # Functions, then classes; constants are for those who read the code.
     shown = [name for name in names if not name.strip("_").isupper()]
-    parts += [f"::: {package}.{name}" for name in sorted(shown, key=lambda n: n[0].isupper())]
+    for name in sorted(shown, key=lambda name: name[0].isupper()):
+        parts.append(f"::: {package}.{name}" + (more if name[0].isupper() else ""))
     return "\n\n".join(parts) + "\n"
 
 
 def pages() -> dict[str, str]:
     """Return the pages of the API by their file."""
-    found = {"index.md": api_page("The library", "aerodb", names_of(ROOT / "aerodb/__init__.pyi"))}
+    names = names_of(ROOT / "aerodb/__init__.pyi")
+    found = {"index.md": api_page("The library", "aerodb", names, inherited=True)}
     for name in PACKAGES:
         names = names_of(ROOT / f"aerodb/{name}/__init__.pyi")
         found[f"{name}.md"] = api_page(f"aerodb.{name}", f"aerodb.{name}", names)
@@ -61,10 +68,12 @@ def pages() -> dict[str, str]:
     return found
 
 
-def configuration() -> dict[str, object]:
+def configuration() -> dict[str, Any]:
     """Return the configuration with its lists of decisions and packages."""
     text = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8")
-    settings: dict[str, object] = yaml.safe_load(text)
+    settings: dict[str, Any] = yaml.safe_load(text)
+    options = settings["plugins"][1]["mkdocstrings"]["handlers"]["python"]["options"]
+    options["extensions"] = [str(ROOT / "docs/site/docstrings.py")]
     decisions = sorted(
         path.relative_to(ROOT).as_posix() for path in (ROOT / "docs/decisions").glob("*.md")
     )
@@ -74,7 +83,7 @@ def configuration() -> dict[str, object]:
         {title: lists.get(str(entry), entry) for title, entry in each.items()}
         if isinstance(each, dict)
         else each
-        for each in settings["nav"]  # type: ignore[attr-defined]
+        for each in settings["nav"]
     ]
     return settings
 

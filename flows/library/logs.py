@@ -1,6 +1,7 @@
 """Logs, vehicles and databases from files, without a workspace."""
 
 import tempfile
+from collections import Counter
 from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,23 +67,19 @@ class Log(Result):
         """Return what the log says of itself."""
         flight = self.flight
         start = "" if flight.start_utc is None else f", {flight.start_utc:%Y-%m-%d %H:%M} UTC"
+        kinds = Counter(each.kind for each in self.conditioning.segments)
         facts = [
             ("vehicle", self.vehicle.name),
             ("recorded", f"{self.recording.format}, {len(self.recording.topics)} topics{start}"),
             ("mapping", flight.mapping),
             ("duration", f"{flight.duration:.1f} s at {1.0 / flight.step:.4g} Hz"),
             ("channels", ", ".join(flight.channels)),
-        ]
-        rows = [
-            (each.kind, f"{each.start:.1f}", f"{each.end:.1f}", each.reason)
-            for each in self.conditioning.segments
+            ("segments", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
         ]
         said = [*flight.notes, *(each.what for each in flight.damage)]
         said += [each.sentence for each in self.conditioning.suspicions]
         said += consequences_of_missing(flight.missing)
-        return Summary(
-            f"log {self.name}", facts, ("segment", "from s", "to s", "because"), rows, said
-        )
+        return Summary(f"log {self.name}", facts, remarks=said)
 
     def data(self) -> Data:
         """Return its canonical channels, SI."""

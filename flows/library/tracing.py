@@ -85,7 +85,7 @@ class TracedFlights(Result):
             f"{each.axis}: error on flights that did not identify"
             f" {number(each.held_out_rms_before)} -> {number(each.held_out_rms_after)}"
             for each in self.validation
-            if each.held_out_rms_before is not None
+            if each.held_out_rms_before != each.held_out_rms_after
         ]
         remarks += [f"{each.axis}: {each.because}" for each in self.unexplained if each.found]
         return Summary(
