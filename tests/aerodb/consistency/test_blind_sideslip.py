@@ -35,10 +35,10 @@ def _reconstructed(seed: int, strength: float) -> tuple[Consistent, dict[str, Ar
 def test_intervals_of_a_sideslip_without_a_vane_cover_it(
     strength: float, trials: Callable[[int, int], int]
 ) -> None:
-    """95 % intervals of every sample, and those of the winds, over independent flights in
-    turbulence after Dryden."""
+    """95 % intervals of every sample of sideslip and of wind, gusts included, and those of the mean
+    winds, over independent flights in turbulence after Dryden."""
     runs = trials(3, 60)
-    inside, winds = [], []
+    inside, winds, blown = [], [], []
     for seed in range(runs):
         found, true = _reconstructed(seed, strength)
         inside.append(
@@ -47,8 +47,11 @@ def test_intervals_of_a_sideslip_without_a_vane_cover_it(
         entries = {entry["parameter"]: entry for entry in found.document["estimates"]}
         for name, blowing in zip(("wind_north", "wind_east"), WIND[:2], strict=True):
             winds.append((entries[name]["value"] - blowing) / entries[name]["standard_error"])
+            away = np.abs(found.beyond[name] - true[name])
+            blown.append(np.mean(away < 1.96 * found.sigma[name]))
     low, high = (0.91, 0.98) if runs >= 60 else (0.85, 1.0)  # few runs scatter
     assert low < np.mean(inside) < high
+    assert low < np.mean(blown) < high
     assert np.sqrt(np.mean(np.square(winds))) < (1.4 if runs >= 60 else 1.8)
 
 
