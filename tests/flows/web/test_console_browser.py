@@ -1,13 +1,9 @@
-"""The console in the system's own Chromium: no console error, no other host, no serious barrier,
-keyboard, nothing cut off."""
+"""The console in the system's own Chromium: no console error, no other host, no barrier in either
+colour scheme, keyboard, nothing cut off."""
 
-import os
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import jsbsim
 import numpy as np
@@ -18,56 +14,12 @@ from aerodb.tasks.view.finding_documents import findings_page
 from aerodb.tasks.workspace_access import access_workspace
 from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.flows.web.test_console import pages
+from tests.support.browser import barriers, look, look_everywhere, visit, watched
 from tests.support.catalogue_samples import h
 from tests.support.command import asked
-from tests.support.console_workspace import TOKEN, Made, add_long_flight, made_workspace, served
+from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
 from tests.support.paths import VEHICLES
 from tests.support.shared_workspace import SharedWorkspaces
-
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="playwright is not installed: pip install 'aerodb[test]'"
-)
-axe = pytest.importorskip(
-    "axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed"
-)
-
-CHROMIUM = next(
-    (
-        path
-        for name in ("chromium", "chromium-browser", "google-chrome")
-        if (path := shutil.which(name))
-    ),
-    None,
-)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this system: apt-get install chromium"
-)
-WIDTHS = (1280, 400)
-#: For what is waited for at most [ms].
-_PATIENCE = 300_000
-
-#: Elements whose text does not fit, and that nobody can scroll; fields hold more than they show by
-#: their nature.
-CUT = """() => [...document.querySelectorAll('main *, header *, footer *')].filter((e) => {
-  const style = getComputedStyle(e);
-  if (e.closest('.scroll, .plot, svg, details:not([open])') || e.matches('input, select, textarea, option')) return false;
-  return e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && style.display !== 'inline' && !e.matches('figcaption');
-}).map((e) => `${e.tagName}.${e.className}: ${e.textContent.trim().slice(0, 80)}`)"""
-#: Pairs of controls that lie on one another.
-OVERLAPS = """() => {
-  const seen = [...document.querySelectorAll('main a, main button, main input:not([type=hidden]), main select, main h2, nav a')]
-    .filter((e) => e.offsetParent && !e.closest('.scroll') && (e.closest('summary') || !e.closest('details:not([open])')))
-    .map((e) => [e, e.getBoundingClientRect()]);
-  const found = [];
-  for (let i = 0; i < seen.length; i++) for (let j = i + 1; j < seen.length; j++) {
-    const [[a, p], [b, q]] = [seen[i], seen[j]];
-    const across = Math.min(p.right, q.right) - Math.max(p.left, q.left);
-    const down = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
-    const apart = across <= 2 || down <= 6 || a.contains(b) || b.contains(a);
-    if (!apart) found.push(`${a.textContent.trim()} / ${b.textContent.trim()}`);
-  }
-  return found;
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -86,86 +38,11 @@ def address(made: Made, hour: str) -> Iterator[str]:
         yield opened
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        options = {"args": ["--no-sandbox"]} if os.geteuid() == 0 else {}
-        opened = started.chromium.launch(executable_path=CHROMIUM, timeout=_PATIENCE, **options)
-        yield opened
-        opened.close()
-
-
-@contextmanager
-def watched(browser: Any, address: str, width: int = 1280) -> Iterator[Any]:
-    """A page of a fresh session; fails on any complaint of the browser and on any request to
-    another host."""
-    complaints: list[str] = []
-    elsewhere: list[str] = []
-    with browser.new_context(
-        viewport={"width": width, "height": 900},
-        http_credentials={"username": "anyone", "password": TOKEN},
-    ) as context:
-        context.set_default_timeout(_PATIENCE)
-        page = context.new_page()
-        page.on(
-            "console",
-            lambda said: (
-                complaints.append(said.text) if said.type in ("error", "warning") else None
-            ),
-        )
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("dialog", lambda dialog: complaints.append(f"dialog: {dialog.message}"))
-        page.on(
-            "request",
-            lambda asked: elsewhere.append(asked.url) if not _own(asked.url, address) else None,
-        )
-        yield page
-    assert complaints == []
-    assert elsewhere == []
-
-
-def _own(url: str, address: str) -> bool:
-    return url.startswith(("data:", "blob:")) or urlsplit(url).netloc == urlsplit(address).netloc
-
-
-def visit(page: Any, address: str, path: str) -> None:
-    page.goto(f"{address}{path}")
-    page.wait_for_load_state("networkidle")
-
-
-def barriers(page: Any) -> list[tuple[str, str, list[Any]]]:
-    """What axe-core finds serious or critical: rule, help, elements."""
-    found = axe.Axe().run(page).response["violations"]
-    return [
-        (v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]])
-        for v in found
-        if v["impact"] in ("serious", "critical")
-    ]
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_every_page_is_sound(
-    browser: Any, address: str, made: Made, tmp_path: Path, width: int
-) -> None:
-    with watched(browser, address, width) as page:
+def test_every_page_is_sound(browser: Any, address: str, made: Made) -> None:
+    with watched(browser, address) as page:
         for path in pages(made):
             visit(page, address, path)
-            look(page, path, width, barriers_too=width == WIDTHS[0])
-
-
-def look(page: Any, path: str, width: int, barriers_too: bool = True) -> None:
-    """What a picture of a page would show: nothing runs out of it, is cut off, or lies on something
-    else."""
-    if folder := os.environ.get("AERODB_TEST_PICTURES"):
-        page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
-    assert (
-        page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        <= 0
-    ), path
-    assert page.evaluate(CUT) == [], path
-    assert page.evaluate(OVERLAPS) == [], path
-    if barriers_too:
-        assert barriers(page) == [], path
+            look_everywhere(page, path)
 
 
 def test_the_checks_see_what_is_wrong(browser: Any, address: str) -> None:
@@ -399,9 +276,7 @@ def test_every_page_of_a_measured_aircraft(
 
 
 def _sound(browser: Any, workspace: Workspace) -> None:
-    with served(workspace) as address:
-        for width in WIDTHS:
-            with watched(browser, address, width) as page:
-                for path in _sections(workspace):
-                    visit(page, address, path)
-                    look(page, path, width, barriers_too=width == WIDTHS[0])
+    with served(workspace) as address, watched(browser, address) as page:
+        for path in _sections(workspace):
+            visit(page, address, path)
+            look_everywhere(page, path)
