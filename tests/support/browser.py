@@ -30,7 +30,7 @@ CHROMIUM = next(
 #: Widths of a window at which pages are looked at.
 WIDTHS = (1400, 400)
 #: For what is waited for at most [ms].
-_PATIENCE = 60_000
+_PATIENCE = 300_000
 
 #: Elements whose text does not fit, and that nobody can scroll; fields hold more than they show by
 #: their nature.
@@ -93,8 +93,8 @@ def watched(browser: Any, address: str, width: int = 1280) -> Iterator[Any]:
             lambda asked: elsewhere.append(asked.url) if not _own(asked.url, address) else None,
         )
         yield page
-    assert complaints == []
-    assert elsewhere == []
+    assert complaints == [], complaints
+    assert elsewhere == [], elsewhere
 
 
 def _own(url: str, address: str) -> bool:
@@ -127,10 +127,7 @@ def look(page: Any, path: str, width: int) -> None:
     else, and axe-core finds no barrier."""
     if folder := os.environ.get("AERODB_TEST_PICTURES"):
         page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
-    assert (
-        page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        <= 0
-    ), path
-    assert page.evaluate(CUT) == [], path
-    assert page.evaluate(OVERLAPS) == [], path
-    assert barriers(page) == [], path
+    wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert page.evaluate(wide) <= 0, path
+    for found in (page.evaluate(CUT), page.evaluate(OVERLAPS), barriers(page)):
+        assert found == [], (path, width, found)

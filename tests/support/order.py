@@ -29,6 +29,7 @@ LONGEST = (
     "test_fuzz_readers.py",
     "test_disks.py",
     "test_console_browser.py",
+    "test_flight_page_browser.py",
     "test_consistency_installation.py",
     "test_without_vanes.py",
     "test_flows.py",
