@@ -7,7 +7,9 @@
 
 Modules: `flight_page`, `update_page`, `version_page` (pages), with the templates in templates/ and
 the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON); `headlines` (sentences
-and error tables); `flight_figures`, `figures`, `update_figures`, `database_figure`, `diff_figures`,
+and error tables); `glossary`, `terms`, `numbers` (names of effects, channels and terms, numbers and
+units: everything that is shown uses these); `findings` (findings in words); `head` (where a result
+comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`, `diff_figures`,
 `lineage_figure` (figures); `style` (colours, units, names as text); `decimation` (long records with
 fewer points); `flight_errors` (errors of single flights).
 """

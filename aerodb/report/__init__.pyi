@@ -4,6 +4,7 @@ from .diff_documents import diff_document
 from .diff_figures import diff_figure
 from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
 from .estimates_page import estimates_report
+from .findings import MEANS
 from .flight_page import FlightStory, flight_report
 from .glossary import advice_words, channel_words, effect_words, hypothesis_words, in_words
 from .head import Head
@@ -15,7 +16,7 @@ from .page import pdf, render
 from .response_page import FlownStretch, response_report
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
 from .terms import term_name, term_unit
-from .update_page import MEANS, UpdateStory, update_report
+from .update_page import UpdateStory, update_report
 from .version_page import NameMove, UsedFlight, VersionStory, version_report
 
 __all__ = [

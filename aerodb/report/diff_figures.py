@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import AXES
 from aerodb.report.style import (
@@ -254,6 +255,7 @@ def _slice(
     panel.set_title(
         f"largest change: {change}", loc="right", fontsize=SMALLEST, color="0.35", pad=2
     )
+    panel.xaxis.set_major_locator(MaxNLocator(5))
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 

@@ -112,11 +112,20 @@ def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[
 
 
 def _excursion(each: Excursion) -> str:
-    """A variable that leaves its envelope; angles in degrees."""
-    angle = is_surface(each.variable) or each.variable in ("alpha", "beta", "phi", "theta")
+    return excursion_text(each.variable, each.flight, each.envelope)
+
+
+def excursion_text(variable: str, flight: Sequence[float], envelope: Sequence[float]) -> str:
+    """A variable that leaves its envelope: from and to in the flight, and in the envelope; angles
+    in degrees.
+
+    >>> excursion_text("mach", (0.16, 0.17), (0.2, 0.3))
+    'mach 0.16 to 0.17, flown 0.2 to 0.3'
+    """
+    angle = is_surface(variable) or variable in ("alpha", "beta", "phi", "theta")
     factor, unit = (math.degrees(1.0), " deg") if angle else (1.0, "")
-    low, high, first, last = (f"{value * factor:.3g}" for value in (*each.flight, *each.envelope))
-    return f"{each.variable} {low} to {high}{unit}, flown {first} to {last}"
+    low, high, first, last = (f"{value * factor:.3g}" for value in (*flight, *envelope))
+    return f"{variable} {low} to {high}{unit}, flown {first} to {last}"
 
 
 def _increment(entry: AxisUpdate) -> dict[str, Any]:
@@ -222,7 +231,7 @@ def _not_repaired(entry: AxisValidation) -> str:
     held_out = entry.held_out_rms_after is not None
     after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
     share = f"{entry.explained:.0%} of" if entry.explained > 0 else "nothing of"
-    left = f"{after:.4g} rms remain, {share} the measured variance is explained."
+    left = f"{after:.4g} rms remain, {share} the measured variation about its mean is explained."
     statement = f"{entry.axis} is not repaired by the declared structure: {left}"
     if (
         held_out

@@ -6,6 +6,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerodb.report.glossary import listed
+from aerodb.report.head import Head
+from aerodb.report.numbers import for_people, number
 from aerodb.report.page import render
 from aerodb.report.style import (
     FLIGHT,
@@ -18,6 +21,7 @@ from aerodb.report.style import (
     picture,
     plain_panel,
 )
+from aerodb.report.terms import correlation_rows
 from aerodb.support import Array
 
 #: Most records of a method that are drawn.
@@ -32,10 +36,12 @@ Response = tuple[Array, Array, Array]
 Responses = Mapping[str, Mapping[str, Mapping[str, Response]]]
 
 
-def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
+def estimates_report(
+    document: Mapping[str, Any], responses: Responses, head: Head | None = None
+) -> str:
     """Return the HTML page of the document of `estimate_by_methods`.
 
-    responses : fitted responses and residuals of each method.
+    responses : fitted responses and residuals of each method. head : where the result comes from.
     """
     believe = document["believe"]
     several = len(document["methods"]) > 1
@@ -50,7 +56,21 @@ def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
         "estimates.html",
         title="Estimates",
         document=document,
+        head=head,
         verdict=verdict,
+        stayed=_stayed(document),
+        correlations={
+            entry["method"]: [
+                correlation_rows(each["names"], each["correlation"])
+                for each in entry.get("correlations", ())
+            ]
+            for entry in document["methods"]
+        },
+        units={
+            each["name"]: for_people(each["unit"])[1]
+            for entry in document["methods"]
+            for each in entry.get("estimates", ())
+        },
         drawn={
             entry["method"]: [
                 _picture(entry["method"], record, outputs)
@@ -59,6 +79,29 @@ def estimates_report(document: Mapping[str, Any], responses: Responses) -> str:
             for entry in document["methods"]
         },
     )
+
+
+def _stayed(document: Mapping[str, Any]) -> str:
+    """What the methods leave open: those without an estimate, parameters on which they disagree,
+    and parameters that are not simply estimated."""
+    silent = [entry["method"] for entry in document["methods"] if "reason" in entry]
+    apart = [row for row in document["parameters"] if row["agree"] is False]
+    other = {
+        row["parameter"]
+        for row in document["parameters"]
+        for each in row["estimates"].values()
+        if each["standing"] != "estimated"
+    }
+    clauses = [f"no estimate by {listed(silent)}"] if silent else []
+    if apart:
+        worst = max(apart, key=lambda row: row["spread"] or 0.0)
+        clauses.append(
+            f"methods disagree on {len(apart)} of {len(document['parameters'])} parameters, most on"
+            f" {worst['parameter']} ({number(worst['spread'], 2)} standard errors)"
+        )
+    if other:
+        clauses.append(f"not simply estimated: {listed(sorted(other))}")
+    return f"What stayed bad: {'; '.join(clauses)}." if clauses else "Nothing stayed bad."
 
 
 def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Picture:

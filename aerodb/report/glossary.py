@@ -86,7 +86,7 @@ _WORDS: Final[Mapping[str, str]] = {
 #: ``effect@axis``, ``effect@axis+axis:subject``.
 _HYPOTHESIS: Final = re.compile(
     r"(?<![\w@])(?P<effect>[a-z][a-z0-9_]*)@(?P<axes>all|C[A-Za-z_]+(?:\+C[A-Za-z_]+)*)"
-    r"(?::(?P<subject>shape \d+|[A-Za-z0-9_]+(?:[.-][A-Za-z0-9_]+)*))?"
+    r"(?::(?P<subject>shape \d+|-?[A-Za-z0-9_]+(?:[.-][A-Za-z0-9_]+)*))?"
 )
 #: A channel in a sentence; not the key of a setting, nor a part of a parameter's name.
 _CHANNEL: Final = re.compile(

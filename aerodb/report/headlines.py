@@ -19,6 +19,8 @@ _WHOLE: Final = {
     "not validated": "on the identification flights themselves, without validation",
 }
 
+#: The side force along the body and the wind axes, either way: close to the same.
+_SAME: Final = (("CY", "C_side"), ("C_side", "CY"))
 #: Most findings that a sentence names.
 _MOST_NAMED: Final = 3
 
@@ -26,7 +28,8 @@ _MOST_NAMED: Final = 3
 def headline(document: Mapping[str, Any]) -> str:
     """Sum up the document of an update or a closed loop in one sentence."""
     if "library" not in document:
-        axes = ", ".join(entry["axis"] for entry in document["increments"])
+        changed = {entry["axis"] for entry in document["increments"]}
+        axes = listed([axis for axis in (*AXES, *WIND_AXES) if axis in changed])
         return f"The declared increments on {axes} were estimated: {_worth(document)}."
     added = [
         finding for finding in document["findings"] if finding["hypothesis"] in document["added"]
@@ -131,6 +134,7 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
         axis in FORCE_AXES for axis in asked
     )
     other = {*FORCE_AXES} if along_wind else {*WIND_AXES}
+    other |= {own for own, same in _SAME if same in changed and own not in changed}
     return [
         axis
         for axis in (*AXES, *WIND_AXES)
@@ -178,7 +182,9 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
 
 
 def _effects(findings: Sequence[Mapping[str, Any]]) -> str:
-    return listed([the(effect_words(finding)) for finding in findings])
+    names = [the(effect_words(finding)) for finding in findings]
+    more = len(names) - _MOST_NAMED
+    return listed([*names[:_MOST_NAMED], f"{more} more effects"] if more > 1 else names)
 
 
 def _worth(document: Mapping[str, Any]) -> str:

@@ -7,6 +7,8 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerodb.report.glossary import listed
+from aerodb.report.head import Head
 from aerodb.report.page import render
 from aerodb.report.style import (
     DATABASE,
@@ -50,10 +52,12 @@ def response_report(
     baseline: str,
     summary: Mapping[str, Any] | None,
     stretches: Sequence[FlownStretch],
+    head: Head | None = None,
 ) -> str:
     """Return the HTML page of a version's responses.
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
+    head : where the result comes from.
     """
     drawn = [(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]]
     return render(
@@ -62,10 +66,27 @@ def response_report(
         version=version,
         baseline=baseline,
         summary=summary,
+        head=head,
+        stayed=_stayed(summary) if summary else "",
         drawn=drawn,
         left_out=max(0, len(stretches) - _MOST),
         scales=response_scales(summary),
     )
+
+
+def _stayed(summary: Mapping[str, Any]) -> str:
+    """Checks outside tolerance, those most often outside first, and what was not flown."""
+    failed = [entry["check"] for entry in summary["failed"]]
+    often = sorted(dict.fromkeys(failed), key=lambda check: -failed.count(check))
+    clauses = []
+    if often:
+        named = listed([f"{check} ({failed.count(check)})" for check in often])
+        clauses.append(f"outside tolerance {named}")
+    if summary["not_flown"]:
+        clauses.append(f"{len(summary['not_flown'])} stretches not flown")
+    if not summary["independent"]:
+        clauses.append("the flights also identified the version")
+    return f"What stayed bad: {'; '.join(clauses)}." if clauses else "Nothing stayed bad."
 
 
 def response_scales(summary: Mapping[str, Any] | None) -> dict[str, tuple[float, str]]:

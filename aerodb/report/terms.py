@@ -9,14 +9,19 @@ import numpy as np
 
 from aerodb.errors import AeroError
 from aerodb.nomenclature import channel, is_surface
-from aerodb.report.glossary import listed
-from aerodb.tables import parse
+from aerodb.report.glossary import effect_words, listed
+from aerodb.report.numbers import for_people
+from aerodb.tables import AeroDatabase, new_increments, parse
 
 #: Longest expression that is shown as it is; a longer one is named by its variables.
 _LONGEST: Final = 40
 #: Most terms whose correlations are shown as a matrix; of more, the large ones are listed.
 _MATRIX: Final = 9
 _LARGE: Final = 0.5
+#: 95 % of a normal distribution lie within this many standard errors.
+_TWO_SIDED: Final = 1.96
+#: A correlation that is shown as zero.
+_NONE: Final = 0.005
 _AT: Final = re.compile(r"(?P<term>.+?)(?: over (?P<over>\w+))? at (?P<value>-?[\d.e+-]+)")
 _FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
 
@@ -93,16 +98,23 @@ def correlation_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) ->
     if len(names) < 2:
         return {}
     values = np.asarray(matrix, dtype=np.float64)
+    if np.all(np.abs(values - np.diag(np.diag(values))) < _NONE):
+        return {"independent": True}
     if len(names) <= _MATRIX:
         rows = [(name, values[k, : k + 1].tolist()) for k, name in enumerate(names)]
-        return {"rows": rows, "pairs": None}
+        return {"independent": False, "rows": rows}
     pairs = [
         (names[i], names[j], float(values[i, j]))
         for i in range(len(names))
         for j in range(i)
         if abs(values[i, j]) >= _LARGE
     ]
-    return {"rows": None, "pairs": sorted(pairs, key=lambda pair: -abs(pair[2])), "above": _LARGE}
+    return {
+        "independent": False,
+        "rows": None,
+        "pairs": sorted(pairs, key=lambda pair: -abs(pair[2])),
+        "above": _LARGE,
+    }
 
 
 def estimates_of(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -121,3 +133,46 @@ def estimates_of(document: Mapping[str, Any]) -> list[dict[str, Any]]:
         }
         for entry in document["increments"]
     ]
+
+
+def estimates_added(
+    document: Mapping[str, Any], baseline: AeroDatabase, candidate: AeroDatabase
+) -> list[dict[str, Any]]:
+    """What entered the database in a closed loop: the estimates as they stand in the candidate,
+    with their correlations, one entry per increment."""
+    known = {
+        finding["value"]: finding
+        for finding in document["findings"]
+        if finding["hypothesis"] in document["added"]
+    }
+    entries = []
+    for increment in new_increments(baseline, candidate):
+        error = np.sqrt(np.diag(increment.covariance))
+        rows = []
+        for text, value, sigma in zip(
+            map(str, increment.regressors),
+            increment.estimates.tolist(),
+            error.tolist(),
+            strict=True,
+        ):
+            finding = known.get(value)
+            rows.append(
+                {
+                    "name": effect_words(finding) if finding else term_name(text),
+                    "unit": for_people(finding["unit"])[1] if finding else term_unit(text),
+                    "value": value,
+                    "standard_error": sigma,
+                    "ci95": [value + side * _TWO_SIDED * sigma for side in (-1.0, 1.0)],
+                }
+            )
+        scale = np.where(error > 0.0, error, 1.0)
+        entries.append(
+            {
+                "axis": increment.axis,
+                "rows": rows,
+                "correlations": correlation_rows(
+                    [row["name"] for row in rows], increment.covariance / np.outer(scale, scale)
+                ),
+            }
+        )
+    return entries

@@ -40,6 +40,8 @@ _LINE: Final = 0.14
 _BAND: Final = (0.1, 0.5, 0.9)
 #: Most variables, and how many of them stand side by side.
 _MOST_VARIABLES, _COLUMNS = 10, 4
+#: Longest label of a column that stands on one line.
+_WIDEST: Final = 18
 
 #: A variable that varies less than this counts as constant (SI: 0.3 deg, or non-dimensional).
 _MOVES: Final = 5e-3
@@ -199,13 +201,14 @@ def residual_figure(
     """
     blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
     rows = [(axis, block) for block in blocks for axis in axes]
-    columns = max((len(block) for block in blocks), default=1)
+    columns = max(2, *(len(block) for block in blocks), 0)
     figure, panels = panel_grid(
         (PAGE_WIDTH, 0.7 + 1.4 * max(1, len(rows))),
         max(1, len(rows)),
         columns,
         left=0.85,
         right=0.15,
+        bottom=0.6,
         between=(0.15, 0.42),
         sharey="row",
     )
@@ -225,8 +228,12 @@ def residual_figure(
             _left_over(panel, axis, name, (before, after), channels)
             panel.tick_params(labelbottom=axis == axes[-1])
             if axis == axes[-1]:
-                panel.set_xlabel(channel_scale(name)[1].removeprefix("delta_").replace("_", " "))
-        row[0].set_ylabel(f"{axis}: flight - model [-]")
+                label = channel_scale(name)[1]
+                wide = len(label) > _WIDEST
+                panel.set_xlabel(
+                    label.replace(" [", "\n[") if wide else label, size=SMALLEST if wide else None
+                )
+        row[0].set_ylabel(f"{axis} [-]")
     if rows:
         handles, texts = panels[0][0].get_legend_handles_labels()
         figure.legend(handles, texts, loc="upper right", fontsize=SMALLEST, ncols=3, frameon=False)

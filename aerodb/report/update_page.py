@@ -9,9 +9,11 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.diff_figures import diff_figures
+from aerodb.report.document import excursion_text
 from aerodb.report.figures import update_figure
+from aerodb.report.findings import MEANS, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.glossary import effect_words, in_words
+from aerodb.report.glossary import advice_words
 from aerodb.report.head import Head
 from aerodb.report.headlines import (
     by_parts,
@@ -22,40 +24,31 @@ from aerodb.report.headlines import (
     shown_axes,
     what_stayed,
 )
-from aerodb.report.numbers import for_people
-from aerodb.report.page import capital, render
+from aerodb.report.page import render
 from aerodb.report.style import Picture, picture
-from aerodb.report.terms import correlation_rows, estimates_of, term_name, term_unit
+from aerodb.report.terms import estimates_added, estimates_of
 from aerodb.report.update_figures import (
     error_figure,
-    forest_figure,
     moving_variables,
     residual_figure,
     stall_figure,
 )
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES, AeroDatabase, new_increments
+from aerodb.tables import WIND_AXES, AeroDatabase
 
 _Entry = TypeVar("_Entry")
 
-#: Verdict -> its meaning, for the reader of a report.
-MEANS: Final[Mapping[str, str]] = {
-    "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
-    "suspected": "the best explanation, but too few independent flights for the stated error rate",
-    "alias_group": "several explanations fit these flights equally well",
-    "ambiguous_sensor": "a sensor error cannot be excluded, so the database is left unchanged",
-    "sensor": "a sensor error; to be corrected in flight-path reconstruction",
-    "unnamed": "reproducible, but no template of the library fits",
-    "not_detected": "not found; sizes above the bound are excluded",
-    "not_excited": "the flights do not excite it",
-    "not_separable": "it cannot be separated from other effects in these flights",
-    "not_testable": "too few flights show it",
+#: How a remark begins that stands on top, and what is in one whose numbers stand in a table.
+_WARNS, _IN_TABLE = "The gate will refuse", " leaves the flown envelope on "
+_DOTS: Final = {
+    True: " Dots: single flights, before above the line, after below.",
+    False: " Dots: single flights, before.",
 }
-_WITH_VOTES: Final = 2
+_IN_SAMPLE: Final = (
+    "; after: of the flights that the version was identified from, which is optimistic"
+)
 #: What one figure of a page holds.
 _VARIABLES_ON_A_PAGE, _AXES_ON_A_PAGE, _HISTORIES_ON_A_PAGE, _STALLS_ON_A_PAGE = 4, 6, 4, 3
-#: 95 % of a normal distribution lie within this many standard errors.
-_TWO_SIDED: Final = 1.96
 #: Number of axes drawn where nothing was added: those farthest above their noise floor.
 _FARTHEST: Final = 3
 
@@ -89,21 +82,10 @@ class UpdateStory:
 
 def update_report(story: UpdateStory) -> str:
     """Render the report of an update or a closed loop as one HTML page."""
-    document, shown = story.document, shown_axes(story.document)
-    errors = [
-        {**row, "flights": flight_errors(row["axis"], story.before, story.after)}
-        for row in error_rows(document)
-    ]
-    errors.sort(key=lambda row: row["axis"] not in shown)  # the same forces once more come last
-    single = len(story.before) > 1 and not by_parts(document)
-    drawn = [
-        {**row, "each": list(row["flights"].values()) if single else []}
-        for row in errors
-        if row["axis"] in shown
-    ]
-    if story.candidate is None:
-        drawn = [{**row, "after": None} for row in drawn]
-    loop = "library" in document
+    document, loop = story.document, "library" in story.document
+    estimates = [] if loop else estimates_of(document)
+    if loop and story.candidate is not None and story.databases is not None:
+        estimates = estimates_added(document, *story.databases)
     return render(
         "update.html",
         title=(
@@ -117,31 +99,97 @@ def update_report(story: UpdateStory) -> str:
         document=document,
         closed_loop=loop,
         on_which=on_which(document),
-        errors=errors,
-        shown=shown,
-        error_picture=picture(
+        findings=[
+            {
+                **told(finding, story.labels),
+                "added": finding["hypothesis"] in document.get("added", ()),
+            }
+            for finding in document["findings"]
+        ],
+        estimates=estimates,
+        undecided=_bounds(document, decided=False),
+        excluded=_bounds(document, decided=True),
+        means=MEANS,
+        changed=disagreements(document, list(document["axes"]), story.before),
+        pictures=_pictures(story),
+        stall_pictures=_stall_pictures(story),
+        **_errors(story),
+        **_sentences(story),
+    )
+
+
+def _errors(story: UpdateStory) -> dict[str, Any]:
+    """The errors per axis and per flight, and their figure."""
+    document, shown = story.document, shown_axes(story.document)
+    rows = [
+        {**row, "flights": flight_errors(row["axis"], story.before, story.after)}
+        for row in error_rows(document)
+    ]
+    rows.sort(key=lambda row: row["axis"] not in shown)  # the same forces once more come last
+    single = len(story.before) > 1 and not by_parts(document)
+    held_out = bool(document["flights"]["held_out"])
+    # without held-out flights, the errors of single flights after are those of identification
+    ends = 2 if held_out else 1
+    drawn = [
+        {
+            **row,
+            "each": [_two(each[:ends]) for each in row["flights"].values()] if single else [],
+            "after": row["after"] if story.candidate else None,
+        }
+        for row in rows
+        if row["axis"] in shown
+    ]
+    return {
+        "errors": rows,
+        "shown": shown,
+        "single": list(story.before) if single else [],
+        "optimistic": "" if held_out else _IN_SAMPLE,
+        "error_picture": picture(
             error_figure(drawn),
             "Error per axis before and after the update, and the noise floor; the table below holds"
             " the same numbers.",
             f"Error {on_which(document)}. Circle: {story.baseline}; "
             f"{f'square: {story.candidate}; ' if story.candidate else ''}"
             "bar: noise floor of the sensors, which no database can beat."
-            f"{' Dots: single flights, before above the line, after below.' if single else ''}",
+            f"{_DOTS[held_out] if single else ''}",
         ),
-        single=list(story.before) if single else [],
-        findings=[_told(finding, story) for finding in document["findings"]],
-        estimates=_added(story) if loop else estimates_of(document),
-        undecided=_bounds(
-            entry for entry in document["not_found"] if entry["verdict"] != "not_detected"
-        ),
-        excluded=_bounds(
-            entry for entry in document["not_found"] if entry["verdict"] == "not_detected"
-        ),
-        means=MEANS,
-        changed=disagreements(document, list(document["axes"]), story.before),
-        pictures=_pictures(story),
-        stall_pictures=_stall_pictures(story),
-    )
+    }
+
+
+def _two(errors: Sequence[float | None]) -> tuple[float | None, float | None]:
+    """Errors before and after of one flight; None where there is none."""
+    return errors[0], errors[1] if len(errors) > 1 else None
+
+
+def _sentences(story: UpdateStory) -> dict[str, Any]:
+    """Remarks, advice, what differs between flights, and where flights leave the envelope."""
+    document, labels = story.document, story.labels
+    beyond = document.get("beyond", ())
+    remarks = [
+        sentence_of(remark, labels)
+        for remark in document["remarks"]
+        if not (beyond and _IN_TABLE in remark)
+    ]
+    return {
+        "warnings": [remark for remark in remarks if remark.startswith(_WARNS)],
+        "remarks": [remark for remark in remarks if not remark.startswith(_WARNS)],
+        "advice": [
+            named_flights(advice_words(advice), labels) for advice in document["next_flight"]
+        ],
+        "between": [
+            sentence_of(entry["because"], labels) for entry in document.get("between_flights", ())
+        ],
+        "beyond": [
+            {
+                **entry,
+                "where": "; ".join(
+                    excursion_text(each["variable"], each["flight"], each["envelope"])
+                    for each in entry["excursions"]
+                ),
+            }
+            for entry in beyond
+        ],
+    }
 
 
 def _stall_pictures(story: UpdateStory) -> list[Picture]:
@@ -160,108 +208,16 @@ def _stall_pictures(story: UpdateStory) -> list[Picture]:
     ]
 
 
-def _told(finding: Mapping[str, Any], story: UpdateStory) -> dict[str, Any]:
-    """A finding with its figure, in display units."""
-    factor, unit = for_people(finding["unit"])
-    shown = None
-    if len(finding["votes"]) >= _WITH_VOTES:
-        shown = picture(
-            forest_figure(finding, story.labels),
-            f"Estimates of {finding['parameter']} from {len(finding['votes'])} flights with 95 %"
-            " intervals, and the combined estimate.",
-            "Dots: the estimate of each flight (its vote) with its 95 % interval. Diamond and band:"
-            " combined estimate with its 95 % interval, random and systematic errors included.",
-        )
-    ci95 = finding["ci95"]
-    return {
-        **finding,
-        "shown_value": None if finding["value"] is None else factor * finding["value"],
-        "shown_ci95": None if ci95 is None else [factor * end for end in ci95],
-        "shown_unit": unit,
-        "effect_words": effect_words(finding),
-        "says": _says(finding),
-        "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / (2.0 * _TWO_SIDED),
-        "mean": _mean_test(finding, factor),
-        "added": finding["hypothesis"] in story.document.get("added", ()),
-        "rivals": list(finding["explanation_set"][1:]),
-        "fallen": dict(finding.get("fallen", {})),
-        "refound": finding.get("refound", (0, 0)),
-        "held_out_share": finding.get("held_out_share"),
-        "picture": shown,
-    }
+def _bounds(document: Mapping[str, Any], decided: bool) -> list[dict[str, Any]]:
+    """Rows of what was not found, with what the flights exclude, in display units.
 
-
-def _says(finding: Mapping[str, Any]) -> str:
-    """What a finding says, without the numbers that stand beside it."""
-    start, mark, rest = finding["because"].partition(f": {finding['parameter']} = ")
-    end = rest.partition("; ")[2] if mark else ""
-    return capital(in_words(f"{start}; {end}" if end else start))
-
-
-def _mean_test(finding: Mapping[str, Any], factor: float) -> dict[str, Any] | None:
-    """The test of the mean over the flights, in display units, and why the interval of the estimate
-    contains zero although that of the mean does not; None for older documents."""
-    test = finding.get("test")
-    if test is None:
-        return None
-    low, high = test["ci95"]
-    first, last = finding["ci95"]
-    wider = not low <= 0.0 <= high and first <= 0.0 <= last
-    why = "its shape misses" if finding.get("shape") else "sensors and noise may add"
-    return {
-        "value": factor * test["mean"],
-        "ci95": [factor * low, factor * high],
-        "p": test["p"],
-        "wider": f"what {why} anywhere in the envelope" if wider else "",
-    }
-
-
-def _added(story: UpdateStory) -> list[dict[str, Any]]:
-    """What entered the database in a closed loop: the estimates as they stand in the candidate,
-    with their correlations, one entry per increment."""
-    if story.candidate is None or story.databases is None:
-        return []
-    known = {
-        finding["value"]: finding
-        for finding in story.document["findings"]
-        if finding["hypothesis"] in story.document["added"]
-    }
-    entries = []
-    for increment in new_increments(*story.databases):
-        error = np.sqrt(np.diag(increment.covariance))
-        rows = []
-        for text, value, sigma in zip(
-            map(str, increment.regressors),
-            increment.estimates.tolist(),
-            error.tolist(),
-            strict=True,
-        ):
-            finding = known.get(value)
-            rows.append(
-                {
-                    "name": effect_words(finding) if finding else term_name(text),
-                    "unit": for_people(finding["unit"])[1] if finding else term_unit(text),
-                    "value": value,
-                    "standard_error": sigma,
-                    "ci95": [value + side * _TWO_SIDED * sigma for side in (-1.0, 1.0)],
-                }
-            )
-        scale = np.where(error > 0.0, error, 1.0)
-        entries.append(
-            {
-                "axis": increment.axis,
-                "rows": rows,
-                "correlations": correlation_rows(
-                    [row["name"] for row in rows], increment.covariance / np.outer(scale, scale)
-                ),
-            }
-        )
-    return entries
-
-
-def _bounds(entries: Any) -> list[dict[str, Any]]:
-    """Rows of what was not found, with what the flights exclude, in display units."""
-    return [{**entry, **excluded_sizes(entry)} for entry in entries]
+    decided : whether of those that these flights decide, or of the others.
+    """
+    return [
+        {**entry, **excluded_sizes(entry)}
+        for entry in document["not_found"]
+        if (entry["verdict"] == "not_detected") == decided
+    ]
 
 
 def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
@@ -292,8 +248,8 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
             picture(
                 residual_figure(part, block, story.before, story.after, story.channels, floors),
                 f"Flight minus model on {', '.join(part)} against {', '.join(block)}, with {both}.",
-                "Line: median. Band: 80 % of the samples. Grey: noise floor. A residual that still"
-                " depends on a variable is not explained yet.",
+                "Flight − model. Line: median. Band: 80 % of the samples. Grey: noise floor. A"
+                " residual that still depends on a variable is not explained yet.",
             )
             for block in _parts(variables, _VARIABLES_ON_A_PAGE) or [[]]
             for part in _parts(axes, _AXES_ON_A_PAGE)
@@ -305,7 +261,7 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
                     story.before,
                     story.after,
                     story.labels,
-                    errors=not by_parts(story.document),
+                    errors=bool(story.document["flights"]["held_out"]),
                 ),
                 f"Coefficients {', '.join(part)} over time: flight and {both}.",
                 "The flights one after another. Right: distribution of the residuals. "

@@ -8,13 +8,16 @@ from aerodb.errors import InputError
 from aerodb.report import estimates_report
 from aerodb.storage.files import read_results
 from aerodb.support import Array
+from aerodb.tasks.actors import user
+from aerodb.tasks.page_head import head_of_result
 from aerodb.tasks.workspace_access import access_workspace
 
 
 def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
     """The HTML page of a document of `estimate_by_methods`, with fitted responses and residuals."""
-    path = access_workspace(workspace).path_of(document["key"])
-    if path is None:
+    access = access_workspace(workspace)
+    path, result = access.path_of(document["key"]), access.catalogue.result(document["key"])
+    if path is None or result is None:
         raise InputError("its file is lost", f"result {document['key'][:12]}", "estimate again")
     table, _ = read_results(path)
     labels = [table[name].astype(str) for name in ("method", "record", "response")]
@@ -27,4 +30,4 @@ def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str
             table["fitted"][start:end],
             table["residual"][start:end],
         )
-    return estimates_report(document, responses)
+    return estimates_report(document, responses, head_of_result(access, result, user()))

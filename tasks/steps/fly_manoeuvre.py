@@ -18,6 +18,8 @@ from aerodb.simulation import (
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
+from aerodb.tasks.actors import user
+from aerodb.tasks.page_head import head_of_result
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.view import SteadyFlight, trim_document, trim_of
 from aerodb.tasks.workspace_access import access_workspace
@@ -70,7 +72,9 @@ def fly_manoeuvre(
         "notes": document["notes"],
     }
     drawn = FlownStretch(stated.name, stretch, series, {})
-    return {**document, "page": response_report(row.label, "", None, [drawn])}
+    stored = access.catalogue.result(result.key)
+    head = head_of_result(access, stored, user()) if stored else None
+    return {**document, "page": response_report(row.label, "", None, [drawn], head)}
 
 
 def _flown(

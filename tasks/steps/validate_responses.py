@@ -7,6 +7,8 @@ import numpy as np
 
 from aerodb.report import FlownStretch, response_report
 from aerodb.storage.files import read_results
+from aerodb.tasks.actors import user
+from aerodb.tasks.page_head import head_of_result
 from aerodb.tasks.steps.fly import flown_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
@@ -199,4 +201,6 @@ def response_page(
             if "reason" not in stretch:
                 beside = others[number] if others else {}
                 stretches.append(FlownStretch(name, stretch, responses, beside))
-    return response_report(labels[0], labels[1], summary, stretches)
+    result = access.catalogue.result(after[0]["key"]) if after else None
+    head = head_of_result(access, result, user()) if result else None
+    return response_report(labels[0], labels[1], summary, stretches, head)

@@ -1,0 +1,100 @@
+"""Findings and remarks of an update or a closed loop as a page tells them: in words, with names for
+ids, in display units."""
+
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+from aerodb.report.glossary import effect_words, in_words
+from aerodb.report.numbers import for_people
+from aerodb.report.page import capital
+from aerodb.report.style import picture
+from aerodb.report.update_figures import forest_figure, voter
+
+#: Verdict -> its meaning, for the reader of a report.
+MEANS: Final[Mapping[str, str]] = {
+    "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
+    "suspected": "the best explanation, but too few independent flights for the stated error rate",
+    "alias_group": "several explanations fit these flights equally well",
+    "ambiguous_sensor": "a sensor error cannot be excluded, so the database is left unchanged",
+    "sensor": "a sensor error; to be corrected in flight-path reconstruction",
+    "unnamed": "reproducible, but no template of the library fits",
+    "not_detected": "not found; sizes above the bound are excluded",
+    "not_excited": "the flights do not excite it",
+    "not_separable": "it cannot be separated from other effects in these flights",
+    "not_testable": "too few flights show it",
+}
+#: A flight or a part of one in a sentence: the first digits of its id, and from and to [s].
+_FLIGHT: Final = re.compile(r"\b([0-9a-f]{12}(?:@[\d.]+-[\d.]*\d)?)(?: s\b)?")
+#: Fewest votes of which a forest plot is drawn.
+_WITH_VOTES: Final = 2
+#: 95 % of a normal distribution lie within this many standard errors.
+_TWO_SIDED: Final = 1.96
+
+
+def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
+    """A finding in words with its figure, in display units.
+
+    labels : flight (id) -> its name.
+    """
+    factor, unit = for_people(finding["unit"])
+    shown = None
+    if len(finding["votes"]) >= _WITH_VOTES:
+        shown = picture(
+            forest_figure(finding, labels),
+            f"Estimates of {finding['parameter']} from {len(finding['votes'])} flights with 95 %"
+            " intervals, and the combined estimate.",
+            "Dots: the estimate of each flight (its vote) with its 95 % interval. Diamond and band:"
+            " combined estimate with its 95 % interval, random and systematic errors included.",
+        )
+    ci95 = finding["ci95"]
+    return {
+        **finding,
+        "shown_value": None if finding["value"] is None else factor * finding["value"],
+        "shown_ci95": None if ci95 is None else [factor * end for end in ci95],
+        "shown_unit": unit,
+        "effect_words": effect_words(finding),
+        "says": _says(finding, labels),
+        "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / (2.0 * _TWO_SIDED),
+        "mean": _mean_test(finding, factor),
+        "rivals": list(finding["explanation_set"][1:]),
+        "fallen": dict(finding.get("fallen", {})),
+        "refound": finding.get("refound", (0, 0)),
+        "held_out_share": finding.get("held_out_share"),
+        "picture": shown,
+    }
+
+
+def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
+    """What a finding says, without the numbers that stand beside it."""
+    start, mark, rest = finding["because"].partition(f": {finding['parameter']} = ")
+    end = rest.partition("; ")[2] if mark else ""
+    return sentence_of(f"{start}; {end}" if end else start, labels)
+
+
+def sentence_of(text: str, labels: Mapping[str, str]) -> str:
+    """A sentence of a document as people read it: names of effects and flights for their ids."""
+    return capital(named_flights(in_words(text), labels))
+
+
+def named_flights(text: str, labels: Mapping[str, str]) -> str:
+    """A sentence with the names of flights for their ids, and for parts of flights."""
+    return _FLIGHT.sub(lambda found: voter(found[1], labels), text)
+
+
+def _mean_test(finding: Mapping[str, Any], factor: float) -> dict[str, Any] | None:
+    """The test of the mean over the flights, in display units, and why the interval of the estimate
+    contains zero although that of the mean does not; None for older documents."""
+    test = finding.get("test")
+    if test is None:
+        return None
+    low, high = test["ci95"]
+    first, last = finding["ci95"]
+    wider = not low <= 0.0 <= high and first <= 0.0 <= last
+    why = "its shape misses" if finding.get("shape") else "sensors and noise may add"
+    return {
+        "value": factor * test["mean"],
+        "ci95": [factor * low, factor * high],
+        "p": test["p"],
+        "wider": f"what {why} anywhere in the envelope" if wider else "",
+    }
