@@ -11,7 +11,7 @@ from .head import Head
 from .headlines import error_rows, excluded_sizes, headline, what_stayed
 from .lineage_figure import Relative, lineage_graph
 from .loop_documents import loop_document, rival_remarks, stall_remarks
-from .numbers import for_people, number
+from .numbers import for_people
 from .page import pdf, render
 from .response_page import FlownStretch, response_report
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
@@ -55,7 +55,6 @@ __all__ = [
     "left_out_remarks",
     "lineage_graph",
     "loop_document",
-    "number",
     "page",
     "pdf",
     "render",

@@ -1,11 +1,13 @@
 """Page of estimates by several methods: the table, fitted responses, and whiteness of residuals."""
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerodb.nomenclature import AXES
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.numbers import for_people, number
@@ -21,8 +23,9 @@ from aerodb.report.style import (
     picture,
     plain_panel,
 )
-from aerodb.report.terms import correlation_rows
+from aerodb.report.terms import correlation_rows, term_unit
 from aerodb.support import Array
+from aerodb.tables import WIND_AXES
 
 #: Most records of a method that are drawn.
 _MOST: Final = 4
@@ -67,7 +70,7 @@ def estimates_report(
             for entry in document["methods"]
         },
         units={
-            each["name"]: for_people(each["unit"])[1]
+            each["name"]: _unit(each["name"], each["unit"])
             for entry in document["methods"]
             for each in entry.get("estimates", ())
         },
@@ -81,17 +84,27 @@ def estimates_report(
     )
 
 
+def _unit(parameter: str, unit: str) -> tuple[float, str]:
+    """Factor and label of the display unit of a parameter; derivatives (``CZ_alpha``) are per
+    radian."""
+    for axis in (*AXES, *WIND_AXES):
+        if parameter.startswith(f"{axis}_"):
+            term = term_unit(parameter.removeprefix(f"{axis}_"))
+            return 1.0, "-" if term == "?" else term
+    return for_people(unit)
+
+
 def _stayed(document: Mapping[str, Any]) -> str:
     """What the methods leave open: those without an estimate, parameters on which they disagree,
     and parameters that are not simply estimated."""
     silent = [entry["method"] for entry in document["methods"] if "reason" in entry]
     apart = [row for row in document["parameters"] if row["agree"] is False]
-    other = {
-        row["parameter"]
+    other = [
+        (method, each["standing"])
         for row in document["parameters"]
-        for each in row["estimates"].values()
+        for method, each in row["estimates"].items()
         if each["standing"] != "estimated"
-    }
+    ]
     clauses = [f"no estimate by {listed(silent)}"] if silent else []
     if apart:
         worst = max(apart, key=lambda row: row["spread"] or 0.0)
@@ -99,8 +112,10 @@ def _stayed(document: Mapping[str, Any]) -> str:
             f"methods disagree on {len(apart)} of {len(document['parameters'])} parameters, most on"
             f" {worst['parameter']} ({number(worst['spread'], 2)} standard errors)"
         )
-    if other:
-        clauses.append(f"not simply estimated: {listed(sorted(other))}")
+    clauses += [
+        f"{method}: {count} parameter{'' if count == 1 else 's'} {standing}"
+        for (method, standing), count in Counter(other).items()
+    ]
     return f"What stayed bad: {'; '.join(clauses)}." if clauses else "Nothing stayed bad."
 
 
@@ -115,14 +130,15 @@ def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Pictu
 def _figure(outputs: Mapping[str, Response]) -> Figure:
     """Responses of a record, three side by side: measured and fitted, and below the autocorrelation
     of the residual."""
-    blocks = max(1, -(-len(outputs) // _COLUMNS))
+    columns = min(_COLUMNS, max(1, len(outputs)))
+    blocks = max(1, -(-len(outputs) // columns))
     figure, panels = panel_grid(
-        (PAGE_WIDTH, 0.5 + 3.6 * blocks), 2 * blocks, _COLUMNS, left=0.7, right=0.1
+        (PAGE_WIDTH, 0.5 + 3.6 * blocks), 2 * blocks, columns, left=0.7, right=0.1
     )
     for panel in panels.ravel():
         panel.set_visible(False)
     for place, (name, (time, fitted, residual)) in enumerate(outputs.items()):
-        block, k = divmod(place, _COLUMNS)
+        block, k = divmod(place, columns)
         factor, label = channel_scale(name)
         above, below = panels[2 * block, k], panels[2 * block + 1, k]
         above.plot(time, factor * (fitted + residual), color=FLIGHT, lw=1.4, label="measured")

@@ -6,6 +6,7 @@ change the direction or layout of the text around them.
 
 import functools
 import math
+from collections.abc import Callable
 from datetime import datetime
 from typing import Any, Final
 
@@ -15,9 +16,10 @@ from markupsafe import Markup
 from aerodb.errors import InputError
 from aerodb.report.glossary import advice_words, channel_words, hypothesis_words, in_words
 from aerodb.report.head import Head
+from aerodb.report.headlines import excluded_sizes
 from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, visible
-from aerodb.report.terms import term_name
+from aerodb.report.terms import term_name, term_unit
 
 _COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "measured": MEASURED}
 
@@ -25,6 +27,28 @@ _COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "
 def render(template: str, head: Head | None = None, **context: Any) -> str:
     """Render `template`, a file in this package's templates, to one self-contained HTML page."""
     return _engine().get_template(template).render(head=head, **context)
+
+
+def filters() -> dict[str, Callable[..., Any]]:
+    """What the templates of pages, and of the console, apply to values: names, numbers, words."""
+    return {
+        "name": name,
+        "number": number,
+        "share": share,
+        "words": words,
+        "scaled": scaled,
+        "instant": instant,
+        "visible": visible,
+        "sentence": sentence,
+        "in_words": in_words,
+        "advice_words": advice_words,
+        "channel_words": channel_words,
+        "hypothesis_words": hypothesis_words,
+        "capital": capital,
+        "excluded_sizes": excluded_sizes,
+        "term_unit": term_unit,
+        "term_name": term_name,
+    }
 
 
 @functools.cache
@@ -39,25 +63,6 @@ def _engine() -> jinja2.Environment:
     engine.filters |= filters()
     engine.globals["colours"] = _COLOURS
     return engine
-
-
-def filters() -> dict[str, Any]:
-    """Return the filters that the templates of this package use, for engines that include them."""
-    return {
-        "name": name,
-        "number": number,
-        "share": share,
-        "words": words,
-        "instant": instant,
-        "visible": visible,
-        "sentence": sentence,
-        "in_words": in_words,
-        "advice_words": advice_words,
-        "channel_words": channel_words,
-        "hypothesis_words": hypothesis_words,
-        "capital": capital,
-        "term_name": term_name,
-    }
 
 
 def name(text: object) -> Markup:
@@ -85,6 +90,11 @@ def share(value: float | None) -> str:
         if value is None or not math.isfinite(value)
         else f"{100 * value:.0f} %".replace("-", "−")
     )
+
+
+def scaled(value: float | None, factor: float) -> float | None:
+    """A value in another unit; None remains None."""
+    return None if value is None else factor * value
 
 
 def words(text: str) -> str:

@@ -20,14 +20,8 @@ from aerodb.flows.web.console import (
 from aerodb.flows.web.models import Finding, answers
 from aerodb.report import (
     MEANS,
-    advice_words,
     error_rows,
-    excluded_sizes,
     headline,
-    hypothesis_words,
-    in_words,
-    term_name,
-    term_unit,
     what_stayed,
 )
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
@@ -75,12 +69,6 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         headline=headline(document),
         stayed=what_stayed(document),
         errors=error_rows(document),
-        in_words=in_words,
-        hypothesis_words=hypothesis_words,
-        advice_words=advice_words,
-        term_name=term_name,
-        term_unit=term_unit,
-        excluded_sizes=excluded_sizes,
         labels=labels_of(access, document),
         reference=reference_of(access, reference, vehicle),
         means=MEANS,
