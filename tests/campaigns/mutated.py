@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aerodb.nomenclature import channel
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
@@ -30,7 +31,7 @@ from tests.support.end_to_end import environment
 from tests.support.forking import run_forked
 from tests.support.glider_ulog import ULOG_VEHICLE
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, write_files
+from tests.support.small_glider import NAME, channels, write_files
 
 #: Seconds that a command may take for one file.
 LONGEST = 60.0
@@ -38,7 +39,8 @@ LONGEST = 60.0
 FAULT = ("fault of aerodb", "bug in aerodb", "Traceback (most recent")
 #: Exit codes: done, usage, refused, the gate.
 CODES = (0, 2, 3, 4)
-BATCH = 18
+#: Largest number of mutated logs in a batch.
+MOST = 18
 _SETTINGS = """\
 [serve]
 port = 0
@@ -81,25 +83,34 @@ class Campaign:
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.rng, self.told = folder, np.random.default_rng(seed), Told()
         self.files, self.base = folder / "files", folder / "base"
-        write_files(self.files, 4)
+        (folder / "kept").mkdir()
+        write_files(self.files, 1)
         (self.files / "settings.toml").write_text(_SETTINGS, encoding="utf-8")
         mapping = ROOT / "storage" / "mappings" / "canonical.toml"
         shutil.copy(mapping, self.files / "mapping.toml")
-        (self.files / "ulog.toml").write_text(ULOG_VEHICLE, encoding="utf-8")
-        self._done(self.base, "vehicle", "add", "files/ulog.toml")
-        self._done(self.base, "database", "import", "files/database.toml", "--vehicle", NAME)
+        (self.files / "ulog.toml").write_text(ULOG_VEHICLE.replace(NAME, _ULOG), encoding="utf-8")
+        (self.files / "si.toml").write_text(_si_mapping(), encoding="utf-8")
+        for name, file in ((NAME, "vehicle"), (_ULOG, "ulog")):
+            self._done(self.base, "vehicle", "add", f"files/{file}.toml")
+            self._done(self.base, "database", "import", "files/database.toml", "--vehicle", name)
         self._done(self.base, "flight", "ingest", "files/flight1.csv", *_BESIDE)
         for kind, suffix in EXPORTS.items():
-            given = ("--output", f"files/{kind}{suffix}", "--format", kind)
+            given = ("--vehicle", NAME, "--output", f"files/{kind}{suffix}", "--format", kind)
             self._done(self.base, "version", "export", "released", *given)
 
     def logs(self, count: int) -> Told:
-        """Mutate logs of all formats, and ingest them."""
+        """Mutate logs of all formats, and ingest them in batches of formats that one command takes;
+        before that each as it is, so that mutations begin at logs that are read."""
         seeds = logs(self.folder / "logs")
-        names = self.rng.choice(list(seeds), count)
-        made = [(str(name), mutated(seeds[name].read_bytes(), self.rng)) for name in names]
-        for start in range(0, count, BATCH):
-            self._ingest(made[start : start + BATCH], start)
+        for names, options in BATCHES:
+            for name in names:
+                self._done(self._copy(), "flight", "ingest", f"logs/{name}", *options)
+        drawn = [BATCHES[int(k)] for k in self.rng.choice(len(BATCHES), count, p=_SHARES)]
+        for batch in BATCHES:
+            names = self.rng.choice(batch[0], drawn.count(batch))
+            made = [(str(name), mutated(seeds[name].read_bytes(), self.rng)) for name in names]
+            for start in range(0, len(made), MOST):
+                self._ingest(made[start : start + MOST], batch)
         return self.told
 
     def others(self, count: int) -> Told:
@@ -117,39 +128,38 @@ class Campaign:
             self.told.cases[name, f"exit code {done.returncode}"] += 1
             found = [*said(done), *self._lost(workspace)]
             found += [f"{seconds:.0f} s"] * (seconds > LONGEST)
-            self._fault(place, found)
+            self._fault([place], found)
         return self.told
 
-    def _ingest(self, batch: list[Mutated], start: int) -> None:
+    def _ingest(self, mutations: list[Mutated], batch: "Batch") -> None:
+        names, options = batch
         places = []
-        for number, (name, data) in enumerate(batch, start):
+        for number, (name, data) in enumerate(mutations):
             places.append(self.folder / f"mutated-{number}-{name}")
             places[-1].write_bytes(data)
-        workspace, right = self._copy(), self.files / "flight2.csv"
-        given = [*map(str, places), str(right), *_BESIDE]
+        workspace, right = self._copy(), self.folder / "logs" / names[0]
+        given = [*map(str, places), str(right), *options]
         done, seconds = self._timed(workspace, "--json", "flight", "ingest", *given)
         found = [*said(done), *self._lost(workspace)]
-        found += [f"{seconds:.0f} s"] * (seconds > LONGEST * len(batch))
+        found += [f"{seconds:.0f} s"] * (seconds > LONGEST * len(places))
         became = outcomes(done.stdout)
         if became.get(str(right)) != "stored":
             found.append(f"the right log of the batch is {became.get(str(right))}")
-        for (name, _), place in zip(batch, places, strict=True):
+        for (name, _), place in zip(mutations, places, strict=True):
             self.told.cases[name, became.get(str(place), "no answer")] += 1
         found += ["no answer"] * any(str(place) not in became for place in places)
-        for place in places if found else ():
-            shutil.copy(place, self.folder / "kept")
-        self._fault(right, found)
+        self._fault(places, found)
 
-    def _fault(self, place: Path, found: list[str]) -> None:
+    def _fault(self, places: list[Path], found: list[str]) -> None:
+        for place in places:
+            if found:
+                shutil.copy(place, self.folder / "kept")
+            place.unlink()
         if found:
-            shutil.copy(place, self.folder / "kept")
-            self.told.faults.append(f"FAULT {place.name}: {'; '.join(found)}")
+            self.told.faults.append(f"FAULT {places[0].name}: {'; '.join(found)}")
             print(self.told.faults[-1], flush=True)
-        for made in self.folder.glob("mutated-*"):
-            made.unlink()
 
     def _copy(self) -> Path:
-        (self.folder / "kept").mkdir(exist_ok=True)
         shutil.rmtree(self.folder / "w", ignore_errors=True)
         return Path(shutil.copytree(self.base, self.folder / "w"))
 
@@ -179,7 +189,18 @@ class Campaign:
         assert done.returncode == 0, (given, done.stderr)
 
 
+_ULOG = f"{NAME}-ulog"
 _BESIDE = ("--vehicle", NAME, "--direct")
+#: Formats that one command takes, the first of which is ingested unmutated with each batch, and the
+#: options of the command.
+Batch = tuple[tuple[str, ...], tuple[str, ...]]
+BATCHES: tuple[Batch, ...] = (
+    (("ulog.ulg",), ("--vehicle", _ULOG, "--direct")),
+    (("table.csv", "table.parquet", "ros2.mcap", "json.mcap", "protobuf.mcap"), _BESIDE),
+    (("v5.mat", "table.h5", "text.txt"), (*_BESIDE, "--mapping", "files/si.toml")),
+)
+_FORMATS = [len(names) for names, _ in BATCHES]
+_SHARES = [formats / sum(_FORMATS) for formats in _FORMATS]
 _IMPORT = ("database", "import", "{file}", "--vehicle", NAME)
 EXPORTS = {"daveml": ".dml", "jsbsim": ".xml", "csv": ".csv", "mat": ".mat", "netcdf": ".nc"}
 #: File -> the command that reads it.
@@ -194,6 +215,20 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 }
 
 
+def _si_mapping() -> str:
+    """A mapping of the glider's table without declared units: SI."""
+    listed = "".join(
+        f'[[channel]]\nname = "{name}"\n'
+        f'sources = [{{ topic = "table", field = "{name}", unit = "{channel(name).unit}" }}]\n'
+        for name in channels(0)
+        if name != "time"
+    )
+    return (
+        'name = "si"\nformats = ["tabular"]\ndetect = ["table"]\n'
+        f'[time]\ntopic = "table"\nfield = "time"\n{listed}'
+    )
+
+
 def _stored(workspace: Path) -> set[str]:
     with Catalogue.open(Workspace.open(workspace).catalogue) as catalogue:
         versions = {row.id for row in catalogue.versions(NAME)}
@@ -205,7 +240,10 @@ def said(done: subprocess.CompletedProcess[str]) -> list[str]:
     found = [word for word in FAULT if word in done.stdout + done.stderr]
     if done.returncode not in CODES:
         found.append(f"exit code {done.returncode}")
-    return [*found, done.stderr[-1500:]] if found else []
+    place = max(
+        0, min([done.stderr.find(word) for word in FAULT if word in done.stderr] or [0]) - 200
+    )
+    return [*found, done.stderr[place : place + 3000]] if found else []
 
 
 def outcomes(output: str) -> dict[str, str]:

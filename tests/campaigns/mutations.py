@@ -12,7 +12,7 @@ from scipy.io import savemat
 from tests.storage.readers.test_mcap import FLOAT, IMU, JOINTS, START, header
 from tests.storage.readers.test_mcap_messages import DESCRIPTORS, Messages, made, write
 from tests.support.glider_ulog import write_glider_ulog
-from tests.support.small_glider import channels, write_csv, write_parquet
+from tests.support.small_glider import RHO, channels, write_csv, write_parquet
 
 #: Name of a format and a mutated file of it.
 Mutated = tuple[str, bytes]
@@ -27,9 +27,12 @@ _NUMBER, _WORD = re.compile(rb"-?\d+\.?\d*(?:e[-+]?\d+)?"), re.compile(rb"[A-Za-
 
 
 def logs(folder: Path, seconds: float = 6.0) -> dict[str, Path]:
-    """The same flight of the small glider in every format: name -> file."""
+    """A flight of the small glider in every format: name -> file. Stamps of MCAP are 10 ms apart.
+
+    MAT, HDF5 and text without units in their header need a mapping that states them.
+    """
     folder.mkdir()
-    table = channels(11, seconds)
+    table = channels(11, seconds, rate=100.0)
     plain = {name: np.asarray(values, float) for name, values in table.items()}
     names = [
         "ulog.ulg",
@@ -73,8 +76,22 @@ def _imu(table: dict[str, np.ndarray], k: int) -> dict[str, object]:
     }
 
 
-_NANOSECONDS = 40_000_000
-_FLOATS = {"/airspeed/true": "V", "/alpha": "alpha", "/beta": "beta", "/elevator": "delta_elevator"}
+def _joint(table: dict[str, np.ndarray], k: int) -> dict[str, object]:
+    """sensor_msgs/JointState without its header."""
+    angle = float(table["delta_elevator"][k])
+    return {"name": ["elevator"], "position": [angle], "velocity": [], "effort": []}
+
+
+_NANOSECONDS = 10_000_000
+#: Topic -> channel of a std_msgs/Float64.
+_FLOATS = {"/airspeed/true": "V", "/alpha": "alpha", "/beta": "beta"}
+#: Of sensor_msgs/FluidPressure and Temperature, of dry air with the glider's density: topic ->
+#: field, value, definition.
+_KELVIN = 288.15
+_AIR = {
+    "/static_pressure": ("fluid_pressure", RHO * 287.053 * _KELVIN, "float64 fluid_pressure\n"),
+    "/temperature": ("temperature", _KELVIN - 273.15, "float64 temperature\n"),
+}
 
 
 def _write_ros2(path: Path, table: dict[str, np.ndarray]) -> None:
@@ -83,15 +100,21 @@ def _write_ros2(path: Path, table: dict[str, np.ndarray]) -> None:
         imu = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
         joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
         number = writer.register_msgdef("std_msgs/msg/Float64", FLOAT)
+        air = {
+            topic: writer.register_msgdef(f"sensor_msgs/msg/{name}", definition)
+            for (topic, (_, _, definition)), name in zip(
+                _AIR.items(), ("FluidPressure", "Temperature"), strict=True
+            )
+        }
         for k in range(len(table["time"])):
             at = START + k * _NANOSECONDS
             writer.write_message("/imu/data", imu, _imu(table, k), log_time=at)
             for topic, name in _FLOATS.items():
                 message = {"data": float(table[name][k])}
                 writer.write_message(topic, number, message, log_time=at)
-            none: list[float] = []
-            joint = {"position": [float(table["delta_elevator"][k])], "velocity": none}
-            joint |= {"header": header(at), "name": ["elevator"], "effort": none}
+            for topic, (name, value, _) in _AIR.items():
+                writer.write_message(topic, air[topic], {name: value}, log_time=at)
+            joint = {**_joint(table, k), "header": header(at)}
             writer.write_message("/joint_states", joints, joint, log_time=at)
         writer.finish()
 
@@ -105,11 +128,16 @@ def _write_messages(path: Path, encoding: str, table: dict[str, np.ndarray]) -> 
         kind = made("t.Imu")
         messages = [kind(**_imu(table, k)).SerializeToString() for k in rows]
         schema = ("t.Imu", "protobuf", DESCRIPTORS)
-    floats = [
-        (topic, "json", None, [json.dumps({"data": float(table[name][k])}).encode() for k in rows])
-        for topic, name in _FLOATS.items()
+    single: dict[str, list[dict[str, object]]] = {
+        topic: [{"data": float(table[name][k])} for k in rows] for topic, name in _FLOATS.items()
+    }
+    single |= {topic: [{name: value}] * len(rows) for topic, (name, value, _) in _AIR.items()}
+    single |= {"/joint_states": [_joint(table, k) for k in rows]}
+    others = [
+        (topic, "json", None, [json.dumps(one).encode() for one in many])
+        for topic, many in single.items()
     ]
-    write(path, ("/imu/data", encoding, schema, messages), *floats, plain=True)
+    write(path, ("/imu/data", encoding, schema, messages), *others, plain=True)
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
