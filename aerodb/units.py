@@ -92,7 +92,10 @@ def quantity(value: float | int | str, unit: str) -> float:
     if isinstance(value, bool):
         raise InputError(f"'{value}' is not a quantity")
     if isinstance(value, (int, float)):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError as error:
+            raise InputError(f"a number of {len(str(value))} digits is no quantity") from error
     text = value.strip()
     for end in range(len(text), 0, -1):
         try:

@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
-    "conditioning": 4,
+    "conditioning": 5,
     "consistency": 17,
     "coefficients": 4,
     "compare": 2,

@@ -16,7 +16,14 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.crosschecks.equation_error import MOTION, EquationError, equation_errors
 from aerodb.crosschecks.lift import helmbold
-from aerodb.crosschecks.surfaces import Control, along, by_role, size_suspicions
+from aerodb.crosschecks.sides import side_suspicions
+from aerodb.crosschecks.surfaces import (
+    Control,
+    along,
+    by_role,
+    copied_suspicions,
+    size_suspicions,
+)
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.vehicle import Vehicle
@@ -54,7 +61,7 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     Signs are those of the conventions (trailing edge down positive, rudder left), for surfaces that
     the vehicle file declares so: elevators, ailerons and rudders by their names, and combinations.
     """
-    listed = list(size_suspicions(flight, vehicle))
+    listed = [*size_suspicions(flight, vehicle), *copied_suspicions(flight, vehicle)]
     unusable = {suspicion.channel for suspicion in listed}
     controls = by_role(flight, vehicle, unusable)
     axes = equation_errors(flight, vehicle, controls)
@@ -65,6 +72,8 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     for role, fit in fits.items():
         own = {name: control for name, control in controls.items() if control.role == role}
         listed += _claims(axes[role], fit, own)
+    said = {each.channel for each in listed}
+    listed += [s for s in side_suspicions(flight, vehicle, controls) if s.channel not in said]
     standing = [
         s for role, fit in fits.items() for s in _standing(flight, axes[role], fit, controls)
     ]

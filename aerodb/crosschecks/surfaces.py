@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -65,6 +66,23 @@ def size_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
             f" margin): it is {unit or 'in another unit'}, or its scale or zero is wrong"
         )
         listed.append(Suspicion(name, "unit", words, {"low": low, "high": high}))
+    return tuple(listed)
+
+
+def copied_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
+    """Return surfaces with the samples of a surface about another axis: one field was mapped twice.
+
+    Elevators, ailerons and rudders by their names; a rudder is no copy of any other surface.
+    """
+    combined = {f"delta_{name}" for name in vehicle.combinations}
+    names = [n for n in flight.channels if is_surface(n) and n not in combined]
+    listed = []
+    for name, other in permutations(names, 2):
+        role, its = role_of(name), role_of(other)
+        apart = role == "yaw" != its or (role == "roll" and its == "pitch")
+        if apart and np.ptp(flight[name]) > 0.0 and np.array_equal(flight[name], flight[other]):
+            words = f"{name} has the samples of {other}: one field of the log was mapped to both"
+            listed.append(Suspicion(name, "swapped", words, {}))
     return tuple(listed)
 
 

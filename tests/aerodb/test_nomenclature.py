@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from aerodb.errors import UnknownNameError
+from aerodb.errors import InputError, UnknownNameError
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
@@ -25,7 +25,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.workspace import Workspace
 from aerodb.tables.reference import WIND_AXES
-from aerodb.units import conversion
+from aerodb.units import conversion, quantity
 from tests.support import small_glider
 from tests.support.small_glider import NAME, channels, write_csv, write_parquet
 
@@ -157,3 +157,8 @@ def test_surfaces_follow_the_rule_and_other_names_are_refused_with_the_nearest()
             channel(wrong)
     with pytest.raises(UnknownNameError, match="did you mean 'Cm'"):
         axis_description("CM")
+
+
+def test_a_number_beyond_all_floats_is_no_quantity() -> None:
+    with pytest.raises(InputError, match="a number of 401 digits is no quantity"):
+        quantity(10**400, "s")
