@@ -19,7 +19,7 @@ from prefect.types.entrypoint import EntrypointType
 
 from aerodb.flows.orchestrator import ARRIVAL, ARRIVED
 from aerodb.flows.processes import end_with_parent
-from aerodb.flows.run import run_flow
+from aerodb.flows.run import run_flow, state_of
 from aerodb.storage.locks import take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import Schedule, Settings, load_settings
@@ -31,7 +31,7 @@ _THREADS: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
 
 
 @flow(name="nightly", persist_result=False, validate_parameters=False, task_runner=_THREADS)
-def nightly(workspace: str, vehicle: str | None = None) -> None:
+def nightly(workspace: str, vehicle: str | None = None) -> Any:
     """Run the nightly flow; does nothing while an earlier night is still running."""
     from aerodb.flows.nightly import (
         night_lock,
@@ -42,20 +42,21 @@ def nightly(workspace: str, vehicle: str | None = None) -> None:
     folder = Workspace.open(Path(workspace), create=False)
     lock = take(night_lock(folder, vehicle))
     if lock is None:
-        return
+        return None
     try:
-        run_flow(nightly_flow, {"vehicle": vehicle, "scheduled": vehicle is None}, folder)
+        parameters = {"vehicle": vehicle, "scheduled": vehicle is None}
+        return state_of(run_flow(nightly_flow, parameters, folder))
     finally:
         lock.release()
 
 
 @flow(name="arrival", persist_result=False, validate_parameters=False, task_runner=_THREADS)
-def arrival(workspace: str) -> None:
+def arrival(workspace: str) -> Any:
     """Run the per-flight flow on every log that waits in the inbox."""
     from aerodb.flows.inbox import sweep_flow
 
     end_with_parent()
-    run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False))
+    return state_of(run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False)))
 
 
 def schedules(settings: Settings, workspace: str) -> list[PrefectSchedule]:

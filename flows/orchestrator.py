@@ -133,8 +133,10 @@ def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
 
 
 def _catalogue_id(run: dict[str, Any]) -> str:
-    """Return the id of a flow run in the catalogue: a deployment's own id, otherwise its name."""
-    return str(run["id"] if run["deployment_id"] else run["name"])
+    """Return the id of a flow run in the catalogue: a deployment's own id, otherwise its tag
+    ``run:ID``."""
+    tagged = [str(tag).removeprefix("run:") for tag in run["tags"] if str(tag).startswith("run:")]
+    return tagged[0] if tagged and not run["deployment_id"] else str(run["id"])
 
 
 def _set_state(client: Client, run: str, type: str, name: str, message: str) -> None:

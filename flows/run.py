@@ -25,6 +25,7 @@ from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
 from aerodb.flows.processes import end_orphans, owner_of
+from aerodb.flows.run_words import label_of_run, labels_of_items, refused_in, said_of
 from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding, note_of
 from aerodb.storage.workspace import Workspace
@@ -96,26 +97,30 @@ class PrefectSteps:
         self._progress, self._executor = progress, executor or LocalExecutor()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self._done(
-            step,
-            LocalExecutor().calls(step, args[:1], *args[1:], **keywords),
-            keywords["workspace"],
-        )[0]
+        calls = LocalExecutor().calls(step, args[:1], *args[1:], **keywords)
+        return self._done(step, calls, list(args[:1]), keywords)[0]
 
     def map(
         self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
     ) -> list[Any]:
-        return self._done(
-            step, self._executor.calls(step, items, *args, **keywords), keywords["workspace"]
-        )
+        listed = list(items)
+        calls = self._executor.calls(step, listed, *args, **keywords)
+        return self._done(step, calls, listed, keywords)
 
-    def _done(self, step: Callable[..., Any], calls: Sequence[Call], workspace: str) -> list[Any]:
+    def _done(
+        self,
+        step: Callable[..., Any],
+        calls: Sequence[Call],
+        items: Sequence[Any],
+        keywords: dict[str, Any],
+    ) -> list[Any]:
         from prefect import task
         from prefect.cache_policies import NO_CACHE
 
         # The catalogue's keys decide what is already computed: a second cache could only
         # disagree. A task is given its call alone: the orchestrator looks through whatever it is
         # given, and databases are large.
+        workspace = keywords["workspace"]
         prefect_task: Any = task(
             name=name_of(step),
             persist_result=False,
@@ -126,26 +131,61 @@ class PrefectSteps:
             timeout_seconds=load_settings(Path(workspace)).limits.step,
         )(_run_call)
         results = []
+        labels = labels_of_items(items or [""], keywords, workspace)
         with threadpool_limits(1 if len(calls) > 1 else None, user_api="blas"):  # tasks are threads
-            futures = [prefect_task.submit(_Opaque(call)) for call in calls]
-            for done, future in enumerate(futures):
+            given = [_Opaque(call) for call in calls]
+            futures = [
+                prefect_task.with_options(
+                    task_run_name=_constant(f"{name_of(step)} {label.name}".strip()),
+                    tags=label.tags,
+                ).submit(each)
+                for each, label in zip(given, labels, strict=True)
+            ]
+            for done, (future, each) in enumerate(zip(futures, given, strict=True)):
                 self._progress(name_of(step), done, len(futures))
-                results.append(future.result())
+                future.wait()
+                results.append(each.result if each.ended else future.result())
         self._progress(name_of(step), len(futures), len(futures))
         return results
 
 
 class _Opaque:
-    """A call that Prefect does not look into."""
+    """A call that Prefect does not look into, and its result once it has ended."""
 
-    __slots__ = ("call",)
+    __slots__ = ("call", "ended", "result")
 
     def __init__(self, call: Call) -> None:
-        self.call = call
+        self.call, self.ended, self.result = call, False, None
 
 
 def _run_call(given: _Opaque) -> Any:
-    return given.call()
+    from prefect import get_run_logger
+
+    given.result = given.call()
+    given.ended = True
+    if said := said_of(given.result):
+        get_run_logger().info(said)
+    return state_of(given.result)
+
+
+def _constant(text: str) -> Callable[[], str]:
+    """A name as Prefect takes it where braces in it mean nothing."""
+    return lambda: text
+
+
+def state_of(result: Any) -> Any:
+    """Return the state of Prefect in which a run or a task with this result ends: that of a refused
+    log is no success, though the run went as it should."""
+    from prefect.states import Completed, Failed
+
+    if refused := refused_in(result):
+        more = f" and {len(refused) - 5} more" if len(refused) > 5 else ""
+        return Failed(name=REFUSED, message=f"{'; '.join(refused[:5])}{more}")
+    return Completed()
+
+
+#: Name of the state of a run in which a log was refused.
+REFUSED: Final = "Refused"
 
 
 #: Delays [s] before the retries of a step whose failure may be temporary.
@@ -155,7 +195,9 @@ _AGAIN_AFTER: Final = (2.0, 15.0, 60.0)
 def _may_pass(_task: Any, _run: Any, state: Any) -> bool:
     """Return whether a failure may be temporary (a lock, an unreachable disk); a bad log stays
     bad."""
-    return isinstance(state.result(raise_on_failure=False), StoreBusyError)
+    return state.name != REFUSED and isinstance(
+        state.result(raise_on_failure=False), StoreBusyError
+    )
 
 
 def name_of(step: Callable[..., Any]) -> str:
@@ -193,6 +235,7 @@ def run_flow(
             if way == "direct":
                 return body(DirectSteps(progress, executor), run=run, **given)
             if orchestrated:  # a deployment: its flow run is this run
+                _open_loggers()
                 return body(PrefectSteps(progress, executor), run=run, **given)
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
@@ -292,27 +335,53 @@ def _check_text(parameters: dict[str, Any]) -> None:
 
 
 def _under_prefect(body: Callable[..., Any], given: dict[str, Any], steps: Steps) -> Any:
-    from prefect import flow
+    from prefect import flow, tags
+    from prefect.context import TagsContext
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
     from prefect.task_runners import ThreadPoolTaskRunner
 
+    results: list[Any] = []
+
     def run(**parameters: Any) -> Any:
-        return body(steps, **parameters)
+        with TagsContext(current_tags=set()):  # tasks have tags of their own
+            results.append(body(steps, **parameters))
+        return state_of(results[0])
 
     run.__name__ = body.__name__
     threads: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
+    label = label_of_run(body.__name__, given, given["workspace"])
     prefect_flow: Any = flow(
         name=body.__name__.replace("_", "-"),
-        flow_run_name=given["run"],
+        flow_run_name=_constant(label.name),
         description=body.__doc__,
         task_runner=threads,
         validate_parameters=False,
         persist_result=False,
     )(run)
+    _open_loggers()
     # Our locks say who lives; Prefect's heartbeat would tell nobody, and its thread keeps the end
     # of a run waiting for a second.
-    with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
-        return prefect_flow(**given)
+    with (
+        temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
+        tags(f"run:{given['run']}", *label.tags),
+    ):
+        state = prefect_flow(**given, return_state=True)
+    return results[0] if results else state.result()
+
+
+def _open_loggers() -> None:
+    """Let what runs say reach the server, which keeps it by run and task, and not the terminal."""
+    for name in ("prefect.flow_runs", "prefect.task_runs"):
+        logger = logging.getLogger(name)
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+        logger.addFilter(_is_no_advice)
+
+
+def _is_no_advice(record: logging.LogRecord) -> bool:
+    """Whether a record is none about how time limits of tasks work in threads: the run's own limit
+    (`at_most`) ends what a task's cannot interrupt."""
+    return not str(record.msg).startswith("Timeout of ")
 
 
 def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
@@ -330,7 +399,6 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         "PREFECT_HOME": str(home),
         "PREFECT_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
-        "PREFECT_LOGGING_TO_API_ENABLED": "false",
         "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "90",
     }
     for name, value in quiet.items():
@@ -342,7 +410,10 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         if token := os.environ.get(TOKEN_VARIABLE) or serving.get("token"):
             os.environ["PREFECT_API_AUTH_STRING"] = authorization(token)
     url = os.environ.get("PREFECT_API_URL", "")
-    if url and _answers(url):
+    served = bool(url) and _answers(url)
+    # A server that lasts keeps what runs say; nobody reads it in one that ends with the run.
+    os.environ.setdefault("PREFECT_LOGGING_TO_API_ENABLED", "true" if served else "false")
+    if served:
         return "server"
     os.environ.pop("PREFECT_API_URL", None)
     # Its server listens on a port of this machine: only this process knows the token.

@@ -20,6 +20,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support import small_glider
 from tests.support.end_to_end import by_commands, environment, prefect_server, same_as_direct
+from tests.support.forking import run_forked
 from tests.support.glider_runs import stored, ways
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
@@ -115,11 +116,56 @@ def test_a_prefect_server_stores_the_same_and_knows_the_runs(
         ("flight_flow", "server", "completed"),
         ("update_flow", "server", "completed"),
     ]
-    request = urllib.request.Request(
-        f"{server}/flows/filter", data=b"{}", headers={"content-type": "application/json"}
-    )
+    assert {"flight-flow", "update-flow"} <= {
+        flow["name"] for flow in posted(server, "/flows/filter")
+    }
+
+
+def posted(server: str, path: str, **asked: Any) -> list[dict[str, Any]]:
+    """What a Prefect server answers to a filter."""
+    headers = {"content-type": "application/json"}
+    request = urllib.request.Request(f"{server}{path}", json.dumps(asked).encode(), headers)
     with urllib.request.urlopen(request, timeout=120) as response:
-        assert {"flight-flow", "update-flow"} <= {flow["name"] for flow in json.load(response)}
+        found: list[dict[str, Any]] = json.load(response)
+    return found
+
+
+def test_a_prefect_server_shows_flights_vehicles_logs_and_what_was_refused(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces, server: str
+) -> None:
+    workspace = shared.prepared(tmp_path / "w")
+    bad = tmp_path / "bad {0}.csv"
+    bad.write_text("nonsense")
+    arguments = ["--workspace", str(workspace.root), "flight", "ingest", str(logs[0]), str(bad)]
+    done = run_forked([*arguments, "--vehicle", NAME], environment(PREFECT_API_URL=server))
+    assert done.returncode == 3
+    assert "2 logs: 1 taken, 1 refused" in done.stdout
+    assert "Finished in state" not in done.stdout + done.stderr
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        run = catalogue.runs()[0]
+    assert (run.flow, run.state) == ("flight_flow", "completed")
+    tagged = {"tags": {"all_": [f"run:{run.id}"]}}
+    (flow_run,) = posted(server, "/flow_runs/filter", flow_runs=tagged)
+    assert flow_run["name"] == f"flight of {NAME}: flight1.csv, bad {{0}}.csv"
+    tags = {f"vehicle:{NAME}", "flight:flight1.csv", "flight:bad {0}.csv"}
+    assert set(flow_run["tags"]) == tags | {f"run:{run.id}"}
+    state = flow_run["state"]
+    assert (state["type"], state["name"]) == ("FAILED", "Refused")
+    assert state["message"].startswith("bad {0}.csv: refused: ")
+    of_run = {"flow_runs": {"id": {"any_": [flow_run["id"]]}}}
+    tasks = {task["name"]: task for task in posted(server, "/task_runs/filter", **of_run)}
+    assert tasks["ingest.store_log bad {0}.csv"]["state"]["name"] == "Refused"
+    assert tasks["ingest.store_log bad {0}.csv"]["run_count"] == 1, "a bad log stays bad"
+    compared = tasks["compare.compare_with_version flight1.csv"]
+    assert compared["state"]["type"] == "COMPLETED"
+    assert set(compared["tags"]) == {f"vehicle:{NAME}", "flight:flight1.csv"}
+    said = [
+        log["message"]
+        for log in posted(server, "/logs/filter", logs={"flow_run_id": {"any_": [flow_run["id"]]}})
+    ]
+    assert any(line.startswith("bad {0}.csv: refused: ") for line in said)
+    assert "flight1.csv: stored" in said
+    assert not any(line.startswith("Timeout of") for line in said)
 
 
 def test_a_server_that_does_not_answer_is_done_without(
