@@ -175,7 +175,7 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
             "use a dynamic method, such as output-error, for a linear state-space model",
         )
     model, notes = file.model(records), list[str]()
-    if not has_start_values(model):
+    if method.name != "output-error" and not has_start_values(model):  # which sees to it itself
         try:
             model = with_start_values(model, records)
             notes = [FROM_SUBSPACE]

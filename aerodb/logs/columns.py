@@ -2,8 +2,8 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from aerodb.logs.mapping_draft import (
 from aerodb.nomenclature import CHANNELS, channel, is_surface
 from aerodb.recording import Recording, Topic
 from aerodb.support import Array
-from aerodb.units import conversion, si_conversion
+from aerodb.units import conversion, quantity, si_conversion
 
 #: Name under which the time column is given.
 TIME: Final = "time"
@@ -43,12 +43,14 @@ class Columns:
 
 
 def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str, str]) -> Columns:
-    """Return the columns of these names, from the topic that has all of them.
+    """Return the columns of these names, from the topic that has all of them; matrices and vectors
+    of one length in a table's file are one topic, in which column 2 of matrix z is ``z.2``.
 
     Parameters
     ----------
     names : of channels or anything else.
-    given : name (or ``time``) -> ``"column"`` or ``"column [unit]"``. A name that is not given is
+    given : name (or ``time``) -> ``"column"`` or ``"column [unit]"``; the time may be a sampling
+        interval, such as ``"0.02 s"``. A name that is not given is
         found by the column's name: the same, the same but for its unit, or another name of the same
         channel (``da`` for ``delta_aileron``).
 
@@ -58,6 +60,7 @@ def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str,
     Raises InputError for a name without a column, a unit that a channel of this name cannot have,
     and a topic without a clock.
     """
+    recording = _joined(recording)
     found = {topic: _matched(each, names, given) for topic, each in recording.topics.items()}
     best = max(found, key=lambda topic: len(found[topic]))
     lacking = [name for name in names if name not in found[best]]
@@ -81,6 +84,25 @@ def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str,
         if said:
             notes.append(f"{name} is column {field}, taken in {unit}: {said}")
     return Columns(_time(recording, topic, given.get(TIME)), values, tuple(notes))
+
+
+def _joined(recording: Recording) -> Recording:
+    """A table's file with one topic for each length of its columns; a column is known by its own
+    name where no other has it, and by that of its topic and its own."""
+    if recording.format != "tabular" or len(recording.topics) == 1:
+        return recording
+    topics: dict[str, Topic] = {}
+    for length in dict.fromkeys(len(topic.time) for topic in recording.topics.values()):
+        alike = [topic for topic in recording.topics.values() if len(topic.time) == length]
+        names = [field for topic in alike for field in topic.fields]
+        fields, units = dict[str, Any](), dict[str, str]()
+        for topic in alike:
+            for field, values in topic.fields.items():
+                own = [f"{topic.name}.{field}", *([field] if names.count(field) == 1 else [])]
+                fields |= dict.fromkeys(own, values)
+                units |= {name: topic.units[field] for name in own if field in topic.units}
+        topics[alike[0].name] = replace(alike[0], fields=fields, units=units)
+    return replace(recording, topics=topics)
 
 
 def _matched(
@@ -136,7 +158,12 @@ def _time(recording: Recording, topic: Topic, given: str | None) -> Array:
     if given is not None:
         source = _SOURCE.fullmatch(given)
         if source is None or source["field"] not in fields:
-            raise InputError(f"no column '{given}'", recording.source, nearest(given, list(fields)))
+            try:
+                return quantity(given, "s") * np.arange(len(topic.time))
+            except InputError as error:
+                raise InputError(
+                    f"no column '{given}'", recording.source, nearest(given, list(fields))
+                ) from error
         return fields[source["field"]] * si_conversion(source["unit"] or "s")[0]
     if recording.format != "tabular":
         return np.asarray(topic.time, dtype=np.float64)
@@ -145,6 +172,7 @@ def _time(recording: Recording, topic: Topic, given: str | None) -> Array:
         raise InputError(
             "no column runs as a time does",
             recording.source,
-            'name it in the model file: [columns] time = "column [s]"',
+            'name it in the model file: [columns] time = "column [s]", or state the sampling'
+            ' interval: time = "0.02 s"',
         )
     return seconds_of(recording, topic.name, clocks)

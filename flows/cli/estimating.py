@@ -173,6 +173,12 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
             numbers=tuple(range(1, len(names) + 1 + several)),
         )
     session.say("value +- standard error; spread: largest difference in standard errors")
+    for entry in given:
+        for each in entry["estimates"]:
+            if each["reason"] and each["standing"] not in ("fixed", "tied"):
+                session.say(
+                    f"{each['name']} by {entry['method']}: {each['standing']}, {each['reason']}"
+                )
     session.say()
     for entry in given:
         session.say(f"{entry['method']} assumes: {' '.join(entry['assumes'])}")

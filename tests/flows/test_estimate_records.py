@@ -148,6 +148,20 @@ def test_numbered_columns_in_milliseconds_with_a_gap_and_rounded_stamps(tmp_path
     assert any("cut at gaps into 2 records" in note for note in document["notes"])
 
 
+def test_matrices_of_a_file_without_a_time_are_joined(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    aileron, p = roll(time)
+    savemat(tmp_path / "m.mat", {"u": np.column_stack([0 * time, aileron]), "z": np.column_stack([p, p]),
+                                 "spare": np.zeros((7, 2))})  # fmt: skip
+    columns = '[columns]\ntime = "0.02 s"\np = "z.1 [rad/s]"\ndelta_aileron = "u.2 [rad]"\n'
+    given = ("estimate", "--record", str(tmp_path / "m.mat"), "--model")
+    near(asked(tmp_path / "w", *given, model(tmp_path, columns + ROLL)), ROLL_TRUTH)
+    without = columns.replace('time = "0.02 s"\n', "")
+    refused = aerodb(tmp_path / "w", *given, model(tmp_path, without + ROLL))
+    assert refused.returncode == 3
+    assert 'time = "0.02 s"' in refused.stderr
+
+
 def test_uneven_time_steps_are_resampled_and_missing_inputs_bridged(tmp_path) -> None:
     rng = np.random.default_rng(4)
     time = np.cumsum(rng.uniform(0.015, 0.025, 600))
@@ -189,6 +203,8 @@ def test_a_still_input_and_a_parameter_that_nothing_shows_are_named(tmp_path) ->
     found = {each["name"]: each for each in answer["estimates"]}
     assert found["Lda"]["value"] is None or found["Lda"]["standing"] == "diverged"
     assert found["Lda"]["reason"]
+    text = aerodb(tmp_path / "w", *given).stdout
+    assert f"Lda by output-error: {found['Lda']['standing']}, {found['Lda']['reason']}" in text
 
 
 def test_a_vehicle_or_a_record_and_a_model_that_fits_it_are_asked_for(tmp_path) -> None:
