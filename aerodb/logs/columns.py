@@ -159,7 +159,7 @@ def _time(recording: Recording, topic: Topic, given: str | None) -> Array:
         source = _SOURCE.fullmatch(given)
         if source is None or source["field"] not in fields:
             try:
-                return quantity(given, "s") * np.arange(len(topic.time))
+                return quantity(given, "s") * np.arange(len(topic.time), dtype=np.float64)
             except InputError as error:
                 raise InputError(
                     f"no column '{given}'", recording.source, nearest(given, list(fields))
