@@ -216,14 +216,21 @@ _LARGEST = 5
 
 def say_derivatives(session: Session, derivatives: list[dict[str, Any]]) -> None:
     """Print the changes of derivatives inside the data that change an axis most."""
+    from aerodb.report import term_unit
+
     if not derivatives:
         return
     session.say()
     session.say("largest changes of derivatives inside the data (mean over the flights' samples):")
     session.table(
-        ["derivative", "before", "after"],
+        ["derivative", "before", "after", "unit"],
         [
-            [f"{d['axis']}_{d['variable']}", f"{d['before']:.4g}", f"{d['after']:.4g}"]
+            [
+                f"{d['axis']} with {d['variable']}",
+                f"{d['before']:.4g}",
+                f"{d['after']:.4g}",
+                term_unit(d["variable"]),
+            ]
             for d in derivatives[:_LARGEST]
         ],
         numbers=(1, 2),

@@ -4,6 +4,7 @@ bounds nothing, every changed axis, and type that can be read on paper."""
 import base64
 import re
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.report.estimates_page import estimates_report
 from aerodb.report.glossary import EFFECTS, advice_words, hypothesis_words, in_words
+from aerodb.report.head import Head
 from aerodb.report.headlines import excluded_sizes, shown_axes, what_stayed
+from aerodb.report.response_page import response_report
 from aerodb.report.style import SMALLEST
 from aerodb.report.update_page import update_report
 from aerodb.tracing.decision.findings import MeanTest
@@ -131,6 +134,44 @@ def test_an_interval_that_contradicts_its_test_says_why(page: str) -> None:
     assert "mean of 4 estimates: −0.19 (95 %: −0.22 to −0.16), p = 1×10⁻⁶" in words
     assert "The mean is not zero; the interval of the estimate contains zero because" in words
     assert "Always there; cannot be told from the scale of dynamic pressure." in words
+
+
+def test_pages_of_estimates_and_responses_begin_like_the_others() -> None:
+    head = Head(datetime(2026, 11, 25, 3, 4, tzinfo=UTC), "ada", "0.1.0+abc", "/w")
+    row = {"parameter": "initial_alpha", "spread": 3.2, "agree": False}
+    row |= {
+        "estimates": {
+            "regression": {"value": 0.1, "standard_error": 0.01, "standing": "estimated"},
+            "output-error": {"value": 0.2, "standard_error": None, "standing": "diverged"},
+        }
+    }
+    answer = {"assumes": [], "notes": [], "estimates": [{"name": "initial_alpha", "unit": "rad"}]}
+    document = {"believe": "regression", "reasons": [], "parameters": [row]}
+    document |= {"methods": [{"method": name, **answer} for name in row["estimates"]]}
+    summary = {"manoeuvres": 2, "flights": ["f"], "passed": False, "independent": True}
+    summary |= {"failed": [{"check": "spiral: bank"}], "not_flown": [], "checks": []}
+    summary |= {"responses": [], "tolerances": "t"}
+    for page, said in (
+        (
+            estimates_report(document, {}, head),
+            "What stayed bad: methods disagree on 1 of 1 parameters, most on initial_alpha (3.2"
+            " standard errors); output-error: 1 parameter diverged.",
+        ),
+        (
+            response_report("v0002", "", summary, [], head),
+            "What stayed bad: outside tolerance spiral: bank (1).",
+        ),
+    ):
+        tree = checked(page)
+        assert tree.xpath("//p[@class='lead second']")[0].text_content() == said
+        assert [dd.text_content() for dd in tree.xpath("//dl[@class='facts']/dd")] == [
+            "2026-11-25 03:04 UTC",
+            "ada",
+            "aerodb 0.1.0+abc",
+            "/w",
+        ]
+    cells = checked(estimates_report(document, {}, head)).xpath("//tbody/tr[1]/td")
+    assert [cell.text_content() for cell in cells][1:4] == ["5.73", "0.57", "deg"]
 
 
 def test_type_is_eight_points_or_larger_on_a4(page: str) -> None:
