@@ -7,6 +7,7 @@ the log alone does not give: the answers agree within the bounds below, not to t
 .028 s earlier than NASA's column.
 """
 
+import numpy as np
 import pytest
 
 from tests.support.command import asked
@@ -53,7 +54,10 @@ def test_output_error_of_a_flown_vehicle_agrees_with_nasas(measured, tmp_path, r
         "".join(f'[[increment]]\naxis = "{a}"\nterms = {list(t)}\n' for a, t in axes.items())
     )
     given = ("estimate", "--vehicle", "twin-otter", "--model", str(model), "--baseline", "none")
-    document = asked(root, *given, "--methods", "regression", "--methods", "output-error")
+    turbulence = ("--methods", "filter-error") if record == "demo" else ()
+    document = asked(
+        root, *given, "--methods", "regression", "--methods", "output-error", *turbulence
+    )
     answers = {
         entry["method"]: {e["name"]: e for e in entry["estimates"]} for entry in document["methods"]
     }
@@ -65,4 +69,12 @@ def test_output_error_of_a_flown_vehicle_agrees_with_nasas(measured, tmp_path, r
         other = EQUATION_ERROR.get(name, value)
         low, high = min(value, other) - allowed, max(value, other) + allowed
         assert low < estimate["value"] < high, (name, estimate, value)
-    assert document["believe"] == "output-error"
+    if not turbulence:
+        assert document["believe"] == "output-error"
+        return
+    filtered = answers["filter-error"]
+    for name in published:
+        a, b = flown[name], filtered[name]
+        assert b["standing"] == "estimated", b
+        apart = abs(a["value"] - b["value"])
+        assert apart < 3.0 * np.hypot(a["standard_error"], b["standard_error"]), (a, b)
