@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.closed_loop import closed_loop
+from tests.bench.console import console
 from tests.bench.estimation import estimation
 from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
 from tests.bench.online import online
@@ -300,6 +301,7 @@ PARTS = (
     "estimation",
     "running",
     "online",
+    "console",
 )
 
 
@@ -347,6 +349,8 @@ def main() -> None:
             figures |= simulation()
         if "online" in options.only:
             online()
+        if "console" in options.only:
+            console(folder, options.seconds)
         if "estimation" in options.only:
             figures |= estimation(_measured_data())
         if "running" in options.only:
