@@ -136,12 +136,14 @@ def flight_page(
     if fetch or has_log_here(access, row):
         with suppress(AeroError):  # lost or damaged: the channels are there all the same
             said = log_document(access, row)
+    details = flight_details(access, row)
+    label = row.name or (details["log"] or {}).get("name") or row.label
     return page_of(
         request,
         "flight.html",
-        f"Flight {row.label}",
-        flight=flight_details(access, row),
-        label=row.label,
+        f"Flight of {row.vehicle}",
+        flight=details,
+        label=label,
         record=record,
         missing=missing,
         said=said,

@@ -19,7 +19,13 @@ from aerodb.report import decimated, extremes, flagged_stretches
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import StoredSeries
 from aerodb.support import Array
-from aerodb.tasks.view.stored_flight import Column, Source, StoredFlight, stored_flight
+from aerodb.tasks.view.stored_flight import (
+    Column,
+    Source,
+    StoredFlight,
+    read_together,
+    stored_flight,
+)
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: Groups of channels, as a page offers them; surfaces, coefficients and the rest follow.
@@ -131,22 +137,23 @@ def series_of(
         raise InputError(f"{len(names)} names", "names", f"at most {MOST_SERIES} at once")
     stored, window = _windowed(access, row, start, end, points)
     found = {name: _columns(stored, row, name) for name in names}
-    time, lines = stored.flight.read(["time"], *window)["time"], []
-    for name, columns in found.items():
-        for place, column in enumerate(columns):
-            is_used = column.source in ("measured", "reconstructed") and place == len(columns) - 1
-            lines.append(
-                Series(
-                    column.name,
-                    column.source,
-                    column.unit,
-                    column.label,
-                    column.factor,
-                    *decimated(time, column.read(*window), points),
-                    _flagged(stored.flight, name, window) if is_used else (),
-                    column.version,
-                )
-            )
+    columns = [column for group in found.values() for column in group]
+    flags = [f"flags_{name}" for name in stored.flight.metadata["flags"]]
+    own = stored.flight.read(["time", *flags], *window)
+    used = {id(_best(group)) for group in found.values()}
+    lines = [
+        Series(
+            column.name,
+            column.source,
+            column.unit,
+            column.label,
+            column.factor,
+            *decimated(own["time"], values, points),
+            _flagged(own, column) if id(column) in used else (),
+            column.version,
+        )
+        for column, values in zip(columns, read_together(columns, *window), strict=True)
+    ]
     return lines, stored.flight.ends()
 
 
@@ -166,7 +173,7 @@ def pair_of(
     stored, window = _windowed(access, row, start, end, points)
     x, y = (_best(_columns(stored, row, name)) for name in names)
     time = stored.flight.read(["time"], *window)["time"]
-    both = np.array([time, x.read(*window), y.read(*window)])
+    both = np.array([time, *read_together([x, y], *window)])
     return x, y, both[:, _common(both[1:], points)]
 
 
@@ -185,7 +192,8 @@ def track_of(
             "no position is logged", f"flight {row.label}", "map north and east, or coordinates"
         )
     names = [*pair, *(("altitude",) if "altitude" in stored.channels else ())]
-    columns = np.array([_best(_columns(stored, row, name)).read(*window) for name in names])
+    best = [_best(_columns(stored, row, name)) for name in names]
+    columns = np.array(read_together(best, *window))
     known = np.flatnonzero(np.isfinite(columns[:2]).all(axis=0))
     if pair[0] == "latitude" and len(known):
         earth = Earth(*columns[:2, known[0]])
@@ -267,14 +275,16 @@ def _usable(stored: StoredFlight, names: Sequence[str]) -> Iterator[tuple[str, A
     """Yield the usable samples of channels that the flight has; corrected values where there are
     any."""
     logged, corrected = stored.flight.metadata["channels"], stored.corrected
-    for name in names:
-        if name not in logged and name not in corrected:
-            continue
-        used = stored.columns(name)[-1] if name in corrected else stored.columns(name)[0]
-        values = used.read(0, stored.flight.rows)
-        good = np.isfinite(values) & ~_flags(stored.flight, name, (0, stored.flight.rows))
+    used = [
+        stored.columns(name)[-1 if name in corrected else 0]
+        for name in names
+        if name in logged or name in corrected
+    ]
+    flags = stored.flight.read([f"flags_{name}" for name in stored.flight.metadata["flags"]])
+    for column, values in zip(used, read_together(used, 0, stored.flight.rows), strict=True):
+        good = np.isfinite(values) & ~_flags(flags, column.name, len(values))
         if good.any():
-            yield name, values[good]
+            yield column.name, values[good]
 
 
 def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
@@ -285,19 +295,22 @@ def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
     return max(0, int(np.floor(low)) - 1), min(n, int(np.ceil(high)) + 2)
 
 
-def _flags(flight: StoredSeries, name: str, window: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return where samples of a channel must not be used, by its own flags and the flight's."""
-    wanted = [f"flags_{flag}" for flag in flight.metadata["flags"] if flag in (name, "flight")]
-    bits: Mapping[str, NDArray[Any]] = flight.read(wanted, *window)
-    none = np.zeros(max(0, window[1] - window[0]), dtype=bool)
-    return np.logical_or.reduce([none, *(values != 0 for values in bits.values())])
+def _flags(columns: Mapping[str, NDArray[Any]], name: str, n: int) -> NDArray[np.bool_]:
+    """Return where (n,) samples of a channel must not be used, by its own flags and the flight's;
+    columns : ``flags_NAME``."""
+    marked = np.zeros(n, dtype=bool)
+    for flag in (f"flags_{name}", "flags_flight"):
+        if flag in columns:
+            marked |= columns[flag] != 0
+    return marked
 
 
 def _flagged(
-    flight: StoredSeries, name: str, window: tuple[int, int]
+    columns: Mapping[str, NDArray[Any]], column: Column
 ) -> tuple[tuple[float, float], ...]:
-    """Return the intervals [s] in which samples of a channel are not used."""
-    flags = _flags(flight, name, window)
-    if not flags.any():
+    """Return the intervals [s] in which samples of a channel are not used; none for coefficients,
+    which have no value there."""
+    if column.source not in ("measured", "reconstructed"):
         return ()
-    return tuple(flagged_stretches(flight.read(["time"], *window)["time"], flags, _STRETCHES))
+    flags = _flags(columns, column.name, len(columns["time"]))
+    return tuple(flagged_stretches(columns["time"], flags, _STRETCHES)) if flags.any() else ()

@@ -1,6 +1,7 @@
 """Flights as documents: answers of `aerodb flight list` and `show`, and of the console's API."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import Any
 
 from aerodb.recording import Damage
@@ -26,10 +27,16 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
 
 
 def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
-    """Return flights, each with whether it counts: not retracted, and not a repeat of another."""
+    """Return flights, each with the name of its log's file, and whether it counts: not retracted,
+    and not a repeat of another."""
     again = repeating(catalogue, [row.id for row in rows])
+    files = catalogue.log_names(row.log_sha256 for row in rows)
     return [
-        {**flight_document(row), "counts": not (row.retracted_utc or row.id in again)}
+        {
+            **flight_document(row),
+            "file": PurePath(files.get(row.log_sha256, "")).name,
+            "counts": not (row.retracted_utc or row.id in again),
+        }
         for row in rows
     ]
 

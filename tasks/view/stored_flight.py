@@ -5,11 +5,12 @@ Coefficients are the flight's own: they are there whichever version is released.
 of which version it is.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import RESULT_COLUMNS, axis_description, channel
@@ -46,12 +47,30 @@ class Column:
     usable: str = ""
     version: str = ""
 
-    def read(self, first: int, last: int) -> Array:
-        """Values of the flight's samples `first` to `last` (exclusive); nan where none counts."""
-        names = [self.column, self.usable] if self.usable else [self.column]
-        found = self.series.read(names, self.first + first, self.first + last)
+    @property
+    def stored(self) -> tuple[str, ...]:
+        """Columns of `series` that the values are made of."""
+        return (self.column, self.usable) if self.usable else (self.column,)
+
+    def values(self, found: Mapping[str, NDArray[Any]]) -> Array:
+        """Values (n,) from the columns `stored` of `series`; nan where none counts."""
         values = np.asarray(found[self.column], dtype=np.float64)
         return np.where(found[self.usable], values, np.nan) if self.usable else values
+
+
+def read_together(columns: Sequence[Column], first: int, last: int) -> list[Array]:
+    """Return the values of each column at the flight's samples `first` to `last` (exclusive); each
+    file is read once."""
+    wanted: dict[tuple[int, int], list[Column]] = {}
+    for column in columns:
+        wanted.setdefault((id(column.series), column.first), []).append(column)
+    found = {
+        key: group[0].series.read(
+            [name for column in group for name in column.stored], key[1] + first, key[1] + last
+        )
+        for key, group in wanted.items()
+    }
+    return [column.values(found[id(column.series), column.first]) for column in columns]
 
 
 @dataclass(frozen=True, eq=False)
