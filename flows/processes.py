@@ -56,6 +56,7 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
         # its services write side by side, and SQLite lets one after the other
         "PREFECT_API_DATABASE_TIMEOUT": "60",
         "PREFECT_CLI_COLORS": "false",
+        "PYTHONSAFEPATH": "1",  # what lies in the present folder is not imported
     }
     if token:
         secret = authorization(token)

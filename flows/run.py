@@ -400,6 +400,7 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         "PREFECT_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "90",
+        "PYTHONSAFEPATH": "1",  # its server does not import what lies in the present folder
     }
     for name, value in quiet.items():
         os.environ.setdefault(name, value)

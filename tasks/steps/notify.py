@@ -78,9 +78,16 @@ def _to_webhook(address: str, data: bytes) -> str:
 
 
 def _to_command(command: tuple[str, ...], data: bytes) -> str:
+    # The user's own script may import what lies beside it.
+    environment = {n: value for n, value in os.environ.items() if n != "PYTHONSAFEPATH"}
     try:
         done = subprocess.run(
-            command, input=data, capture_output=True, timeout=_SECONDS, check=False
+            command,
+            input=data,
+            env=environment,
+            capture_output=True,
+            timeout=_SECONDS,
+            check=False,
         )
     except (OSError, subprocess.SubprocessError) as error:
         return f"command: {type(error).__name__}"
