@@ -161,10 +161,42 @@ def test_beside_clashing_names_the_installed_command_exports_and_serves_the_cons
         console.wait(300)
 
 
+def test_what_the_program_starts_imports_nothing_from_the_present_folder(
+    clashing: Path, tmp_path: Path
+) -> None:
+    """Prefect starts its servers as modules: Python looks for these in the present folder first."""
+    code = (
+        "import os, subprocess, sys\n"
+        "from pathlib import Path\n"
+        "from aerodb.flows.processes import environment_of\n"
+        "from aerodb.flows.run import configure_prefect\n"
+        "from aerodb.storage.workspace import Workspace\n"
+        "workspace = Workspace.open(Path(sys.argv[1]))\n"
+        "module = [sys.executable, '-m', 'json.tool', '--help']\n"
+        "os.chdir(sys.argv[2])\n"
+        "own = subprocess.run(module, capture_output=True).returncode\n"
+        "served = environment_of(workspace, 'http://127.0.0.1:1/api', '')\n"
+        "configure_prefect(workspace.root)\n"
+        "codes = [subprocess.run(module, env=e, capture_output=True).returncode\n"
+        "         for e in (served, None)]\n"
+        "print(own, *codes)\n"
+    )
+    kept = {n: v for n, v in os.environ.items() if not n.startswith(("AERODB_", "PREFECT_"))}
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "w"), str(clashing)],
+        cwd=ROOT,
+        env=kept,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.stdout.split() == ["1", "0", "0"], done.stderr
+
+
 @pytest.mark.campaign
 def test_beside_clashing_names_the_installed_command_runs_the_demo(
     program: Path, clashing: Path
 ) -> None:
-    said = called(program, clashing, "--workspace", "w", "demo", "--flights", "3", "--direct")
+    said = called(program, clashing, "--workspace", "w", "demo", "--flights", "3")
     assert "ingested 3 logs: stored" in said
     assert {path.name for path in (clashing / "w").iterdir()} >= {"catalogue.sqlite", "reports"}
