@@ -12,10 +12,14 @@ from aerodb.report.flight_page import flight_report
 from aerodb.report.update_page import update_report
 from tests.aerodb.report.test_report import HOSTILE, found, loop, proof
 from tests.aerodb.report.test_report_content import flight_story, pooled, story
-from tests.flows.web.test_console_browser import WIDTHS, browser, look, pytestmark, visit, watched  # noqa: F401
 from tests.support import synthetic
+from tests.support.browser import look_everywhere, visit, watched
 
 SHOWN = """() => [...document.images].map((image) => image.complete && image.naturalWidth > 0)"""
+#: The smallest type of the page's text as printed [pt].
+SMALLEST_TYPE = """() => Math.min(...[...document.querySelectorAll('body *')]
+  .filter((e) => e.checkVisibility() && [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
+  .map((e) => 0.75 * parseFloat(getComputedStyle(e).fontSize)))"""
 FOLDED = (
     """() => [...document.querySelectorAll('details td')].map((cell) => cell.checkVisibility())"""
 )
@@ -72,16 +76,15 @@ def _named(told: Any, labels: dict[str, str]) -> Any:
     return told
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-def test_every_report_is_sound(browser: Any, pages: list[Path], width: int) -> None:  # noqa: F811
-    with watched(browser, "file://", width) as page:
+def test_every_report_is_sound(browser: Any, pages: list[Path]) -> None:
+    with watched(browser, "file://") as page:
         for path in pages:
             visit(page, "file://", str(path))
-            look(page, str(path), width, barriers_too=width == WIDTHS[0])
+            look_everywhere(page, str(path))
             assert all(page.evaluate(SHOWN)), "every picture is there"
 
 
-def test_what_is_folded_away_is_printed(browser: Any, pages: list[Path]) -> None:  # noqa: F811
+def test_what_is_folded_away_is_printed(browser: Any, pages: list[Path]) -> None:
     with watched(browser, "file://") as page:
         for path in pages:
             visit(page, "file://", str(path))
@@ -93,5 +96,6 @@ def test_what_is_folded_away_is_printed(browser: Any, pages: list[Path]) -> None
             wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
             page.set_viewport_size({"width": 690, "height": 1000})  # A4 less its margins, at 96 dpi
             assert not page.evaluate(wide), f"{path.stem} is cut off on paper"
+            assert page.evaluate(SMALLEST_TYPE) >= 8.0, f"type of {path.stem} is too small"
             page.emulate_media(media="screen")
             page.set_viewport_size({"width": 1280, "height": 900})
