@@ -10,6 +10,9 @@ from aerodb.estimation.whiteness import ljung_box
 
 #: Probability below which process noise is needed.
 NOT_NEEDED = 0.05
+#: Process noise explains a record if it makes the longest correlation of residuals shorter by this
+#: factor.
+_SHORTER = 3.0
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,11 @@ class Recommendation:
 def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendation:
     """Whether turbulence makes output error biased, so that filter error is to be believed.
 
-    The likelihood ratio of process noise decides. What output error shows of it by itself is said
-    too: residuals that are correlated in time, and estimates that differ.
+    The likelihood ratio of process noise decides, unless white noise on the rates does not explain
+    the record: a model that lacks something else also makes process noise likely, but leaves the
+    innovations of some output as correlated in time as the residuals of output error. What output
+    error shows of turbulence by itself is said too: residuals that are correlated in time, and
+    estimates that differ.
     """
     if not filter_error.converged:
         trusted = output_error.method if output_error.converged else ""
@@ -78,6 +84,14 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
             f"The record shows no process noise (p = {p_value:.2g}): both methods are unbiased, and"
             " output error assumes less.",
         )
+    name, memory = _longest_memory(filter_error)
+    if output_error.converged and memory * _SHORTER > _longest_memory(output_error)[1]:
+        return Recommendation(
+            output_error.method,
+            f"Process noise is significant (p = {p_value:.2g}), but does not explain the record:"
+            f" innovations of {name} stay correlated over {memory:.0f} samples. The model lacks"
+            " something else, and output error assumes less.",
+        )
     parts = [
         f"Process noise drives the motion (p = {p_value:.2g}), which output error has no place for"
     ]
@@ -88,6 +102,17 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
     if far := _farthest(output_error, filter_error):
         parts.append(far)
     return Recommendation(filter_error.method, "; ".join(parts) + ".")
+
+
+def _longest_memory(fit: Fit) -> tuple[str, float]:
+    """The output whose residuals are longest correlated in time, and how many of them count as one
+    independent sample; 0 without residuals."""
+    found = [("", 0.0)]
+    for name in dict.fromkeys(name for record in fit.residuals.values() for name in record):
+        _, correlation = ljung_box([record[name] for record in fit.residuals.values()])
+        if np.isfinite(correlation):
+            found.append((name, (1.0 + correlation) / max(1.0 - correlation, 1e-9)))
+    return max(found, key=lambda each: each[1])
 
 
 def _coloured(fit: Fit) -> list[str]:

@@ -48,6 +48,29 @@ def test_process_noise_decides_between_output_and_filter_error(p_value, believed
     assert any("rocess noise" in reason for reason in comparison.reasons)
 
 
+@pytest.mark.parametrize(("left", "believed"), [(0.0, "filter-error"), (0.95, "output-error")])
+def test_process_noise_that_does_not_explain_the_record_is_not_believed(left, believed) -> None:
+    """Innovations as correlated in time as output error's residuals: not turbulence, but a model
+    that lacks something."""
+    rng, fits = np.random.default_rng(5), {}
+    for name, value, correlation in (("output-error", 3.2, 0.97), ("filter-error", 4.3, left)):
+        series = np.zeros(2000)
+        for i in range(1, 2000):
+            series[i] = correlation * series[i - 1] + rng.standard_normal()
+        fits[name] = [
+            fit(
+                name,
+                {"CL_alpha": (value, 0.1)},
+                tests={"process noise": 1e-9},
+                residuals={"r": {"q": series}},
+            )
+        ]
+    comparison = compare_methods(fits)
+    assert comparison.believe == believed
+    lacking = any("does not explain the record" in reason for reason in comparison.reasons)
+    assert lacking == (believed == "output-error")
+
+
 def test_nothing_is_believed_where_nothing_is_determined() -> None:
     lost = ParameterEstimate("Cm_q", np.nan, np.nan, standing="not excited")
     none = Fit("regression", (lost,), (), np.zeros((0, 0)))
