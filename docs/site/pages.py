@@ -1,7 +1,7 @@
 """Lay out the pages of the site: ``python docs/site/pages.py FOLDER``.
 
 The repository's documents, at their own places; one page of the API per package, with the names of
-its face; and the navigation's lists of decisions and packages.
+its face; and the navigation's lists of folders.
 """
 
 import ast
@@ -68,17 +68,20 @@ def pages() -> dict[str, str]:
     return found
 
 
+def in_order(folder: str) -> list[str]:
+    """Return the documents of a folder: what introduces them, then the others by name."""
+    found = [path.relative_to(ROOT).as_posix() for path in (ROOT / folder).glob("*.md")]
+    return sorted(found, key=lambda name: (not name.endswith("README.md"), name))
+
+
 def configuration() -> dict[str, Any]:
-    """Return the configuration with its lists of decisions and packages."""
+    """Return the configuration with its lists of packages, decisions and operation."""
     text = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8")
     settings: dict[str, Any] = yaml.safe_load(text)
     options = settings["plugins"][1]["mkdocstrings"]["handlers"]["python"]["options"]
     options["extensions"] = [str(ROOT / "docs/site/docstrings.py")]
-    decisions = sorted(
-        path.relative_to(ROOT).as_posix() for path in (ROOT / "docs/decisions").glob("*.md")
-    )
-    api = [f"docs/api/{name}" for name in pages()]
-    lists = {"docs/api": api, "docs/decisions": [decisions[-1], *decisions[:-1]]}
+    lists = {folder: in_order(folder) for folder in ("docs/decisions", "flows/deploy")}
+    lists["docs/api"] = [f"docs/api/{name}" for name in pages()]
     settings["nav"] = [
         {title: lists.get(str(entry), entry) for title, entry in each.items()}
         if isinstance(each, dict)
