@@ -1,8 +1,13 @@
 """Logs that come over the network: the rules of the inbox, of roles, and of changes."""
 
 import hashlib
+import json
+import socket
+import time
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from starlette.testclient import TestClient
@@ -11,7 +16,7 @@ from aerodb.flows.web.security import LARGEST_BODY
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import hash_of_token, new_token
-from tests.support.console_workspace import client_of
+from tests.support.console_workspace import TOKEN, client_of, served
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv
 
@@ -108,4 +113,50 @@ def test_only_who_may_ingest_with_the_token_of_the_session(
         assert refused.status_code == 403
         assert "requires the role ingest" in refused.text
     assert "Add logs" in client.get("/flights").text
+    assert inbox_of(workspace) == []
+
+
+class _Sender:
+    """A client that has sent the head of a log's upload to a real console."""
+
+    def __init__(self, address: str, path: str, length: int) -> None:
+        parts = urlsplit(address)
+        assert parts.hostname
+        assert parts.port
+        self._at = socket.create_connection((parts.hostname, parts.port), timeout=60)
+        head = f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {TOKEN}\r\n"
+        session = urllib.request.Request(
+            f"{address}/api/session", headers={"authorization": f"Bearer {TOKEN}"}
+        )
+        with urllib.request.urlopen(session) as answer:
+            token = json.loads(answer.read())["csrf"]
+            cookie = answer.headers["set-cookie"].partition(";")[0]
+        head += f"Cookie: {cookie}\r\nX-CSRF-Token: {token}\r\nContent-Length: {length}\r\n\r\n"
+        self._at.sendall(head.encode())
+
+    def send(self, data: bytes) -> None:
+        self._at.sendall(data)
+
+    def answer(self) -> bytes:
+        """What the console says, empty if it closed the connection."""
+        try:
+            return self._at.recv(65536)
+        except ConnectionError:
+            return b""
+
+
+def test_a_slow_log_may_take_its_time_and_one_that_stands_still_may_not(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aerodb.flows.web.connections.BODY_SECONDS", 0.5)
+    path = f"{ADDRESS}?name=slow.csv"
+    with served(workspace) as address:
+        still = _Sender(address, path, 40_000)
+        still.send(b"x" * 100)
+        slow = _Sender(address, path, 40_000)
+        for _ in range(20):  # two seconds and more
+            slow.send(b"x" * 2000)
+            time.sleep(0.1)
+        assert b"quarantined" in slow.answer()
+        assert still.answer() == b""
     assert inbox_of(workspace) == []
