@@ -150,12 +150,12 @@ def channel_words(name: str) -> str:
 
 
 def listed(entries: Sequence[str]) -> str:
-    """Join entries to a list in a sentence.
+    """Join entries to a list in a sentence; empty if there are none.
 
     >>> listed(["a", "b", "c"])
     'a, b and c'
     """
-    return entries[0] if len(entries) == 1 else f"{', '.join(entries[:-1])} and {entries[-1]}"
+    return f"{', '.join(entries[:-1])} and {entries[-1]}" if len(entries) > 1 else "".join(entries)
 
 
 def _phrase(effect: str, axes: str, subject: str | None) -> str:

@@ -137,13 +137,15 @@
     pairs.draw(field("profile"), { time, x: along, y: found.altitude, xLabel: "distance flown [m]", yLabel: "altitude [m]" });
   }
 
+  const brief = (label) => label.slice(0, label.indexOf("]") + 1) || label; // name and unit
+
   async function pair(period, turn) {
     const [x, y] = [field("x").value, field("y").value];
     const found = await (await get("pairs", new URLSearchParams({ x, y, ...period, points: 4000 }))).json();
     if (turn !== asked) return;
     const [over, under] = [found.x, found.y].map((axis) => axis.values.map((value) => (value == null ? null : value * axis.factor)));
     field("over").querySelector("figcaption").textContent = `${found.y.label} over ${found.x.label}`;
-    pairs.draw(field("over"), { time: found.time.map((t) => t - zero), x: over, y: under, xLabel: found.x.label, yLabel: found.y.label });
+    pairs.draw(field("over"), { time: found.time.map((t) => t - zero), x: over, y: under, xLabel: brief(found.x.label), yLabel: brief(found.y.label) });
     field("over").dataset.shown = `${x},${y}`;
   }
 
