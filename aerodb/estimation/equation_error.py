@@ -87,9 +87,7 @@ def reduced(equation: LinearEquation) -> Reduced:
     where = f"equation of {equation.response}"
     if not unknown:
         raise InputError("every parameter is fixed or tied", where, "leave one free")
-    known = _vector(parameters, np.zeros(len(unknown)))
-    unit = np.eye(len(unknown))
-    mix = np.column_stack([_vector(parameters, column) - known for column in unit])
+    mix, known = parameters.jacobian, parameters.offset
     matrix, response = equation.stacked()
     if len(response) <= len(unknown):
         raise InputError(
@@ -104,10 +102,6 @@ def reduced(equation: LinearEquation) -> Reduced:
         response - matrix @ known,
         equation.lengths,
     )
-
-
-def _vector(parameters: Parameters, unknown: Array) -> Array:
-    return np.array([float(value) for value in parameters.values(unknown).values()])
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
+from aerodb.estimation.bounded import within_bounds
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.linear_equation import LinearEquation
 from aerodb.estimation.parameters import Parameters, bounds_of, priors_of
@@ -40,10 +40,7 @@ class Unknowns:
 
 def unknowns_of(parameters: Parameters) -> Unknowns:
     """How the parameters follow from those that are estimated."""
-    f = len(parameters.unknown)
-    values = parameters.values(np.column_stack([np.zeros(f), np.eye(f)]))
-    table = np.array([np.broadcast_to(values[name], (f + 1,)) for name in parameters.names])
-    return Unknowns(parameters, table[:, 1:] - table[:, :1], table[:, 0])
+    return Unknowns(parameters, parameters.jacobian, parameters.offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,15 +195,10 @@ def _constrained(
         right = information @ best + np.where(has_prior, mean / sigma**2, 0.0)
         covariance = np.linalg.inv(information + np.diag(np.where(has_prior, sigma**-2.0, 0.0)))
         best = covariance @ right
-    if np.all((best >= low) & (best <= high)):
-        return best, covariance, []
     deviation = np.sqrt(np.diag(covariance))
-    root = np.linalg.cholesky(np.linalg.inv(covariance / np.outer(deviation, deviation))).T
-    inside = lsq_linear(
-        root, root @ (best / deviation), bounds=(low / deviation, high / deviation), tol=1e-12
-    )
-    touching = np.flatnonzero(inside.active_mask)
-    return np.clip(inside.x * deviation, low, high), covariance, [int(index[k]) for k in touching]
+    scaled = np.linalg.inv(covariance / np.outer(deviation, deviation))
+    values, touching = within_bounds(best, scaled / np.outer(deviation, deviation), low, high)
+    return values, covariance, [int(index[k]) for k in np.flatnonzero(touching)]
 
 
 def with_histories(fit: Fit, equation: LinearEquation) -> Fit:

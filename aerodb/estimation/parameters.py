@@ -123,6 +123,12 @@ class Parameters:
                 matrix[row, column[source]] = factor
         return matrix
 
+    @cached_property
+    def offset(self) -> Array:
+        """Values (p,) of all parameters where the unknown ones are zero."""
+        still = self.values(np.zeros(len(self.unknown)))
+        return np.array([float(value) for value in still.values()])
+
     def changed(self, values: Mapping[str, float]) -> "Parameters":
         """The same parameters with other start values; unknown names raise InputError."""
         for name in values:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerodb.estimation.bounded import within_bounds
 from aerodb.estimation.equation_error import (
     Directions,
     Reduced,
@@ -51,7 +52,8 @@ def regression(equation: LinearEquation) -> Fit:
     noise = problem.noise(estimates)
     spread = whitened(problem, found.left, noise, rank) / np.outer(found.singular, found.singular)
     solution = _with_priors(problem, found, determined, spread)
-    values, at_bound = _bounded(problem, solution)
+    low, high = bounds_of(problem.unknown)
+    values, at_bound = within_bounds(solution.estimates, solution.information, low, high)
     standings = {**solution.standings, **_at_bound(problem, solution, at_bound)}
     if not np.array_equal(values, estimates):
         noise = problem.noise(values)
@@ -173,31 +175,6 @@ def _lost(problem: Reduced, excited: Mask, hidden: Array, k: int) -> tuple[Stand
         f"these records give it only together with {', '.join(others)}; fix or leave out one, give"
         " it a prior, or fly a manoeuvre that separates them",
     )
-
-
-def _bounded(problem: Reduced, solution: _Solution) -> tuple[Array, Mask]:
-    """Estimates (f,) inside their bounds, and which are at one."""
-    low, high = bounds_of(problem.unknown)
-    inside = (solution.estimates >= low) & (solution.estimates <= high)
-    if inside.all():
-        return solution.estimates, np.zeros(len(low), dtype=bool)
-    from scipy.optimize import lsq_linear  # slow to import
-
-    scale = np.sqrt(np.maximum(np.diag(solution.information), 1e-300))
-    values, vectors = np.linalg.eigh(solution.information / np.outer(scale, scale))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    found = lsq_linear(
-        root,
-        root @ (solution.estimates * scale),
-        bounds=(low * scale, high * scale),
-        method="bvls",
-        tol=1e-12,
-    )
-    values = np.clip(found.x / scale, low, high)
-    at_bound = np.isclose(values, low, rtol=1e-9, atol=0.0) | np.isclose(
-        values, high, rtol=1e-9, atol=0.0
-    )
-    return values, at_bound
 
 
 def _at_bound(problem: Reduced, solution: _Solution, at_bound: Mask) -> Standings:

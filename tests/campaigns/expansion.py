@@ -24,6 +24,7 @@ from scipy.stats import beta as beta_distribution
 from aerodb.errors import InputError
 from aerodb.estimation import Parameters, output_error
 from aerodb.identification import Expansion, Margins, expand_envelope, flight_dynamics
+from aerodb.identification.envelope_expansion import POINTS
 from aerodb.simulation import Condition, FlightModel, Stretch, Trim, flight_model, simulate, trim
 from tests.support.flying_increments import (
     ALTITUDE,
@@ -52,7 +53,7 @@ class Campaign:
     """What one campaign did.
 
     kind, seed : of the planted aircraft. flown : airspeeds [m/s]. limit : farthest airspeed to which
-    the aircraft keeps its margins, to an eighth of the range. unsafe : whether a condition of the
+    the aircraft keeps its margins. unsafe : whether a condition of the
     permitted envelope does not. reached : whether the target was permitted. ended : what ended it.
     """
 
@@ -104,13 +105,14 @@ def planted(kind: str, rng: np.random.Generator) -> FlightModel:
     return light_aircraft({axis: {**own, **drawn[axis]} for axis, own in LINEAR.items()})
 
 
-def expansion_of(truth: FlightModel, end: float, step: float = np.inf) -> Expansion | None:
-    """How far the aircraft keeps its margins towards an airspeed; None where not even at the start."""
+def expansion_of(truth: FlightModel, end: float, start: float = START) -> Expansion | None:
+    """How far the aircraft keeps its margins from one airspeed to another; None where not even at
+    the first."""
     exact = replace(MARGINS, sigmas=0.0)
     try:
         return expand_envelope(
-            truth.database, Condition(START, ALTITUDE), BODY, "V", START, end,
-            min(step, START - end), exact, limits=LIMITS,
+            truth.database, Condition(start, ALTITUDE), BODY, "V", start, end, start - end, exact,
+            limits=LIMITS,
         )  # fmt: skip
     except InputError:
         return None
@@ -146,9 +148,13 @@ def fly_campaign(kind: str, seed: int, step: float = STEP) -> Campaign:
             break
         value, reached = found.value, found.reached
         flown.append(value)
+    limit = exact.value
+    if not exact.reached:  # between two points of the line
+        finer = expansion_of(truth, limit - (START - TARGET) / (POINTS - 1), limit)
+        limit = limit if finer is None else finer.value
     permitted = expansion_of(truth, value) if value < START else exact
     safe = permitted is not None and (permitted.reached or value == START)
-    return Campaign(kind, seed, flown, exact.value, not safe, reached, ended)
+    return Campaign(kind, seed, flown, limit, not safe, reached, ended)
 
 
 def _handbook(rng: np.random.Generator) -> tuple[FlightModel, Mapping[str, float]]:
