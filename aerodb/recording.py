@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:  # the catalogue's queries need no numerical code
+    import numpy as np
+    from numpy.typing import NDArray
+
 
 DamageKind = Literal["lost_tail", "framing", "dropout", "time", "values"]
 
@@ -47,8 +49,8 @@ class Topic:
     """
 
     name: str
-    time: NDArray[np.float64]
-    fields: Mapping[str, NDArray[Any]]
+    time: "NDArray[np.float64]"
+    fields: "Mapping[str, NDArray[Any]]"
     units: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -1,12 +1,13 @@
 """Conversion of declared units to SI at the boundary; inside the package all values are SI."""
 
 from functools import lru_cache
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from aerodb.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @lru_cache(maxsize=1)
@@ -74,9 +75,13 @@ def si_conversion(unit: str) -> tuple[float, float]:
     return conversion(unit, base)
 
 
-def convert(values: NDArray[np.floating[Any]] | float, unit: str, to: str) -> NDArray[np.float64]:
+def convert(
+    values: "NDArray[np.floating[Any]] | float", unit: str, to: str
+) -> "NDArray[np.float64]":
     """Return `values`, given in `unit`, as float64 in `to`."""
     scale, offset = conversion(unit, to)
+    import numpy as np  # queries of the catalogue parse quantities and convert no arrays
+
     result: NDArray[np.float64] = np.asarray(values, dtype=np.float64) * scale
     return result + offset if offset else result
 

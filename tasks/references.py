@@ -49,14 +49,35 @@ def version_of(
     return catalogue.version(vehicle_of(catalogue, vehicle), reference, when)
 
 
+#: Other names of inputs that people write, in lower case.
+_ALIASES: Final = {
+    **dict.fromkeys(("aoa", "angle_of_attack", "alfa"), "alpha"),
+    **dict.fromkeys(("aos", "angle_of_sideslip", "sideslip"), "beta"),
+    **dict.fromkeys(("airspeed", "true_airspeed", "tas", "speed"), "V"),
+    **dict.fromkeys(("mach_number", "ma"), "mach"),
+    **dict.fromkeys(("dynamic_pressure", "q_bar"), "qbar"),
+    **dict.fromkeys(("roll_rate",), "p"),
+    **dict.fromkeys(("pitch_rate",), "q"),
+    **dict.fromkeys(("yaw_rate",), "r"),
+    **{
+        alias: f"delta_{surface}"
+        for surface in ("elevator", "aileron", "rudder", "flap")
+        for alias in (surface, f"{surface}_deflection")
+    },
+}
+
+
 def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
-    """Parse ``NAME=VALUE,...`` to channel -> value [SI].
+    """Parse ``NAME=VALUE,...`` to channel -> value [SI]; common other names are taken (aoa,
+    airspeed, elevator).
 
     Raises InputError for a name that is not one of `inputs`, and for a value that is not a number.
     """
     point = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, sign, value = (piece.strip() for piece in part.partition("="))
+        if name not in inputs:
+            name = _ALIASES.get(name.casefold(), name)
         if not sign or name not in inputs:
             raise InputError(
                 f"'{part}' is not an input of this version", "--at", nearest(name, inputs)

@@ -7,11 +7,13 @@ rule, so that equal values give equal keys.
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import rfc8785
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 def canonical_json(value: Any) -> bytes:
@@ -58,11 +60,13 @@ def version_id(
     )
 
 
-def content_sha256(arrays: Iterable[NDArray[np.float64]]) -> str:
+def content_sha256(arrays: "Iterable[NDArray[np.float64]]") -> str:
     """Return the sha256 of arrays, to check the integrity of tables.
 
     Hashed are the values as little-endian float64, each array preceded by its shape.
     """
+    import numpy as np  # keys of documents need no numerical code
+
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(repr(tuple(array.shape)).encode())

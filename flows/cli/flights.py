@@ -198,6 +198,12 @@ def ingest(
     direct: Annotated[
         bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
+    accept_placeholders: Annotated[
+        bool,
+        typer.Option(
+            "--accept-placeholders", help="Ingest although the vehicle has values of a template."
+        ),
+    ] = False,
 ) -> None:
     """Ingest logs: store, reconstruct, compute coefficients, compare with the released database.
 
@@ -218,7 +224,15 @@ def ingest(
             "one name for several logs", "--name", "ingest them one by one, or without --name"
         )
     row = session.catalogue(create=True).vehicle(vehicle)
-    say_placeholders(session, placeholders(parse_vehicle(row.text, row.name)), f"vehicle {vehicle}")
+    left = placeholders(parse_vehicle(row.text, row.name))
+    if left and not accept_placeholders:
+        raise InputError(
+            f"it still has placeholders of the template: {'; '.join(left)}",
+            f"vehicle {vehicle}",
+            "fill them in and add the file again, or take them as they are:"
+            " --accept-placeholders; every coefficient depends on them",
+        )
+    say_placeholders(session, left, f"vehicle {vehicle}")
     parameters = {
         "logs": log,
         "vehicle": vehicle,

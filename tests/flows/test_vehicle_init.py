@@ -23,3 +23,17 @@ def test_a_multicopter_is_named_as_one(measured, tmp_path: Path, monkeypatch) ->
     assert (done.returncode, "quadrotor" in done.stderr) == (3, True)
     assert not os.path.exists("quad.toml")
     assert "the log is of a quadrotor" in aerodb(tmp_path / "w", "log", "inspect", log).stdout
+
+
+def test_a_templates_placeholders_are_no_aircraft_to_ingest_for(
+    tmp_path: Path, monkeypatch, logs: list[Path]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked(tmp_path / "w", "vehicle", "init", "glider")
+    asked(tmp_path / "w", "vehicle", "add", "glider.toml")
+    words = ("flight", "ingest", str(logs[0]), "--vehicle", "glider", "--direct")
+    refused = aerodb(tmp_path / "w", *words)
+    assert (refused.returncode, "mass = 5 kg" in refused.stderr) == (3, True)
+    assert asked(tmp_path / "w", "flight", "list") == []
+    taken = aerodb(tmp_path / "w", *words, "--accept-placeholders")
+    assert (taken.returncode, "WARNING" in taken.stdout) == (0, True)
