@@ -72,7 +72,7 @@ def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
     from aerodb.tasks.view import lineage_document
 
     document = lineage_document(catalogue, row)
-    flights = catalogue.flights_by_id(entry["flight"] for entry in document["flights"])
+    flights = catalogue.flight_labels(entry["flight"] for entry in document["flights"])
     session.say(
         " <- ".join(
             f"{ancestor['label']} ({ancestor['version'][:12]})" for ancestor in document["line"]
@@ -83,7 +83,7 @@ def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
     session.table(
         ["flight", "role", "log sha256"],
         [
-            [flights[e["flight"]].label, e["role"].replace("_", " "), e["log_sha256"][:12]]
+            [flights[e["flight"]], e["role"].replace("_", " "), e["log_sha256"][:12]]
             for e in document["flights"]
         ],
     )

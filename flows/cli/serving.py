@@ -157,9 +157,9 @@ def status(context: typer.Context) -> None:
         if entry["rejected"]:
             session.say(f"rejected of the newest flights of {entry['vehicle']}:")
             cells = [
-                [e["flight"][:12], e["log"], _first_line(e["reason"])] for e in entry["rejected"]
+                [e["log"] or e["flight"][:12], _first_line(e["reason"])] for e in entry["rejected"]
             ]
-            session.table(["flight", "log", "why"], cells)
+            session.table(["flight", "why"], cells)
     session.say("to do: nothing" if not document["todo"] else "to do:")
     for sentence in document["todo"]:
         session.say(f"- {sentence}")

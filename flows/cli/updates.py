@@ -179,13 +179,16 @@ def say_flights(session: Session, document: dict[str, Any]) -> None:
         for flight, count in document["validation"]["looked_at_before"].items()
         if count
     }
+    excluded = [entry["flight"] for entry in document["flights"]["excluded"]]
+    names = session.catalogue().flight_labels([*looks, *excluded])
     if looks:
         session.say(
             "held-out flights already used to validate: "
-            + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items())
+            + ", ".join(f"{names.get(f, f[:12])} {n} times" for f, n in looks.items())
         )
     for entry in document["flights"]["excluded"]:
-        session.say(f"excluded {entry['flight'][:12]}: {entry['reason']}")
+        flight = entry["flight"]
+        session.say(f"excluded {names.get(flight, flight[:12])}: {entry['reason']}")
 
 
 def say_axes(session: Session, document: dict[str, Any]) -> None:

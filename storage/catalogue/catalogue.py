@@ -23,7 +23,6 @@ from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.calibrations import CalibrationLedger
 from aerodb.storage.catalogue.flight_rows import FlightLedger
 from aerodb.storage.catalogue.inbox_history import InboxHistory
-from aerodb.storage.catalogue.ledger import in_parts
 from aerodb.storage.catalogue.location import catalogue_location
 from aerodb.storage.catalogue.notes import NoteLedger
 from aerodb.storage.catalogue.postgresql import (
@@ -243,16 +242,6 @@ class Catalogue(
                 sa.select(s.log_files).where(s.log_files.c.sha256 == ref)
             ).one_or_none()
         return None if row is None else _log(row)
-
-    def log_names(self, hashes: Iterable[str]) -> dict[str, str]:
-        """sha256 -> name of the log's file, for those that are known."""
-        c = s.log_files.c
-        with self._database.reading() as connection:
-            queries = [
-                sa.select(c.sha256, c.name).where(c.sha256.in_(part))
-                for part in in_parts(set(hashes))
-            ]
-            return {row.sha256: row.name for query in queries for row in connection.execute(query)}
 
     def logs(self, status: LogStatus | None = None) -> tuple[LogRow, ...]:
         """All logs, or those of one status, oldest first."""

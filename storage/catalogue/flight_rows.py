@@ -1,6 +1,6 @@
 """Flights in the catalogue: adding them, recording verdicts and retractions, and queries."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
@@ -218,9 +218,23 @@ class FlightLedger(Ledger):
         rows = self.flights_by_id(ids)
         return FlightPage(tuple(rows[id] for id in ids), further)
 
+    def log_names(self, hashes: Iterable[str]) -> dict[str, str]:
+        """sha256 -> name of the log's file, for those that are known."""
+        c = s.log_files.c
+        with self._database.reading() as connection:
+            queries = [
+                sa.select(c.sha256, c.name).where(c.sha256.in_(part))
+                for part in in_parts(set(hashes))
+            ]
+            return {row.sha256: row.name for query in queries for row in connection.execute(query)}
+
     def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
-        """Id -> display name of the flight."""
-        return {id: row.label for id, row in self.flights_by_id(ids).items()}
+        """Id -> name of the flight for people: its own, else the file of its log and the day that
+        it was flown (where the log knows it); the first digits of its id where neither is known."""
+        rows = self.flights_by_id(ids)
+        hashes = {row.log_sha256 for row in rows.values() if row.name is None}
+        files = self.log_names(hashes)
+        return {id: _shown(row, files) for id, row in rows.items()}
 
     def flights(
         self, vehicle: str | None = None, log_sha256: str | None = None
@@ -236,6 +250,13 @@ class FlightLedger(Ledger):
                 where = where & (s.flights.c.log_sha256 == log_sha256)
             rows = _rows(connection, where)
         return tuple(sorted(rows, key=lambda row: (row.start_utc or row.added_utc, row.id)))
+
+
+def _shown(row: FlightRow, files: Mapping[str, str]) -> str:
+    file = files.get(row.log_sha256)
+    if row.name is not None or file is None:
+        return row.label
+    return file if row.start_utc is None else f"{file} ({row.start_utc:%Y-%m-%d})"
 
 
 def _newest(table: sa.Table, *where: sa.ColumnElement[bool]) -> sa.Subquery:
