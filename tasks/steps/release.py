@@ -226,11 +226,11 @@ def _enough_flights(
 
 
 def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
-    """Return what the flights that identified a version contradict: their vehicle, at ingest, or
-    the released version, by the reasons of their verdicts."""
+    """Return what the flights that identified or validated a version contradict: their vehicle, at
+    ingest, or the released version, by the reasons of their verdicts."""
     found = []
     for use in access.catalogue.version_flights(row.id):
-        if use.role != "identified":
+        if use.role not in ("identified", "held_out"):
             continue
         flight = access.catalogue.flight(use.flight)
         said = {each.sentence for each in stored_suspicions(access, flight) if limits_flight(each)}

@@ -149,3 +149,29 @@ def test_the_gate_refuses_what_comes_from_contradicting_flights(tmp_path: Path) 
     assert "--accept contradictions" in refused.stderr
     others = aerodb(workspace, *promote, "--accept", "contradictions")
     assert "beside version v0001" not in others.stderr
+
+
+def test_the_gate_refuses_what_a_contradicting_flight_validates(tmp_path: Path) -> None:
+    """The specific force of the flight held out is 2.2 times too large."""
+    workspace, vehicle = tmp_path / "w", ("--vehicle", small_glider.NAME)
+    texts = {
+        "vehicle.toml": small_glider.VEHICLE,
+        "database.toml": small_glider.DATABASE,
+        "model.toml": small_glider.MODEL,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    asked(workspace, "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    asked(workspace, "database", "import", str(tmp_path / "database.toml"), *vehicle)
+    tables = [small_glider.channels(k) for k in range(3)]
+    tables[2] |= {name: 2.2 * tables[2][name] for name in ("ax", "az")}
+    logs = [str(write_csv(tmp_path / f"{k}.csv", table)) for k, table in enumerate(tables)]
+    outcomes = asked(workspace, "flight", "ingest", *logs, *vehicle, "--direct")
+    said = [[each["sentence"] for each in e["comparison"]["suspicions"]] for e in outcomes]
+    assert (said[0], said[1]) == ([], [])
+    model = ("--model", str(tmp_path / "model.toml"))
+    given = ("--hold-out", outcomes[2]["flight"], "--direct")
+    asked(workspace, "update", *vehicle, *model, *given)
+    refused = aerodb(workspace, "version", "promote", "candidate", "--reason", "why not")
+    assert refused.returncode == 4
+    assert f"(2.csv): beside version v0001: {said[2][0]}" in refused.stderr
