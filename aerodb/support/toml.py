@@ -12,7 +12,9 @@ from aerodb.errors import InputError
 MOST_CHARACTERS: Final = 50_000_000
 MOST_PARTS, DEEPEST = 64, 64
 _PART: Final = r"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
-_LONG_KEY: Final = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS},}}+")
+_LONG_KEY: Final = re.compile(
+    rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS},}}+"
+)
 
 
 def parsed_toml(text: str, where: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ HOSTILE = {
     "a header of 50,000 parts": ("\n[" + " . ".join(["a-1"] * 50_000) + "]", "parts in line 2"),
     "quoted parts": (".".join(['"a b"', "'c'"] * 25_000) + " = 1", "more than 64 parts"),
     "a number of 6,000 digits": ("x = " + "9" * 6_000, "not valid TOML"),
+    "a word of 300,000 letters": ("x = " + "f" * 300_000, "not valid TOML"),
     "no end": ("x = [", "not valid TOML"),
     "too long": ("#" * 50_000_001, "at most 50000000"),
 }
