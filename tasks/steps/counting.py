@@ -64,14 +64,18 @@ def _could_count(row: FlightRow) -> bool:
 
 
 def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
-    """Describe what a flight repeats: ``repeats flight a from 3 to 20 s, flight b from 30 to 60
-    s``."""
+    """Describe what a flight repeats: ``repeats flight a.ulg (1a2b3c4d5e6f) from 3 to 20 s``.
+
+    labels : what people call flights (ids), where that is not the start of their id.
+    """
     parts = []
     for row in repeats:
         places = " and ".join(
             f"from {stretch.start:.6g} to {stretch.end:.6g} s" for stretch in row.stretches
         )
-        parts.append(f"flight {labels.get(row.original, row.original[:12])} {places}")
+        id = row.original[:12]
+        label = labels.get(row.original, id)
+        parts.append(f"flight {id if label == id else f'{label} ({id})'} {places}")
     return f"repeats {', '.join(parts)}"
 
 

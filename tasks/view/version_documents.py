@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aerodb.increments import held_out_error
+from aerodb.report import hypothesis_words
 from aerodb.storage.catalogue import Catalogue, NameEvent, NoteRow, VersionRow
 
 
@@ -77,6 +78,7 @@ def _searched(document: dict[str, Any]) -> str:
     comments = [f"{each['text']} {each['user']}" for each in document["comments"]]
     keys = ("names", "tags", "findings", "axes")
     lists = [word for key in keys for word in document[key]]
+    lists += [hypothesis_words(each) for each in document["findings"]]
     parts = [document["label"], document["version"], document["created_utc"], *lists, *comments]
     return " ".join(parts).casefold()
 
@@ -104,8 +106,8 @@ def flights_words(flights: dict[str, int]) -> str:
 
 
 def findings_words(document: dict[str, Any]) -> str:
-    """Say what was added to a version: findings by their ids, or the axes with increments."""
-    found = document["findings"]
+    """Say what was added to a version: findings by their names, or the axes with increments."""
+    found = [hypothesis_words(each) for each in document["findings"]]
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     declared = f"declared: {', '.join(document['axes'])}" if document["axes"] else ""
     return f"{', '.join(found[:3])}{more}" if found else declared

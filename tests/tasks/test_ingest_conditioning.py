@@ -302,7 +302,9 @@ def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_re
         entry["flight"]: entry["reason"] for entry in asked(flown, *update)["flights"]["excluded"]
     }
     assert set(excluded) == {whole["flight"], partly["flight"]}
-    assert excluded[whole["flight"]] == f"repeats flight {original[:12]} from 0 to 11.96 s"
+    assert excluded[whole["flight"]] == (
+        f"repeats flight flight3.csv ({original[:12]}) from 0 to 11.96 s"
+    )
     shown = (
         CliRunner()
         .invoke(app, ["--workspace", str(flown), "flight", "show", whole["flight"]])

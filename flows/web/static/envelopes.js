@@ -4,7 +4,7 @@
   const rows = [...document.querySelectorAll("#flights tr[data-flight]")];
   if (!rows.length) return;
   const query = new URLSearchParams(rows.map((row) => ["flight", row.dataset.flight]));
-  const response = await fetch(`/api/envelopes?${query}`);
+  const response = await fetch(`${location.origin}/api/envelopes?${query}`);
   if (!response.ok) return;
   const found = await response.json();
   const degrees = 180 / Math.PI, digits = { V: 1, alpha: 1, beta: 1, altitude: 0 };

@@ -4,7 +4,7 @@ const sweeps = (() => {
   // The sweep of a version; over, from and to, and the point in SI as the commands take them.
   async function along(version, over, from, to, points, at) {
     const query = new URLSearchParams({ over, from, to, points, at });
-    const response = await fetch(`/api/versions/${version}/sweep?${query}`);
+    const response = await fetch(`${location.origin}/api/versions/${version}/sweep?${query}`);
     if (!response.ok) throw new Error(await plots.complaint(response));
     return response.json();
   }

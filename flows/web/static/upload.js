@@ -24,7 +24,7 @@
       const request = new XMLHttpRequest();
       const say = (text) => { entry.textContent = `${entry.dataset.name}: ${text}`; };
       const refused = (text) => { say(text); entry.dataset.ended = "refused"; resolve(); };
-      request.open("POST", `/api/vehicles/${encodeURIComponent(vehicle)}/logs?name=${encodeURIComponent(file.name)}`);
+      request.open("POST", `${location.origin}/api/vehicles/${encodeURIComponent(vehicle)}/logs?name=${encodeURIComponent(file.name)}`);
       request.setRequestHeader("X-CSRF-Token", form.dataset.csrf);
       request.setRequestHeader("Content-Type", "application/octet-stream");
       request.upload.addEventListener("progress", (event) => {
