@@ -63,7 +63,7 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
 def si_conversion(unit: str) -> tuple[float, float]:
     """Return scale and offset from `unit` to the SI unit of its dimension, angles in radians.
 
-    >>> si_conversion("ft/s")[0]
+    >>> round(si_conversion("ft/s")[0], 12)
     0.3048
     >>> si_conversion("g")[0]
     9.80665

@@ -184,6 +184,8 @@ def state_of(result: Any) -> Any:
     return Completed()
 
 
+_SAFE_PATH: Final = "PYTHONSAFEPATH"
+
 #: Name of the state of a run in which a log was refused.
 REFUSED: Final = "Refused"
 
@@ -219,6 +221,7 @@ def run_flow(
     _check_text(parameters)
     _require_role(body, workspace)
     _freeze_imports()
+    own_path = os.environ.get(_SAFE_PATH)
     orchestrated = "" if how == "direct" else _present_flow_run()
     way: Way = (
         "direct"
@@ -239,7 +242,11 @@ def run_flow(
                 return body(PrefectSteps(progress, executor), run=run, **given)
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
-    return _recorded(body, call, parameters, workspace, way, orchestrated)
+    try:
+        return _recorded(body, call, parameters, workspace, way, orchestrated)
+    finally:
+        if own_path is None:  # programs that this process starts later import what they like
+            os.environ.pop(_SAFE_PATH, None)
 
 
 #: Roles that flows require, where it is not `ingest`.
@@ -400,7 +407,7 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         "PREFECT_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "90",
-        "PYTHONSAFEPATH": "1",  # its server does not import what lies in the present folder
+        _SAFE_PATH: "1",  # its server does not import what lies in the present folder
     }
     for name, value in quiet.items():
         os.environ.setdefault(name, value)

@@ -2,6 +2,7 @@
 their results, the flight says which file and what to do, and its log ends in one place."""
 
 import hashlib
+import importlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -28,10 +29,10 @@ STEPS = "aerodb.tasks.steps"
 #: Function that fails -> where the flight is afterwards; "measured": rejected, with coefficients of the
 #: channels as they were measured.
 POINTS = {
-    f"{STEPS}.ingest.map_recording": "quarantined",
-    f"{STEPS}.ingest.flag_unusable": "quarantined",
+    "aerodb.logs.usable_flight.map_recording": "quarantined",
+    "aerodb.logs.usable_flight.flag_unusable": "quarantined",
     f"{STEPS}.ingest.examined": "quarantined",
-    f"{STEPS}.conditioning.against_vehicle": "quarantined",
+    "aerodb.crosschecks.every.against_vehicle": "quarantined",
     f"{STEPS}.ingest.fingerprint": "quarantined",
     f"{STEPS}.consistency.make_consistent": "rejected",
     "aerodb.consistency.whole_flight.decimated_records": "measured",
@@ -64,7 +65,8 @@ def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
 def fail(patched: pytest.MonkeyPatch, name: str, sha256: str, error: BaseException) -> list[int]:
     """Let a function raise for the flight of one log; the list counts how often it did."""
     module, _, attribute = name.rpartition(".")
-    original: Callable[..., Any] = getattr(__import__(module, fromlist=[attribute]), attribute)
+    within = importlib.import_module(module)
+    original: Callable[..., Any] = getattr(within, attribute)
     count: list[int] = []
 
     def failing(*args: Any, **keywords: Any) -> Any:
@@ -74,7 +76,7 @@ def fail(patched: pytest.MonkeyPatch, name: str, sha256: str, error: BaseExcepti
             raise error
         return original(*args, **keywords)
 
-    patched.setattr(name, failing)
+    patched.setattr(within, attribute, failing)
     return count
 
 
@@ -195,7 +197,7 @@ def test_error_that_no_step_foresees_stays_with_its_flight(
     assert not list((workspace.root / "quarantine").iterdir())
 
 
-@pytest.mark.parametrize("name", ["map_recording", "write_flight", "repeat_documents"])
+@pytest.mark.parametrize("name", ["usable_flight", "write_flight", "repeat_documents"])
 def test_error_that_no_step_foresees_ends_no_batch_of_the_command_line(
     workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -229,7 +231,7 @@ def test_log_that_gets_no_memory_waits_and_holds_nobody_up(
         shutil.copy(path, workspace.inbox / NAME)
     with monkeypatch.context() as patched:
         asked = MemoryError("Unable to allocate 659. GiB")
-        fail(patched, f"{STEPS}.ingest.map_recording", sha256_of(logs[1]), asked)
+        fail(patched, "aerodb.logs.usable_flight.map_recording", sha256_of(logs[1]), asked)
         document = run_flow(sweep_flow, {}, workspace, "direct")
     assert kinds(document) == {BAD: "failed", **dict.fromkeys(GOOD, "stored")}
     (reason,) = [entry["reason"] for entry in document["files"] if entry["kind"] == "failed"]

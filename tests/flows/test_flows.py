@@ -190,6 +190,28 @@ def test_a_server_that_does_not_answer_is_done_without(
             os.environ.update(before)
 
 
+def test_where_python_imports_from_is_changed_for_prefect_only(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    """A notebook starts programs of its own after a run."""
+    from aerodb.flows import run
+
+    workspace = shared.prepared(tmp_path / "w")
+    before = {n: v for n, v in os.environ.items() if n != "PYTHONSAFEPATH"}
+    monkeypatch.setattr(run, "_under_prefect", lambda *_: os.environ["PYTHONSAFEPATH"])
+    try:
+        os.environ.pop("PYTHONSAFEPATH", None)
+        assert run.run_flow(run_of_nothing, {}, workspace) == "1"
+        assert "PYTHONSAFEPATH" not in os.environ
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def run_of_nothing(_steps: Any, *, workspace: str, run: str) -> None:
+    """Do nothing."""
+
+
 @pytest.mark.parametrize("command", [["version", "list"], ["flight", "list"], ["vehicle", "list"]])
 def test_a_query_imports_no_orchestrator(
     direct: tuple[Workspace, dict[str, Any]], command: list[str]

@@ -192,7 +192,10 @@ def _half_width(systematic: float, error: float, dof: float) -> float:
     = .05."""
     if error <= 0.0:
         return systematic
-    off, widest = systematic / error, systematic / error + float(stdtrit(dof, 0.975))
+    if systematic <= 0.0:
+        return error * float(stdtrit(dof, 0.975))
+    # At this end p is nearer to .025 than to .05: the two have different signs.
+    off, widest = systematic / error, systematic / error + float(stdtrit(dof, 0.99))
 
     def excess(size: float) -> float:
         return float(stdtr(dof, off - size) + stdtr(dof, -off - size)) - 0.05

@@ -10,6 +10,7 @@ from aerodb.identification import (
     IdentificationFlight,
     chosen_methods,
     declares_state_space,
+    flight_records,
     parse_state_space,
     state_space_fit,
 )
@@ -68,6 +69,10 @@ def flights():
     return [IdentificationFlight(flight, None, None, None, windows)]
 
 
+def fitted(method, given, file):
+    return state_space_fit(method, flight_records(given, file), file)
+
+
 def test_attas_from_a_file(measured):
     """Rates of roll and yaw as declared, of the same optimum as the model in code."""
     text = """
@@ -97,7 +102,7 @@ value = -1
 
 def test_manoeuvres_of_flights_are_records_with_parameters_of_their_own():
     (method,) = chosen_methods(["output-error"])
-    fit = state_space_fit(method, flights(), parse_state_space(TEXT))
+    fit = fitted(method, flights(), parse_state_space(TEXT))
     assert fit.converged
     for name, value in TRUTH.items():
         assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error
@@ -129,9 +134,9 @@ def test_what_cannot_be_fitted_is_said():
     assert not declares_state_space("[[increment]]\naxis = 'Cm'")
     (method,) = chosen_methods(["regression"])
     with pytest.raises(InputError, match="solves equations"):
-        state_space_fit(method, flights(), file)
+        fitted(method, flights(), file)
     (method,) = chosen_methods(["output-error"])
     (each,) = flights()
     bare = Flight("f" * 64, "any", each.flight.time, {"p": each.flight["p"]})
     with pytest.raises(InputError, match="no manoeuvre"):
-        state_space_fit(method, [IdentificationFlight(bare, None, None, None, each.windows)], file)
+        fitted(method, [IdentificationFlight(bare, None, None, None, each.windows)], file)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import socket
 import time
 import urllib.request
@@ -138,11 +139,18 @@ class _Sender:
         self._at.sendall(data)
 
     def answer(self) -> bytes:
-        """What the console says, empty if it closed the connection."""
+        """What the console says, head and body; empty if it closed the connection."""
+        said = b""
         try:
-            return self._at.recv(65536)
+            while part := self._at.recv(65536):
+                said += part
+                head, _, body = said.partition(b"\r\n\r\n")
+                length = re.search(rb"content-length: (\d+)", head)
+                if length is not None and len(body) >= int(length[1]):
+                    break
         except ConnectionError:
-            return b""
+            pass
+        return said
 
 
 def test_a_slow_log_may_take_its_time_and_one_that_stands_still_may_not(
