@@ -1,4 +1,4 @@
-from .affine import affine_matrix
+from .affine import AffineMatrix, affine_matrix
 from .delays import MOST_DELAY, DelayedStateSpace, delayed, with_delays
 from .dynamic_model import DynamicModel, Values
 from .filter_error import filter_error
@@ -36,6 +36,7 @@ from .transfer_function import TransferFunction, transfer_function_fit
 __all__ = [
     "FROM_SUBSPACE",
     "MOST_DELAY",
+    "AffineMatrix",
     "DelayedStateSpace",
     "DynamicModel",
     "EquationRecord",

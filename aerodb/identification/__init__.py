@@ -17,7 +17,8 @@ While a log is being written, `OnlineEstimation` gives the estimates so far by r
 (`online`).
 
 A file may declare a linear model of the flights' channels instead (`parse_state_space`,
-`state_space_fit`: model_file).
+`state_space_fit`: model_file); methods of equation error take its rows as equations
+(`state_equations`).
 
 `design_manoeuvre` finds the manoeuvre, within limits, that determines parameters best
 (`experiment`).

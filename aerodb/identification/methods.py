@@ -10,7 +10,7 @@ from aerodb.estimation import Fit
 
 #: The method of `aerodb.increments.estimate_increments`.
 REGRESSION: Final = "regression"
-#: What a method solves: a linear equation per axis, or a model that is flown.
+#: What a method solves: linear equations, or a model that is flown.
 Kind = Literal["equation error", "dynamic"]
 
 
@@ -85,15 +85,12 @@ _METHODS = (
 METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
-def chosen_methods(names: Sequence[str], *, linear: bool = False) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is no display, or of a `linear` model every one
-    that integrates a model.
+def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
+    """Methods by name; ``all`` for every one that is no display.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
-        if linear:
-            return tuple(m for m in METHODS.values() if m.kind == "dynamic")
         return tuple(m for m in METHODS.values() if not m.display)
     for name in names:
         if name not in METHODS:

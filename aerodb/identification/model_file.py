@@ -50,6 +50,7 @@ from aerodb.estimation import (
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.identification.recorded import time_histories
+from aerodb.identification.state_equations import equation_error_fit
 from aerodb.logs import TIME, find_columns
 from aerodb.recording import Recording
 from aerodb.support import Array, Strict, parsed_toml, validated
@@ -166,15 +167,16 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
     """The fit of a method to records, from start values of subspace identification where the file
     gives none.
 
-    Raises InputError for a method of equation error.
+    Raises InputError for delays, and for states that are not measured, under a method of equation
+    error.
     """
-    if method.kind != "dynamic":
-        raise InputError(
-            "it solves equations, not a model that is integrated",
-            method.name,
-            "use a dynamic method, such as output-error, for a linear state-space model",
-        )
     model, notes = file.model(records), list[str]()
+    if method.kind != "dynamic":
+        if isinstance(model, DelayedStateSpace):
+            raise InputError(
+                "it solves equations without delays", method.name, "use output-error for a delay"
+            )
+        return equation_error_fit(method, model, records)
     if method.name != "output-error" and not has_start_values(model):  # which sees to it itself
         try:
             model = with_start_values(model, records)

@@ -115,7 +115,7 @@ def _of_flights(
     page: bool,
 ) -> dict[str, Any]:
     from aerodb.flows.estimate import estimate_flow
-    from aerodb.identification import chosen_methods, declares_state_space
+    from aerodb.identification import chosen_methods
 
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
@@ -133,9 +133,7 @@ def _of_flights(
         {
             "flights": [row.id for row in rows],
             "model": model,
-            "methods": [
-                each.name for each in chosen_methods(methods, linear=declares_state_space(model))
-            ],
+            "methods": [each.name for each in chosen_methods(methods)],
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
             "page": page,
         },

@@ -36,7 +36,7 @@ def estimate_records(
     Returns the document of `estimate_by_methods` with ``records`` (name, seconds, rate in Hz) and
     ``notes`` in place of a key, a version and flights; with the HTML ``page`` if asked for.
     """
-    file, chosen = parse_state_space(model), chosen_methods(methods, linear=True)
+    file, chosen = parse_state_space(model), chosen_methods(methods)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         records, notes = file_records(_opened(files, folder, limits, stack), file)

@@ -52,7 +52,7 @@ def estimate_by_methods(
     none), parameters (parameter, estimates by method, spread, furthest, agree), believe, reasons.
     """
     access = access_workspace(workspace)
-    chosen = chosen_methods(methods, linear=declares_state_space(model))
+    chosen = chosen_methods(methods)
     database = (
         _no_database(access, flights[0], run) if version is None else access.database(version)
     )

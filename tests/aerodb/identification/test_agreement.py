@@ -81,8 +81,6 @@ def test_nothing_is_believed_where_nothing_is_determined() -> None:
 
 def test_all_leaves_out_displays() -> None:
     flown = {method.name for method in chosen_methods(["all"])}
-    linear = {method.name for method in chosen_methods(["all"], linear=True)}
     dynamic = {"output-error", "multiple-shooting", "filter-error", "ekf", "ukf"}
     assert dynamic | {"regression"} <= flown
     assert "stepwise" not in flown
-    assert linear == dynamic

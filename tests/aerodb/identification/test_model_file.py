@@ -132,9 +132,6 @@ def test_what_cannot_be_fitted_is_said():
     file = parse_state_space(TEXT)
     assert declares_state_space(TEXT)
     assert not declares_state_space("[[increment]]\naxis = 'Cm'")
-    (method,) = chosen_methods(["regression"])
-    with pytest.raises(InputError, match="solves equations"):
-        fitted(method, flights(), file)
     (method,) = chosen_methods(["output-error"])
     (each,) = flights()
     bare = Flight("f" * 64, "any", each.flight.time, {"p": each.flight["p"]})
