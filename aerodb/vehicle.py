@@ -321,6 +321,10 @@ class Vehicle(Strict):
     navigation: dict[SourceName, NavigationSource] = {}
     fuel: Fuel | None = None
 
+    def __repr__(self) -> str:
+        own = self.reference
+        return f"<Vehicle {self.name!r}: S {own.area:g} m2, c {own.chord:g} m, b {own.span:g} m>"
+
     @model_validator(mode="before")
     @classmethod
     def _channel_units(cls, data: Any) -> Any:

@@ -15,7 +15,7 @@ from .numbers import for_people
 from .page import pdf, render
 from .response_page import FlownStretch, response_report
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
-from .terms import term_name, term_unit
+from .terms import derivative_unit, sensor_error_unit, term_name, term_unit
 from .update_page import UpdateStory, update_report
 from .version_page import NameMove, UsedFlight, VersionStory, version_report
 
@@ -38,6 +38,7 @@ __all__ = [
     "channel_scale",
     "channel_words",
     "decimated",
+    "derivative_unit",
     "diff_document",
     "diff_figure",
     "effect_words",
@@ -60,6 +61,7 @@ __all__ = [
     "render",
     "response_report",
     "rival_remarks",
+    "sensor_error_unit",
     "stall_remarks",
     "term_name",
     "term_unit",

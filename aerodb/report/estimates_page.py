@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerodb.nomenclature import AXES
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.numbers import for_people, number
@@ -23,9 +22,8 @@ from aerodb.report.style import (
     picture,
     plain_panel,
 )
-from aerodb.report.terms import correlation_rows, term_unit
+from aerodb.report.terms import correlation_rows, derivative_unit
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES
 
 #: Most records of a method that are drawn.
 _MOST: Final = 4
@@ -85,13 +83,9 @@ def estimates_report(
 
 
 def _unit(parameter: str, unit: str) -> tuple[float, str]:
-    """Factor and label of the display unit of a parameter; derivatives (``CZ_alpha``) are per
-    radian."""
-    for axis in (*AXES, *WIND_AXES):
-        if parameter.startswith(f"{axis}_"):
-            term = term_unit(parameter.removeprefix(f"{axis}_"))
-            return 1.0, "-" if term == "?" else term
-    return for_people(unit)
+    """Factor and label of the display unit of a parameter."""
+    derivative = derivative_unit(parameter)
+    return for_people(unit) if derivative is None else (1.0, derivative)
 
 
 def _stayed(document: Mapping[str, Any]) -> str:

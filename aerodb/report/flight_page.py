@@ -10,7 +10,7 @@ from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment, Suspicion
 from aerodb.estimation import rms
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, CHANNELS, axis_description
+from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.flight_figures import (
     channel_figure,
     coefficient_figure,
@@ -22,6 +22,7 @@ from aerodb.report.flight_figures import (
 from aerodb.report.numbers import for_people, number
 from aerodb.report.page import render
 from aerodb.report.style import Picture, picture
+from aerodb.report.terms import sensor_error_unit
 from aerodb.tables import AeroDatabase
 
 _SAYS: Final = {
@@ -133,7 +134,7 @@ def verdict_sentence(
     if beyond:
         return f"{sentence} Outside their limits: {', '.join(beyond)}."
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
-    factor, unit = _unit(closest["channel"])
+    factor, unit = for_people(sensor_error_unit(closest["channel"]))
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
     count = (
         f"All {len(checked)} channels with a limit are consistent"
@@ -169,7 +170,7 @@ def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
     rows = []
     used = consistency.get("used", {}) if consistency else {}
     for entry in consistency["channels"] if consistency else ():
-        factor, unit = _unit(entry["channel"])
+        factor, unit = for_people(sensor_error_unit(entry["channel"]))
         limit = None if entry["limit"] is None else factor * entry["limit"]
         rows.append(
             {
@@ -194,10 +195,7 @@ def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
     for entry in consistency.get("estimates", ()) if consistency else ():
         if entry["stretch"] is not None:
             continue
-        subject, _, kind = entry["parameter"].rpartition("_")
-        factor, unit = {"scale": (1.0, "-"), "delay": (1.0, "s")}.get(kind) or _unit(
-            subject if kind == "bias" else entry["parameter"]
-        )
+        factor, unit = for_people(sensor_error_unit(entry["parameter"]))
         rows.append(
             {
                 "parameter": entry["parameter"],
@@ -208,12 +206,6 @@ def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
             }
         )
     return sorted(rows, key=lambda row: not row["applied"])
-
-
-def _unit(name: str) -> tuple[float, str]:
-    if name in CHANNELS:
-        return for_people(CHANNELS[name].unit)
-    return (1.0, "m") if name.startswith("air_data_") else (1.0, "SI")
 
 
 def _errors(comparison: Comparison | None) -> list[dict[str, Any]]:

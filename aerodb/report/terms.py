@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import AeroError
-from aerodb.nomenclature import channel, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.numbers import for_people
-from aerodb.tables import AeroDatabase, new_increments, parse
+from aerodb.tables import WIND_AXES, AeroDatabase, new_increments, parse
 
 #: Longest expression that is shown as it is; a longer one is named by its variables.
 _LONGEST: Final = 40
@@ -87,6 +87,34 @@ def term_unit(text: str) -> str:
         for unit, n in powers.items()
     ).strip()
     return f"1/({raised})" if len(powers) > 1 else f"1/{raised}"
+
+
+def derivative_unit(parameter: str) -> str | None:
+    """The unit of a parameter named for an axis and a term, per radian; None for another one.
+
+    >>> [derivative_unit(name) for name in ("CZ_alpha", "CX_0", "C_lift_q_hat", "Lp")]
+    ['1/rad', '-', '-', None]
+    """
+    for axis in (*AXES, *WIND_AXES):
+        if parameter.startswith(f"{axis}_"):
+            unit = term_unit(parameter.removeprefix(f"{axis}_"))
+            return "-" if unit == "?" else unit
+    return None
+
+
+def sensor_error_unit(parameter: str) -> str:
+    """The SI unit of an estimated sensor error.
+
+    >>> [sensor_error_unit(name) for name in ("ax_bias", "alpha_scale", "V_delay", "wind_north")]
+    ['m/s^2', '1', 's', 'm/s']
+    """
+    subject, _, kind = parameter.rpartition("_")
+    if kind in ("scale", "delay"):
+        return "1" if kind == "scale" else "s"
+    name = subject if kind == "bias" else parameter
+    if name in CHANNELS:
+        return CHANNELS[name].unit
+    return "m" if name.startswith("air_data_") else "SI"
 
 
 def correlation_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> dict[str, Any]:

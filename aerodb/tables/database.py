@@ -202,6 +202,15 @@ class AeroDatabase:
         """Whether any term or increment acts on C_drag, C_side or C_lift."""
         return not self._axes.isdisjoint(WIND_AXES)
 
+    def __repr__(self) -> str:
+        parts = {
+            "term": len(self.terms),
+            "table": len(self.tables) + len(self.scattered),
+            "increment": len(self.increments),
+        }
+        said = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for what, n in parts.items())
+        return f"<AeroDatabase {self.name!r}: {said}>"
+
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Channels and free inputs that `predict` needs, sorted; for a dimensionless rate, the

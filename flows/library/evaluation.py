@@ -70,7 +70,7 @@ class EvaluatedPoints(Result):
         return Summary(
             f"{self.database.name} at {len(self[AXES[0]])} points",
             (),
-            ("axis", "least", "greatest", "+- at most", "place"),
+            ("axis", "least [-]", "greatest [-]", "+- at most [-]", "place"),
             rows,
             said,
         )

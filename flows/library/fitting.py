@@ -10,7 +10,7 @@ from aerodb.estimation import Fit, ParameterEstimate
 from aerodb.flows.library.flights import ComparedFlight, MeasuredCoefficients, compare
 from aerodb.flows.library.logs import read_text
 from aerodb.flows.library.tracing import flights_in_memory, segments_of
-from aerodb.flows.library.views import Data, Result, Summary, Values, number
+from aerodb.flows.library.views import Data, Result, Summary, Values, number, shown_unit
 from aerodb.identification import (
     IdentificationFlight,
     chosen_methods,
@@ -23,6 +23,7 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
+from aerodb.report import derivative_unit
 from aerodb.tasks.steps import manoeuvre_windows
 
 
@@ -50,7 +51,13 @@ class FittedModel(Result):
     def summary(self) -> Summary:
         """Return the estimates."""
         rows = [
-            (e.name, number(e.value), number(e.standard_error, 2), e.unit, e.standing)
+            (
+                e.name,
+                number(e.value),
+                number(e.standard_error, 2),
+                shown_unit(_unit(e)),
+                e.standing,
+            )
             for e in self.estimates
         ]
         converged = "yes" if all(fit.converged for fit in self.fits) else "no"
@@ -76,7 +83,7 @@ class FittedModel(Result):
             {
                 "value": column([each.value for each in found], float),
                 "standard_error": column([each.standard_error for each in found], float),
-                "unit": column([each.unit for each in found]),
+                "unit": column([_unit(each) for each in found]),
                 "standing": column([each.standing for each in found]),
             },
             {"method": self.method},
@@ -110,6 +117,12 @@ def fit(
         )
     database = next(iter(source.flown.values())).database
     return FittedModel(chosen.name, tuple(fits_of(chosen, given, parse_model_file(text), database)))
+
+
+def _unit(estimate: ParameterEstimate) -> str:
+    """The unit of a parameter; derivatives (``CZ_alpha``) are per radian."""
+    unit = derivative_unit(estimate.name) or estimate.unit
+    return "1" if unit == "-" else unit
 
 
 def _compared(

@@ -22,8 +22,10 @@ from aerodb.flows.library.views import (
     channel_values,
     number,
     over_axes,
+    shown_unit,
     time_coordinate,
 )
+from aerodb.report import sensor_error_unit
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, with_mass_channels
@@ -65,6 +67,7 @@ class ReconstructedFlight(Result):
                 each["parameter"],
                 number(each["value"]),
                 number(each["standard_error"], 2),
+                shown_unit(sensor_error_unit(each["parameter"])),
                 "yes" if each["applied"] else "no",
             )
             for each in self.document.get("estimates", ())
@@ -75,7 +78,7 @@ class ReconstructedFlight(Result):
         return Summary(
             f"reconstruction of {self.log.name}",
             facts,
-            ("sensor error (SI)", "value", "+-", "applied"),
+            ("sensor error", "value", "+-", "unit", "applied"),
             rows,
             [*self.reasons, *self.document["notes"]],
         )
@@ -123,7 +126,7 @@ class MeasuredCoefficients(Result):
         return Summary(
             f"coefficients of {self.reconstructed.log.name}",
             [("bandwidth", band)],
-            ("axis", "samples", "mean", "standard deviation", "noise"),
+            ("axis", "samples", "mean [-]", "standard deviation [-]", "noise [-]"),
             rows,
             found.notes,
         )
@@ -167,7 +170,7 @@ class ComparedFlight(Result):
         return Summary(
             f"{self.measured.reconstructed.log.name} beside {self.database.name}",
             [("left out", ", ".join(found.left_out) or "no axis")],
-            ("axis", "samples", "rms measured", "rms residual", "noise floor"),
+            ("axis", "samples", "rms measured [-]", "rms residual [-]", "noise floor [-]"),
             rows,
             found.notes,
         )

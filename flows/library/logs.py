@@ -12,7 +12,15 @@ from aerodb.consistency import Calibration
 from aerodb.crosschecks import examined_beside
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.flight import Flight
-from aerodb.flows.library.views import Data, Result, Summary, channel_values, time_coordinate
+from aerodb.flows.library.views import (
+    Data,
+    Result,
+    Summary,
+    channel_values,
+    shown_unit,
+    span,
+    time_coordinate,
+)
 from aerodb.logs import (
     Mapping,
     choose_mapping,
@@ -20,6 +28,7 @@ from aerodb.logs import (
     mapped_clock_suspicions,
     usable_flight,
 )
+from aerodb.nomenclature import channel
 from aerodb.recording import Recording
 from aerodb.storage.files import read_recording
 from aerodb.storage.limits import Limits
@@ -70,16 +79,20 @@ class Log(Result):
         kinds = Counter(each.kind for each in self.conditioning.segments)
         facts = [
             ("vehicle", self.vehicle.name),
-            ("recorded", f"{self.recording.format}, {len(self.recording.topics)} topics{start}"),
+            ("recorded", f"{self.recording.format}, {_topics(self.recording)}{start}"),
             ("mapping", flight.mapping),
             ("duration", f"{flight.duration:.1f} s at {1.0 / flight.step:.4g} Hz"),
-            ("channels", ", ".join(flight.channels)),
             ("segments", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
         ]
         said = [*flight.notes, *(each.what for each in flight.damage)]
         said += [each.sentence for each in self.conditioning.suspicions]
         said += consequences_of_missing(flight.missing)
-        return Summary(f"log {self.name}", facts, remarks=said)
+        rows = [
+            (name, shown_unit(channel(name).unit), *span(values))
+            for name, values in flight.channels.items()
+        ]
+        header = ("channel", "unit", "least", "greatest")
+        return Summary(f"log {self.name}", facts, header, rows, said)
 
     def data(self) -> Data:
         """Return its canonical channels, SI."""
@@ -89,6 +102,11 @@ class Log(Result):
             channel_values(self.flight.channels),
             {"flight": self.flight.id, "vehicle": self.vehicle.name},
         )
+
+
+def _topics(recording: Recording) -> str:
+    count = len(recording.topics)
+    return f"{count} topic{'' if count == 1 else 's'}"
 
 
 def load(

@@ -73,7 +73,7 @@ class Result:
                 "    " + "  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip()
                 for row in table
             ]
-        return "\n".join([*lines, *(f"    - {remark}" for remark in said.remarks)])
+        return "\n".join([*lines, *(f"    - {_line(remark)}" for remark in said.remarks)])
 
     def __str__(self) -> str:
         return self.report()
@@ -84,23 +84,21 @@ class Result:
         parts = [f"<strong>{escape(said.title)}</strong>"]
         if said.facts:
             cells = "".join(
-                f"<tr><th style='text-align:left'>{escape(name)}</th>"
-                f"<td style='text-align:left'>{escape(text)}</td></tr>"
+                f"<tr><th scope='row' style='text-align:left;vertical-align:top'>{escape(name)}"
+                f"</th><td style='text-align:left;overflow-wrap:anywhere'>{escape(text)}</td></tr>"
                 for name, text in said.facts
             )
             parts.append(f"<table>{cells}</table>")
         if said.rows:
-            head = "".join(f"<th style='text-align:left'>{escape(c)}</th>" for c in said.header)
-            body = "".join(
-                "<tr>"
-                + "".join(f"<td style='text-align:left'>{escape(cell)}</td>" for cell in row)
-                + "</tr>"
-                for row in said.rows
-            )
+            right = [_are_numbers(column) for column in zip(*said.rows, strict=True)]
+            head = "".join(map(_head, said.header, right))
+            body = "".join("<tr>" + "".join(map(_cell, row, right)) + "</tr>" for row in said.rows)
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
         if said.remarks:
             parts.append(
-                "<ul>" + "".join(f"<li>{escape(each)}</li>" for each in said.remarks) + "</ul>"
+                "<ul>"
+                + "".join(f"<li>{escape(_line(each))}</li>" for each in said.remarks)
+                + "</ul>"
             )
         return "\n".join(parts)
 
@@ -156,6 +154,29 @@ class Result:
         )
 
 
+def _head(text: str, right: bool) -> str:
+    side = "right" if right else "left"
+    return f"<th scope='col' style='text-align:{side};vertical-align:bottom'>{escape(text)}</th>"
+
+
+def _cell(text: str, right: bool) -> str:
+    """Return a cell; numbers are in one piece and end below one another."""
+    style = "text-align:right;white-space:nowrap" if right else "text-align:left"
+    return f"<td style='{style}'>{escape(text)}</td>"
+
+
+def _line(text: str) -> str:
+    """Return an error of several lines, which a remark quotes, as one."""
+    return "; ".join(text.splitlines())
+
+
+def _are_numbers(column: Sequence[str]) -> bool:
+    try:
+        return [float(text) for text in column if text != "-"] != []
+    except ValueError:
+        return False
+
+
 def channel_values(names: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, Values]:
     """Return canonical channels over time, with units and meanings of `aerodb.nomenclature`."""
     found = {}
@@ -183,6 +204,26 @@ def axis_coordinate(axes: Sequence[str]) -> Values:
 def time_coordinate(time: NDArray[Any]) -> Values:
     """Return the coordinate ``time`` [s], on the log's clock."""
     return Values(("time",), time, "s", channel("time").description)
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit for people; a dash without dimension.
+
+    >>> shown_unit("m/s^2"), shown_unit("1")
+    ('m/s²', '-')
+    """
+    return "-" if unit in ("", "1") else unit.replace("^2", "²").replace("^3", "³")
+
+
+def span(values: NDArray[Any]) -> tuple[str, str]:
+    """Return the least and the greatest of finite values for people; dashes where there are none.
+
+    >>> span(np.array([1.0, np.nan, 2.5]))
+    ('1', '2.5')
+    """
+    finite = values[np.isfinite(values)]
+    ends = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+    return number(ends[0]), number(ends[1])
 
 
 def number(value: float | None, digits: int = 4) -> str:

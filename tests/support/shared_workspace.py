@@ -74,6 +74,12 @@ class SharedWorkspaces:
         takes 20 seconds of processor time; not to be changed."""
         return self._built("phoenix-flights", _fly_phoenix)
 
+    @property
+    def guide(self) -> Path:
+        """The folder with vehicle (``my-glider.toml``), handbook and one PX4 log (``flight-1.ulg``)
+        of the guide "PX4 without vanes"; not to be changed."""
+        return self._built("guide-flight", _fly_guide)
+
     def add_prefect_database(self, root: Path) -> None:
         """Put Prefect's database, migrated and empty, into the folder `root`: Prefect's own
         migrations of a new one take ten seconds of processor time."""
@@ -138,6 +144,16 @@ def _fly_phoenix(place: Path) -> None:
     )  # imports effects and simulation, for which other tests need not wait
 
     write_bank(place)
+
+
+def _fly_guide(place: Path) -> None:
+    from tests.support.guide_flights import write_flights  # imports the simulation, as above
+    from tests.support.vaneless_flights import guide_files
+
+    files = guide_files()
+    for name, text in files.items():
+        (place / name).write_text(text, encoding="utf-8")
+    write_flights(place, files["my-glider.toml"], files["handbook.toml"], 1)
 
 
 def _run_undisturbed(place: Path) -> None:

@@ -1,6 +1,7 @@
 """What people come to a flight's page for, by commands and in Chromium: a hobbyist without vanes, a
 test engineer, and who shares a view, on one workspace."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,20 +13,16 @@ from aerodb.storage.workspace import Workspace
 from tests.support.browser import barriers, visit, watched
 from tests.support.command import asked
 from tests.support.console_workspace import served
-from tests.support.guide_flights import write_flights
-from tests.support.vaneless_flights import guide_files
+from tests.support.shared_workspace import SharedWorkspaces
 
 VEHICLE = "my-glider"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
     """Vehicle, handbook and one PX4 log of the guide "PX4 without vanes"."""
-    place, files = tmp_path_factory.mktemp("hobbyist"), guide_files()
-    for name, text in files.items():
-        (place / name).write_text(text, encoding="utf-8")
-    write_flights(place, files["my-glider.toml"], files["handbook.toml"], 1)
-    return place
+    place = tmp_path_factory.mktemp("hobbyist")
+    return Path(shutil.copytree(shared.guide, place, dirs_exist_ok=True))
 
 
 @pytest.fixture(scope="module")
