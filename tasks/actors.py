@@ -86,7 +86,7 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
         raise NotAllowedError(
             f"{what} requires the role {role}; {user()} {has}",
             str(workspace.root),
-            "ask the owner of the workspace: aerodb user add NAME --role",
+            f"ask the owner of the workspace: aerodb user add {user()} --role {role}",
         )
 
 

@@ -23,6 +23,7 @@ from aerodb.flows.web.console import (
 from aerodb.flows.web.models import CONFLICTS
 from aerodb.flows.web.security import check_csrf
 from aerodb.storage.catalogue import NoteKind, standing_moves
+from aerodb.tasks.actors import require_role
 from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps import dismiss, note_version
@@ -91,6 +92,7 @@ def promotion_page(
 ) -> Response:
     """Show what would move from where to where, and ask for the reason."""
     access = access_of(request)
+    require_role(access.workspace, access.catalogue, "release", "promoting a version")
     row = version_at(access, version, vehicle)
     moved = name or RELEASED
     event = access.catalogue.named(row.vehicle, moved)
@@ -129,6 +131,7 @@ def _promote(request: Request, version: str, fields: dict[str, str]) -> Response
 def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) -> Response:
     """Show where the name would go back to, and ask for the reason."""
     access = access_of(request)
+    require_role(access.workspace, access.catalogue, "release", "rolling back a name")
     owner, moved = vehicle_of(access.catalogue, vehicle), name or RELEASED
     standing = standing_moves(access.catalogue.name_history(owner, moved))
     ids = [event.version for event in standing[-2:]]

@@ -15,8 +15,9 @@ from starlette.responses import Response
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
 from aerodb.report import channel_scale, for_people, page, visible
-from aerodb.storage.catalogue import VersionRow
+from aerodb.storage.catalogue import USER_ROLES, VersionRow
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.actors import acts_as
 from aerodb.tasks.references import version_of
 from aerodb.tasks.view import as_json
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -105,6 +106,7 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     session, is_new = session_of(request)
     context["csrf"] = console_of(request).guard.csrf_token(session)
     context["here"] = request.url.path
+    context["may"] = {role: acts_as(role) for role in USER_ROLES}
     text = _engine().get_template(template).render(title=title, **context)
     response = Response(text.encode("utf-8", "replace"), media_type="text/html; charset=utf-8")
     if is_new:

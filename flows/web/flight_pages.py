@@ -25,7 +25,6 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import answers
 from aerodb.storage.catalogue import RETRACTED, VERDICTS, FlightFilter, FlightRow
-from aerodb.tasks.actors import acts_as
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.view import (
     envelopes_of,
@@ -76,7 +75,6 @@ def flights_page(
         further=address("/flights", **filters, after=page.further) if page.further else "",
         vehicles=[row.name for row in access.catalogue.vehicles()],
         verdicts=[*VERDICTS, RETRACTED],
-        may_add=acts_as("ingest"),
     )
 
 

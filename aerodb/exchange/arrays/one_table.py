@@ -4,8 +4,9 @@ Each row is one item, and its column ``kind`` says what: ``node`` (a node of the
 column per argument, and ``value``), ``term`` and ``variable`` (their expressions), ``increment``
 (estimate and standard error of a regressor), ``covariance`` (of the regressors ``expression`` and
 ``other``), ``envelope`` (``low``, ``high`` and ``cell`` of a variable), ``check input`` and ``check
-output`` (of the case ``name``), and ``manifest`` (everything else, JSON in pieces: axes, signs,
-units and moment reference in words). Increments are numbered from 1 in ``name``.
+output`` (of the case ``name``), and, last, ``manifest`` (everything else, JSON in pieces: axes,
+signs, units and moment reference in words). Increments are numbered from 1 in ``name``; a column
+that no row fills is left out.
 
     rows = pandas.read_csv("my-glider.csv")
     lift = rows[(rows.kind == "node") & (rows.name == "CL")].dropna(axis="columns")
@@ -14,12 +15,13 @@ Texts that a spreadsheet would take for a formula are written after an apostroph
 of `comma_separated`.
 """
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, UnknownNameError
 from aerodb.exchange.arrays.contents import (
     ENVELOPE,
     TERM_TEXTS,
@@ -33,7 +35,7 @@ from aerodb.exchange.arrays.contents import (
     to_contents,
 )
 from aerodb.exchange.arrays.csv_texts import as_numbers, csv_rows, csv_text, from_text, grid_of
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, channel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
 
@@ -60,10 +62,9 @@ def export_csv_table(
     named = dict.fromkeys(name for names in arguments.values() for name in names)
     columns = [*COLUMNS[:7], *named, *COLUMNS[7:]]
     contents.manifest["columns"] = arguments
-    text = contents.manifest_text
+    text = json.dumps(contents.manifest, ensure_ascii=True)  # one line
     pieces = [text[k : k + _PIECE] for k in range(0, len(text), _PIECE)]
-    rows: list[Row] = [{"kind": "manifest", "description": piece} for piece in pieces]
-    rows += [{"kind": "term", **entry} for entry in contents.terms]
+    rows: list[Row] = [{"kind": "term", **entry} for entry in contents.terms]
     rows += [{"kind": "variable", **entry} for entry in contents.variables]
     for name, (axes, values) in contents.tables.items():
         mesh = np.column_stack([x.ravel() for x in np.meshgrid(*axes, indexing="ij")]).tolist()
@@ -74,6 +75,10 @@ def export_csv_table(
         entry = contents.manifest["database"]["increments"][k]
         rows += _increment_rows({"name": str(k + 1), "axis": entry["axis"]}, entry, numbers)
     rows += _case_rows(contents.cases)
+    rows = [_with_unit(row, database) for row in rows]
+    rows += [{"kind": "manifest", "description": piece} for piece in pieces]
+    filled = {name for row in rows for name, value in row.items() if value not in ("", None)}
+    columns = [name for name in columns if name in filled or name in COLUMNS[:3]]
     return csv_text(columns, [[row.get(each) for each in columns] for row in rows]).encode("utf-8")
 
 
@@ -87,7 +92,7 @@ def from_one_table(data: bytes, where: str) -> AeroDatabase:
         header, cells = csv_rows(data.decode("utf-8-sig"), where)
         by_kind: dict[str, list[Row]] = {}
         for each in cells:
-            row = dict(zip(header, map(from_text, each), strict=True))
+            row = {"unit": "", **dict(zip(header, map(from_text, each), strict=True))}
             by_kind.setdefault(row["kind"], []).append(row)
         pieces = [row["description"] for row in by_kind.get("manifest", [])]
         manifest = parse_manifest("".join(pieces), where)
@@ -107,6 +112,17 @@ def from_one_table(data: bytes, where: str) -> AeroDatabase:
             f"the rows do not match the manifest ({error!r})", where, "export the database again"
         ) from error
     return from_contents(contents, _KIND, where)
+
+
+def _with_unit(row: Row, database: AeroDatabase) -> Row:
+    """A row with the unit of its numbers, where they are those of a channel."""
+    name = row.get("expression", "")
+    if row["kind"] not in ("check input", "envelope") or name in database.free_inputs:
+        return row
+    try:
+        return {**row, "unit": channel(name).unit}
+    except UnknownNameError:
+        return row  # of a formula
 
 
 def _argument_columns(database: AeroDatabase) -> dict[str, list[str]]:
