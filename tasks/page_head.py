@@ -1,7 +1,13 @@
 """The head of a report: when its result was made, by whom, with which program and where."""
 
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
 from aerodb.report import Head
 from aerodb.storage.catalogue import ResultRow, VersionRow
+from aerodb.tasks.actors import user
+from aerodb.tasks.provenance import code_version
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
@@ -20,3 +26,8 @@ def head_of_version(access: WorkspaceAccess, version: VersionRow) -> Head:
 def head_of_result(access: WorkspaceAccess, result: ResultRow, author: str = "") -> Head:
     """Head of a page about a stored result."""
     return Head(result.created_utc, author, result.code_version, str(access.workspace.root))
+
+
+def head_of_files(files: Sequence[Path]) -> Head:
+    """Head of a page made now from files, which no workspace keeps."""
+    return Head(datetime.now(UTC), user(), code_version(), "", tuple(map(str, files)))

@@ -31,7 +31,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.errors import InputError, nearest
+from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation import (
     FROM_SUBSPACE,
     MOST_DELAY,
@@ -47,11 +47,13 @@ from aerodb.estimation import (
     with_delays,
     with_start_values,
 )
+from aerodb.identification.entry_units import UNKNOWN, entry_units
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.identification.recorded import time_histories
 from aerodb.identification.state_equations import equation_error_fit
 from aerodb.logs import TIME, find_columns
+from aerodb.nomenclature import channel
 from aerodb.recording import Recording
 from aerodb.support import Array, Strict, parsed_toml, validated
 
@@ -80,11 +82,12 @@ class StateSpaceTable(Strict):
 
 
 class ParameterTable(Strict):
-    """A parameter: start value, unit and what is known of it. A delay is bounded anyway."""
+    """A parameter: start value, unit (else that of its entry in the matrices) and what is known of
+    it. A delay is bounded anyway."""
 
     name: str
     value: float = 0.0
-    unit: str = "1"
+    unit: str = ""
     fixed: bool = False
     lower: float = -np.inf
     upper: float = np.inf
@@ -118,15 +121,17 @@ class StateSpaceFile(Strict):
             for name in names:
                 if name not in known:
                     raise InputError(f"no {what} '{name}'", "state space", nearest(name, known))
-        items = list[Parameter]()
+        items, units = list[Parameter](), _units(table)
         for name in entries:
             given = described.get(name, ParameterTable(name=name))
             if name in delays:
                 given = _believable(given)
+            elif not given.unit:
+                given = given.model_copy(update={"unit": units[name]})
             ends = [f"[{record.name}]" for record in records] if name in table.own else [""]
             items += [_parameter(given, end) for end in ends]
         items += [
-            Parameter(f"initial_{state}[{record.name}]", _first(record, state))
+            Parameter(f"initial_{state}[{record.name}]", _first(record, state), _unit(state))
             for state in table.initial
             for record in records
         ]
@@ -247,6 +252,28 @@ def _names(table: StateSpaceTable) -> tuple[str, ...]:
     for rows in matrices:
         found |= dict.fromkeys(affine_matrix(rows, "state space").slopes)
     return tuple(found)
+
+
+def _units(table: StateSpaceTable) -> dict[str, str]:
+    """Units of the parameters in the matrices."""
+    states, inputs, outputs = table.states, table.inputs, table.outputs
+    return entry_units(
+        (
+            (table.a, states, states, True),
+            (table.b, states, inputs, True),
+            (table.c, outputs, states, False),
+            (table.d or [], outputs, inputs, False),
+            ([[entry] for entry in table.state_bias or []], states, [], True),
+            ([[entry] for entry in table.output_bias or []], outputs, [], False),
+        )
+    )
+
+
+def _unit(name: str) -> str:
+    try:
+        return channel(name).unit
+    except UnknownNameError:
+        return UNKNOWN
 
 
 def _believable(delay: ParameterTable) -> ParameterTable:

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerodb.nomenclature import CHANNELS, channel, is_surface
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.numbers import for_people, number
@@ -25,6 +26,8 @@ from aerodb.report.style import (
 from aerodb.report.terms import correlation_rows, derivative_unit
 from aerodb.support import Array
 
+#: How the parameter of a state's process noise begins.
+_PROCESS_NOISE: Final = "process_noise_"
 #: Most records of a method that are drawn.
 _MOST: Final = 4
 #: Lags of an autocorrelation that are drawn.
@@ -55,7 +58,8 @@ def estimates_report(
     )
     return render(
         "estimates.html",
-        title="Estimates",
+        title=_title(document),
+        several=several,
         document=document,
         head=head,
         verdict=verdict,
@@ -82,9 +86,25 @@ def estimates_report(
     )
 
 
+def _title(document: Mapping[str, Any]) -> str:
+    """What was estimated from what."""
+    records = [each["record"] for each in document.get("records", ())]
+    if records:
+        return f"Estimates of a linear model from {listed(records)}"
+    count = len(document.get("flights", ()))
+    if not count:
+        return "Estimates"
+    return f"Estimates from {count} flight{'' if count == 1 else 's'}"
+
+
 def _unit(parameter: str, unit: str) -> tuple[float, str]:
-    """Factor and label of the display unit of a parameter."""
-    derivative = derivative_unit(parameter)
+    """Factor and label of the display unit of a parameter; the root of the intensity of a state's
+    process noise is per root of a second."""
+    state = parameter.removeprefix(_PROCESS_NOISE)
+    if state != parameter and (state in CHANNELS or is_surface(state)):
+        factor, label = for_people(channel(state).unit)
+        return factor, f"{label}/√s"
+    derivative = derivative_unit(parameter) if unit == "1" else None
     return for_people(unit) if derivative is None else (1.0, derivative)
 
 
@@ -146,6 +166,8 @@ def _figure(outputs: Mapping[str, Response]) -> Figure:
             below.axhline(sign * bound, color="0.5", ls="--", lw=0.8)
         below.set_ylim(-1.05, 1.05)
         below.set_xlabel("lag [s]")
+        if k == 0:
+            below.set_ylabel("autocorrelation")
         for panel in (above, below):
             panel.set_visible(True)
             plain_panel(panel)

@@ -17,6 +17,8 @@ from aerodb.report.style import (
     FLAGGED,
     FLIGHT,
     MEASURED,
+    PAGE_WIDTH,
+    SMALLEST,
     channel_scale,
     panel_grid,
     plain_panel,
@@ -45,10 +47,16 @@ def shown_channels(flight: Flight) -> list[str]:
 
 def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Figure:
     """Draw each channel as measured (grey) and reconstructed (black); unused parts are shaded."""
-    columns = min(3, max(1, len(names)))
+    columns = min(2, max(1, len(names)))
     rows = max(1, -(-len(names) // columns))
     figure, panels = panel_grid(
-        (11, 0.6 + 1.5 * rows), rows, columns, left=0.6, between=(0.65, 0.32), sharex=True
+        (PAGE_WIDTH, 0.6 + 1.07 * rows),
+        rows,
+        columns,
+        left=0.6,
+        right=0.1,
+        between=(0.65, 0.32),
+        sharex=True,
     )
     for panel, name in zip(panels.ravel(), names, strict=False):
         _channel(panel, name, measured, flight)
@@ -70,7 +78,9 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
         )
         unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
         size = f"{np.sqrt(np.nanmean(moved**2)):.2g}{'' if unit == '-' else f' {unit}'}"
-        panel.set_title(f"corrected by {size} rms", loc="right", fontsize=7.5, color="0.35", pad=2)
+        panel.set_title(
+            f"corrected by {size} rms", loc="right", fontsize=SMALLEST, color="0.35", pad=2
+        )
     panel.plot(*decimated(flight.time, factor * flight[name], _NARROW), color=FLIGHT, lw=0.8)
     for start, end in flagged_stretches(flight.time, ~flight.usable([name]), most=60):
         panel.axvspan(start, end + flight.step, color=FLAGGED, lw=0, zorder=0)
@@ -86,7 +96,14 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
     axes = [axis for axis in AXES if axis in comparison.usable]
     rows = max(1, len(axes))
     figure, panels = panel_grid(
-        (11, 0.6 + 1.75 * rows), rows, 3, top=0.4, between=(0.85, 0.5), width_ratios=(1.5, 1.2, 1)
+        (PAGE_WIDTH, 0.6 + 1.43 * rows),
+        rows,
+        3,
+        left=0.8,
+        right=0.1,
+        top=0.4,
+        between=(0.8, 0.5),
+        width_ratios=(1.5, 1.2, 1),
     )
     for (left, middle, right), axis in zip(panels, axes, strict=False):
         _coefficient(left, axis, comparison)
@@ -96,8 +113,8 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
         panel.set_xlabel("time [s]")
     if axes:
         handles, texts = panels[0][0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=2, frameon=False)
-        panels[0][1].set_title("flight - database", fontsize=8, loc="left", color="0.35")
+        figure.legend(handles, texts, loc="upper right", fontsize=SMALLEST, ncols=2, frameon=False)
+        panels[0][1].set_title("flight − database", fontsize=SMALLEST, loc="right", color="0.35")
     return figure
 
 
@@ -134,7 +151,7 @@ def _coefficient(panel: Any, axis: str, comparison: Comparison) -> None:
     )
     plain_panel(panel)
     panel.set_ylabel(f"{axis} [-]")
-    panel.set_title(axis_description(axis), fontsize=8, loc="left", color="0.35")
+    panel.set_title(axis_description(axis), fontsize=SMALLEST, loc="left", color="0.35")
 
 
 def _against(panel: Any, axis: str, comparison: Comparison, flight: Flight) -> None:
@@ -149,7 +166,7 @@ def _against(panel: Any, axis: str, comparison: Comparison, flight: Flight) -> N
     look: dict[str, Any] = {"ls": "", "marker": "o", "mew": 0.0, "rasterized": True}
     panel.plot(at, comparison.predicted[axis][chosen], color=DATABASE, ms=3.4, alpha=0.5, **look)
     panel.plot(at, comparison.measured[axis][chosen], color=FLIGHT, ms=1.3, **look)
-    panel.locator_params(axis="x", nbins=6)
+    panel.locator_params(axis="x", nbins=4)
     panel.set_xlabel(label)
 
 
@@ -161,7 +178,7 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
         )
     )
     start, end = float(flight.time[0]), float(flight.time[-1])
-    figure = Figure(figsize=(11, 0.6 + 0.26 * max(1, len(kinds))), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 0.6 + 0.22 * max(1, len(kinds))), layout="constrained")
     panel = figure.subplots()
     for row, kind in enumerate(kinds):
         spans = [(each.start, each.end - each.start) for each in segments if each.kind == kind]
@@ -186,7 +203,9 @@ def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
     Dashed lines are the edges of the database's tables, where they are near.
     """
     planes = [(x, y) for x, y in PLANES if x in flight and y in flight]
-    figure, panels = panel_grid((11, 3.0), 1, max(1, len(planes)), top=0.12)
+    figure, panels = panel_grid(
+        (PAGE_WIDTH, 2.4), 1, max(1, len(planes)), right=0.1, top=0.12, between=(0.7, 0.4)
+    )
     for panel, (x, y) in zip(panels[0], planes, strict=False):
         _plane(panel, x, y, flight, database)
     if not planes:
@@ -222,7 +241,8 @@ def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | 
             max([high, *(edge + 0.1 * near for edge in edges)]),
         )
     plain_panel(panel)
-    panel.locator_params(nbins=6)
+    panel.locator_params(axis="x", nbins=4)
+    panel.locator_params(axis="y", nbins=5)
     panel.set_xlabel(x_label)
     panel.set_ylabel(y_label)
 

@@ -19,6 +19,7 @@ from aerodb.report.flight_figures import (
     segment_figure,
     shown_channels,
 )
+from aerodb.report.head import Head
 from aerodb.report.numbers import for_people, number
 from aerodb.report.page import render
 from aerodb.report.style import Picture, picture
@@ -33,6 +34,10 @@ _SAYS: Final = {
 }
 #: Number of segments listed; the figure shows all.
 _MOST_SEGMENTS: Final = 60
+#: Number of channels whose time histories fill a page.
+_ON_A_PAGE: Final = 16
+#: Inputs whose range is shown beside a database without inputs.
+_USUAL_INPUTS: Final = ("V", "alpha", "beta", "mach", "altitude")
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class FlightStory:
         why there is none.
     versions : (label, role) of the versions that use the flight.
     suspicions, segments : results of conditioning.
+    head : where the consistency result comes from.
     """
 
     id: str
@@ -67,17 +73,21 @@ class FlightStory:
     versions: Sequence[tuple[str, str]]
     suspicions: Sequence[Suspicion] = ()
     segments: Sequence[Segment] = ()
+    head: Head | None = None
 
 
 def flight_report(story: FlightStory) -> str:
     """Render the report of a flight as one HTML page."""
     flight, names = story.flight, shown_channels(story.flight)
     span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
-    histories = picture(
-        channel_figure(names, story.measured, flight),
-        f"Time histories of {', '.join(names)}, measured and reconstructed.",
-        "Black: reconstructed. Grey: measured, where it differs. Shaded: unused samples.",
-    )
+    histories = [
+        picture(
+            channel_figure(part, story.measured, flight),
+            f"Time histories of {', '.join(part)}, measured and reconstructed.",
+            "Black: reconstructed. Grey: measured, where it differs. Shaded: unused samples.",
+        )
+        for part in (names[k : k + _ON_A_PAGE] for k in range(0, max(1, len(names)), _ON_A_PAGE))
+    ]
     coefficients = None
     if story.comparison is not None:
         coefficients = picture(
@@ -94,14 +104,11 @@ def flight_report(story: FlightStory) -> str:
         " flown.",
         "Usable samples. Dashed: edges of the database's tables, where they are near.",
     )
-    inputs = (
-        story.database.flight_inputs
-        if story.database is not None
-        else ("V", "alpha", "beta", "mach", "altitude")
-    )
+    inputs = (story.database.flight_inputs if story.database else ()) or _USUAL_INPUTS
     return render(
         "flight.html",
         title=f"Flight {story.label}",
+        head=story.head,
         story=story,
         says=verdict_sentence(story.verdict, story.reasons, story.consistency),
         activity=_activity(story),
@@ -122,7 +129,7 @@ def verdict_sentence(
     verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None
 ) -> str:
     """Summarize the verdict: what the flight can be used for, why not for more, its consistency."""
-    why = "; ".join(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
+    why = "; ".join(dict.fromkeys(_short(reason) for reason in reasons))
     sentence = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
     checked = [
@@ -130,12 +137,13 @@ def verdict_sentence(
     ]
     if not checked:
         return sentence
-    beyond = [entry["channel"] for entry in checked if entry["after"] > entry["limit"]]
+    beyond = [entry["channel"] for entry in checked if entry["verdict"] != "good"]
     if beyond:
         return f"{sentence} Outside their limits: {', '.join(beyond)}."
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
     factor, unit = for_people(sensor_error_unit(closest["channel"]))
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
+    gusts = ", gusts included" if closest["after"] > closest["limit"] else ""
     count = (
         f"All {len(checked)} channels with a limit are consistent"
         if len(checked) > 1
@@ -143,8 +151,15 @@ def verdict_sentence(
     )
     return (
         f"{sentence} {count} with the reconstructed motion; {closest['channel']} is closest to its"
-        f" limit ({after} of {limit} {unit})."
+        f" limit ({after} of {limit} {unit}{gusts})."
     )
+
+
+def _short(reason: str) -> str:
+    """The part of a reason before its colon, as a clause of the verdict."""
+    start = reason.partition(":")[0]
+    version = start.removeprefix("beside version ")
+    return start if version == start else f"it contradicts version {version}"
 
 
 def _activity(story: FlightStory) -> Picture | None:

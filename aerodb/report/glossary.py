@@ -123,7 +123,7 @@ def in_words(sentence: str) -> str:
     named = _HYPOTHESIS.sub(
         lambda found: the(_phrase(*found.group("effect", "axes", "subject"))), sentence
     )
-    return re.sub(r"(?<=rad)\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
+    return re.sub(r"(?:(?<=rad)|(?<=/s))\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
 
 
 def advice_words(sentence: str) -> str:

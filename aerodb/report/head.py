@@ -7,9 +7,10 @@ from datetime import datetime
 @dataclass(frozen=True)
 class Head:
     """When a result was made, by whom, with which version of the program, and in which workspace
-    (its folder). Empty text: not recorded."""
+    (its folder) or from which files. Empty text: not recorded."""
 
     made: datetime
     author: str
     program: str
     workspace: str
+    files: tuple[str, ...] = ()

@@ -45,6 +45,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "channel_words": channel_words,
         "hypothesis_words": hypothesis_words,
         "capital": capital,
+        "full_stop": full_stop,
         "excluded_sizes": excluded_sizes,
         "term_unit": term_unit,
         "term_name": term_name,
@@ -105,6 +106,15 @@ def words(text: str) -> str:
 def capital(text: str) -> str:
     """A sentence with a capital first letter."""
     return text[:1].upper() + text[1:]
+
+
+def full_stop(text: str) -> str:
+    """A sentence with its full stop.
+
+    >>> full_stop("so"), full_stop("so.")
+    ('so.', 'so.')
+    """
+    return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def instant(when: datetime | None) -> str:

@@ -59,6 +59,7 @@ def estimate_records(
     }
     if page:
         from aerodb.report import estimates_report  # loads the drawing
+        from aerodb.tasks.page_head import head_of_files
 
         responses = {
             name: {
@@ -75,7 +76,7 @@ def estimate_records(
             for name, each in fits.items()
             if each
         }
-        document["page"] = estimates_report(document, responses)
+        document["page"] = estimates_report(document, responses, head_of_files(files))
     return document
 
 

@@ -16,6 +16,7 @@ from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
 from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase, hat_rate
+from aerodb.tasks.actors import user
 from aerodb.tasks.page_head import head_of_result, head_of_version
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
@@ -49,10 +50,11 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             why = f"There are none: {error}."
     versions = access.catalogue.versions_by_id([version] if version else [])
     conditioning, _ = load_conditioning(access, row, measured, key, run)
+    result = access.catalogue.result(consistent.key)
     return flight_report(
         FlightStory(
             id=row.id,
-            label=_label(access, row.id),
+            label=access.catalogue.flight_labels([row.id])[row.id],
             vehicle=row.vehicle,
             log=_log_name(access, row.log_sha256),
             start_utc=row.start_utc,
@@ -69,6 +71,7 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             versions=[(use.version.label, use.role) for use in access.catalogue.impact(row.id)],
             suspicions=conditioning.suspicions,
             segments=conditioning.segments,
+            head=head_of_result(access, result, user()) if result else None,
         )
     )
 
@@ -86,10 +89,7 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
     rows = access.catalogue.versions_by_id(ids)
     roles = document["flights"]
     excluded = [entry["flight"] for entry in roles["excluded"]]
-    labels = {
-        flight: _label(access, flight)
-        for flight in (*roles["identified"], *roles["held_out"], *excluded)
-    }
+    labels = access.catalogue.flight_labels((*roles["identified"], *roles["held_out"], *excluded))
     candidate = rows[document["candidate"]].label if document["candidate"] else None
     baseline = rows[document["baseline"]].label
     databases = (
@@ -167,6 +167,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
     report = catalogue.version_documents(row.id).report
     roles = catalogue.version_flights(row.id)
     flights = catalogue.flights_by_id(use.flight for use in roles)
+    labels = catalogue.flight_labels(flights)
     database = access.database(row.id)
     parent = (
         (catalogue.version_of_id(row.parent).label, access.database(row.parent))
@@ -190,7 +191,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             ],
             flights=[
                 UsedFlight(
-                    _label(access, use.flight),
+                    labels[use.flight],
                     use.role,
                     flights[use.flight].log_sha256,
                     flights[use.flight].retract_reason,
@@ -276,9 +277,3 @@ def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
 def _log_name(access: WorkspaceAccess, sha256: str) -> str:
     log = access.catalogue.log(sha256)
     return log.name if log else sha256[:12]
-
-
-def _label(access: WorkspaceAccess, flight: str) -> str:
-    """Return the flight's name, or that of its log."""
-    row = access.catalogue.flight(flight)
-    return row.name or _log_name(access, row.log_sha256)

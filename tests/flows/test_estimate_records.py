@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import html
 from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
+from aerodb.tasks.actors import user
+from aerodb.tasks.provenance import code_version
 from tests.support.command import aerodb, asked
 
 ROLL = """
@@ -127,7 +130,17 @@ def test_a_dutch_roll_whose_sideslip_is_not_measured_from_records_of_two_rates(t
     assert abs(found["initial_beta[run0]"]["value"] - 0.01) < 0.003
     assert any("subspace" in note for note in document["methods"][0]["notes"])
     assert any("dr is column delta_r, taken in rad" in note for note in document["notes"])
-    assert path.read_text().count("<figure>") == 2
+    page = path.read_text()
+    assert page.count("<figure>") == 2
+    assert found["Nbeta"]["unit"] == "1/s^2"
+    assert found["CY"]["unit"] == "m/s^2/rad"
+    assert found["initial_beta[run0]"]["unit"] == "rad"
+    tree = html.document_fromstring(page)
+    facts = {dt.text: dt.getnext().text_content() for dt in tree.xpath("//dl[1]/dt")}
+    assert facts["Author"] == user()
+    assert facts["Program"] == f"aerodb {code_version()}"
+    assert facts["Files"] == ", ".join(str(tmp_path / f"run{number}.csv") for number in (0, 1))
+    assert "taken in rad" in tree.text_content()
 
 
 def test_numbered_columns_in_milliseconds_with_a_gap_and_rounded_stamps(tmp_path) -> None:

@@ -121,6 +121,9 @@ def test_the_page_of_a_flight(made: tuple[Path, dict[str, Any]]) -> None:
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
     assert lead.strip().startswith(shown["verdict"]), "the verdict first"
     assert "v0002 (identified)" in words_of(tree)
+    facts = {dt.text: dt.getnext().text_content() for dt in tree.xpath("//dl[1]/dt")}
+    assert (facts["Author"], facts["Workspace"]) == (user(), str(workspace))
+    assert facts["Program"] == f"aerodb {code_version()}"
     baseline = compare_with_version(
         flight, workspace=str(workspace), run="", version=update["baseline"]
     )

@@ -171,7 +171,7 @@ def test_pages_of_estimates_and_responses_begin_like_the_others() -> None:
             "/w",
         ]
     cells = checked(estimates_report(document, {}, head)).xpath("//tbody/tr[1]/td")
-    assert [cell.text_content() for cell in cells][1:4] == ["5.73", "0.57", "deg"]
+    assert [cell.text_content() for cell in cells][1:4] == ["5.730", "0.57", "deg"]
 
 
 def test_type_is_eight_points_or_larger_on_a4(page: str) -> None:

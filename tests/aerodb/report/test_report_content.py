@@ -171,6 +171,7 @@ def test_the_verdict_in_one_sentence() -> None:
         {"channel": "V", "after": 0.1, "limit": 1.0},
         {"channel": "velocity_down", "after": 9.0, "limit": float("nan")},
     ]
+    channels = [{**channel, "verdict": "good"} for channel in channels]
     said = verdict_sentence("good", [], {"channels": channels})
     assert (
         said
@@ -185,7 +186,7 @@ def test_the_verdict_in_one_sentence() -> None:
         "The flight can be used with limitations: the air moved. The one channel with a limit is"
         " consistent"
     )
-    beyond = [{**channels[0], "after": np.deg2rad(0.6)}, channels[1]]
+    beyond = [{**channels[0], "after": np.deg2rad(0.6), "verdict": "limited"}, channels[1]]
     assert (
         verdict_sentence("rejected", ["qbar fails"], {"channels": beyond})
         == "The flight is stored but not used for identification: qbar fails. Outside their"
@@ -195,6 +196,15 @@ def test_the_verdict_in_one_sentence() -> None:
         verdict_sentence("unchecked", [], None)
         == "The kinematic consistency of the flight has not been checked."
     )
+    contradicts = verdict_sentence("limited", ["beside version v0001: lift is 0"], None)
+    assert contradicts.endswith("with limitations: it contradicts version v0001.")
+
+
+def test_a_channel_whose_gusts_were_left_out_is_not_outside_its_limit() -> None:
+    gusts = {"channel": "beta", "after": np.deg2rad(0.51), "limit": np.deg2rad(0.5)}
+    said = verdict_sentence("good", [], {"channels": [{**gusts, "verdict": "good"}]})
+    assert "is consistent" in said
+    assert "beta is closest to its limit (0.51 of 0.5 deg, gusts included)" in said
 
 
 def test_only_what_is_proved_is_told_as_a_fact() -> None:
