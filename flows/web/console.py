@@ -17,7 +17,7 @@ from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, sessio
 from aerodb.report import channel_scale, for_people, page, visible
 from aerodb.storage.catalogue import USER_ROLES, VersionRow
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.actors import acts_as
+from aerodb.tasks.actors import acts_as, user
 from aerodb.tasks.references import version_of
 from aerodb.tasks.view import as_json
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -104,7 +104,7 @@ def document(content: Any, further: str = "", status: int = 200) -> Response:
 def page_of(request: Request, template: str, title: str, **context: Any) -> Response:
     """Return a page from a template, with a session whose token changes can carry."""
     session, is_new = session_of(request)
-    context["csrf"] = console_of(request).guard.csrf_token(session)
+    context["csrf"] = console_of(request).guard.csrf_token(session, user())
     context["here"] = request.url.path
     context["may"] = {role: acts_as(role) for role in USER_ROLES}
     text = _engine().get_template(template).render(title=title, **context)

@@ -9,6 +9,7 @@ from aerodb.flows.web.console import access_of, console_of, document, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
 from aerodb.flows.web.security import keep_session, session_of
 from aerodb.storage.catalogue import FlightFilter
+from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.view import findings_page, flights_document
 from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -54,7 +55,7 @@ def vehicles(request: Request) -> Response:
 def session(request: Request) -> Response:
     """The token of this session; its cookie comes with the answer."""
     known, _ = session_of(request)
-    answer = document({"csrf": console_of(request).guard.csrf_token(known)})
+    answer = document({"csrf": console_of(request).guard.csrf_token(known, user())})
     keep_session(answer, known)
     return answer
 

@@ -106,9 +106,10 @@ class Guard:
             presented.encode("utf-8", "replace"), self.token.encode()
         )
 
-    def csrf_token(self, session: str) -> str:
-        """Return the token of changes for a session."""
-        return hmac.new(self.key, session.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
+    def csrf_token(self, session: str, name: str) -> str:
+        """Return the token of changes for a session of the user `name`: no other user's fits."""
+        signed = f"{session}\0{name}".encode("utf-8", "replace")
+        return hmac.new(self.key, signed, hashlib.sha256).hexdigest()
 
 
 def guard_of(
@@ -148,7 +149,7 @@ def presented_token(header: str) -> str | None:
     """Return the token in an Authorization header: as bearer, or as anyone's password; None if
     there is none."""
     scheme, _, rest = header.partition(" ")
-    given = rest.strip()
+    given = rest.strip(" \t")
     if scheme.lower() == "bearer":
         return given or None
     if scheme.lower() != "basic":
@@ -325,7 +326,13 @@ class Secured:
             return PlainTextResponse(
                 "aerodb: unknown host name for this console; see aerodb web --known-as\n", 421
             )
-        visitor = await self._visitor(headers.get("authorization", ""), address)
+        if "transfer-encoding" in headers and "content-length" in headers:
+            # A proxy may take the one and this server the other (RFC 9112, 6.3).
+            return PlainTextResponse(
+                "aerodb: the request states its length twice\n", 400, {"connection": "close"}
+            )
+        tokens = headers.getlist("authorization")
+        visitor = await self._visitor(tokens[0] if len(tokens) == 1 else "", address)
         if not isinstance(visitor, Actor):
             return visitor
         if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(
@@ -434,7 +441,7 @@ def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:
     session, is_new = session_of(request)
     given = presented if isinstance(presented, str) else ""
     if is_new or not hmac.compare_digest(
-        given.encode("utf-8", "replace"), guard.csrf_token(session).encode()
+        given.encode("utf-8", "replace"), guard.csrf_token(session, user()).encode()
     ):
         raise ForbiddenError(
             "the form does not belong to this session",

@@ -88,7 +88,7 @@ def receiving(
     folder.mkdir(exist_ok=True)
     suffix = Path(name).suffix.lower()
     kept = suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""
-    path = folder / f".upload-{secrets.token_hex(8)}.part{kept}"
+    path = folder / f".upload-{secrets.token_hex(8)}{kept}"  # sweeps leave it: a leading dot
     try:
         with translated_disk_errors(path), path.open("xb") as file:
             yield Upload(path, file, name, limits)

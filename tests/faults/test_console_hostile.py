@@ -220,6 +220,22 @@ def test_a_body_that_is_too_large_is_refused_as_such(workspace: Path, sending: s
         seconds_of(address)
 
 
+def test_a_request_that_states_its_length_twice_smuggles_no_other(workspace: Path) -> None:
+    """A proxy may believe the length, and take the second request for the body of the first."""
+    head = f"Host: 127.0.0.1\r\nAuthorization: Bearer {TOKEN}\r\n"
+    smuggled = f"GET /api/vehicles HTTP/1.1\r\n{head}\r\n"
+    body = f"0\r\n\r\n{smuggled}"
+    lengths = f"Content-Length: {len(body)}\r\nTransfer-Encoding: chunked\r\n"
+    with running(workspace) as (_, address), socket.create_connection(place_of(address)) as opened:
+        opened.sendall(f"POST /api/rollback HTTP/1.1\r\n{head}{lengths}\r\n{body}".encode())
+        opened.settimeout(60)
+        said = b""
+        while part := opened.recv(65536):
+            said += part
+    assert said.startswith(b"HTTP/1.1 400 ")
+    assert said.count(b"HTTP/1.1 ") == 1
+
+
 @pytest.mark.parametrize(
     ("seconds", "clients", "slow"), [(4.0, 20, 50), pytest.param(60.0, 100, 1100, marks=CAMPAIGN)]
 )

@@ -343,5 +343,38 @@ def test_attempts_are_forgotten_in_the_order_of_their_age() -> None:
 def test_tokens_of_two_processes_differ() -> None:
     one, other = guard_of("127.0.0.1", 1, (), {}), guard_of("127.0.0.1", 1, (), {})
     assert isinstance(one, Guard)
-    assert one.csrf_token("s") != other.csrf_token("s")
-    assert one.csrf_token("s") != one.csrf_token("t")
+    assert one.csrf_token("s", "anna") != other.csrf_token("s", "anna")
+    assert one.csrf_token("s", "anna") != one.csrf_token("t", "anna")
+
+
+def test_the_session_of_one_user_is_of_no_use_to_another(
+    shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    """A cookie can be planted from another port or a parent domain, with the token that fits it."""
+    made = made_workspace(shared, tmp_path / "workspace")
+    tokens: dict[UserRole, str] = {role: new_token() for role in get_args(UserRole)}
+    with Catalogue.open(made.workspace.catalogue) as catalogue:
+        for role, token in tokens.items():
+            catalogue.add_user(f"{role}er", role, hash_of_token(token), by="test")
+    before = moves(made)
+    with client_of(made.workspace, token=tokens["read"]) as reader:
+        csrf, cookie = csrf_of(reader), reader.cookies[COOKIE]
+    with client_of(made.workspace, token=tokens["release"]) as releaser:
+        releaser.cookies.set(COOKIE, cookie)
+        answer = releaser.post(
+            f"/api/versions/{made.candidate}/promote",
+            json={"name": "planted", "reason": "a planted cookie"},
+            headers={"x-csrf-token": csrf},
+        )
+        assert answer.status_code == 403
+        assert "does not belong to this session" in answer.text
+    assert moves(made) == before
+
+
+def test_two_tokens_are_none(prepared: Made) -> None:
+    """A proxy and the console would not take the same one."""
+    right, wrong = ("authorization", f"Bearer {TOKEN}"), ("authorization", "Bearer wrong")
+    with client_of(prepared.workspace, token=None) as client:
+        assert client.get("/api/vehicles", headers=[right]).status_code == 200
+        for both in ([right, wrong], [wrong, right], [right, right]):
+            assert client.get("/api/vehicles", headers=both).status_code == 401

@@ -65,6 +65,16 @@ def test_what_is_no_log_is_quarantined_with_the_reason(
     assert inbox_of(workspace) == []
 
 
+@pytest.mark.parametrize("name", ["passwd", "/etc/passwd", "", "Fl\u00fcge"])
+def test_a_name_without_a_suffix_is_that_of_a_whole_log(
+    client: TestClient, workspace: Workspace, name: str
+) -> None:
+    """It waited in the inbox for ever, under a name that marked it as unfinished."""
+    ended = client.post(ADDRESS, params={"name": name}, content=b"no log\n").json()
+    assert ended["kind"] == "quarantined", ended
+    assert inbox_of(workspace) == []
+
+
 @pytest.mark.parametrize(
     ("address", "content", "status", "words"),
     [
