@@ -7,6 +7,7 @@ from typing import Any
 from aerodb.conditioning import Conditioning, Suspicion, examine
 from aerodb.crosschecks.air import air_suspicions
 from aerodb.crosschecks.controls import UNMOVED, control_suspicions
+from aerodb.crosschecks.drag import drag_suspicions
 from aerodb.crosschecks.lift import lift_suspicions
 from aerodb.crosschecks.masses import mass_suspicions
 from aerodb.crosschecks.surfaces import size_suspicions
@@ -21,7 +22,7 @@ _MOTION = frozenset(
 #: What flight-path reconstruction cannot judge: it uses neither forces nor moments.
 _OUT_OF_REACH = frozenset(
     ("rho", "temperature", "static_pressure", "qbar", "area", "mass", "Ixx", "Iyy", "Izz", "Ixz")
-) | frozenset(("cg_x", "cg_y", "cg_z"))
+) | frozenset(("cg_x", "cg_y", "cg_z", "thrust"))
 
 
 def against_vehicle(
@@ -38,11 +39,12 @@ def against_vehicle(
     moving = _MOTION.isdisjoint(suspected)
     if moving and not listed:
         listed += lift_suspicions(flight, vehicle)
+    pushed = drag_suspicions(flight, vehicle) if moving and not listed else ()
     if moving and not listed:
         listed += control_suspicions(flight, vehicle)
     else:
         listed += size_suspicions(flight, vehicle)
-    return tuple(each for each in listed if each.channel not in suspected)
+    return tuple(each for each in (*listed, *pushed) if each.channel not in suspected)
 
 
 def limits_flight(suspicion: Suspicion) -> bool:

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from aerodb.crosschecks import against_vehicle, air_suspicions, limits_flight
 from aerodb.crosschecks.controls import control_suspicions
+from aerodb.crosschecks.drag import drag_suspicions
 from aerodb.crosschecks.lift import helmbold, lift_suspicions
 from aerodb.crosschecks.masses import mass_suspicions
 from aerodb.crosschecks.surfaces import size_suspicions
@@ -346,6 +347,49 @@ def test_weight_and_slope_of_the_lift(flight: Flight) -> None:
     assert "another aircraft's" in lift_suspicions(flight, small)[0].sentence
 
 
+@pytest.mark.parametrize("engines", [False, True])
+def test_an_air_that_pushes(flight: Flight, engines: bool) -> None:
+    """In level flight at constant speed thrust is drag: reversed, it leaves the drag reversed."""
+    alpha = np.deg2rad(3.0)
+    forward, down = 9.80665 * np.sin(alpha), -9.80665 * np.cos(alpha)
+    level = changed(
+        flight,
+        alpha=np.full_like(flight.time, alpha),
+        ax=np.full_like(flight.time, forward),
+        az=np.full_like(flight.time, down),
+    )
+    drag = 0.9  # [N/kg]; the thrust along the x axis carries a little of the weight
+    total = np.full_like(flight.time, MASS * drag / np.cos(alpha))
+    lines: dict[str, Any] = {"left": {}, "right": {}} if engines else {}
+    driven = wrong(thrust={"source": "channel", "engines": lines})
+    shares = (
+        {"thrust_left": total / 3.0, "thrust_right": total / 1.5} if engines else {"thrust": total}
+    )
+    assert drag_suspicions(changed(level, **shares), driven) == ()
+    reversed_ = changed(level, **{name: -values for name, values in shares.items()})
+    (found,) = drag_suspicions(reversed_, driven)
+    assert found.evidence["drag"] == pytest.approx(-drag, rel=1e-6)
+    assert limits_flight(found)
+    backwards = {"direction": (-1.0, 0.0, 0.0)}
+    lines = dict.fromkeys(lines, backwards)
+    assert drag_suspicions(
+        changed(level, **shares),
+        wrong(thrust={"source": "channel", "engines": lines, **({} if engines else backwards)}),
+    )
+
+
+def test_thrust_that_is_not_logged_or_says_nothing(flight: Flight) -> None:
+    none = np.full_like(flight.time, np.nan)
+    driven = wrong(thrust={"source": "channel"})
+    assert drag_suspicions(flight, driven) == ()  # not logged
+    assert drag_suspicions(changed(flight, thrust=none), driven) == ()
+    idle = changed(flight, thrust=np.zeros_like(flight.time))
+    assert drag_suspicions(idle, driven) == ()
+    push = changed(flight, thrust=np.full_like(flight.time, -5e3))
+    assert drag_suspicions(push, vehicle()) == ()  # a glider's file
+    assert drag_suspicions(push, driven)
+
+
 def test_logged_masses_of_another_aircraft(flight: Flight) -> None:
     made = changed(flight, mass=np.full_like(flight.time, 4600.0))
     assert "in the log" in mass_suspicions(made, vehicle())[0].sentence
@@ -376,6 +420,11 @@ def test_channels_full_of_rubbish_end_no_check(flight: Flight, value: float) -> 
             with np.errstate(all="ignore"):
                 found = against_vehicle(changed(flight, **{name: values}), vehicle())
             assert all(s.sentence for s in found)
+    driven = wrong(thrust={"source": "channel"})
+    for name in ("thrust", "ax", "az", "alpha"):
+        full = {"thrust": np.ones_like(flight.time), name: np.full_like(flight.time, value)}
+        with np.errstate(all="ignore"):
+            assert all(s.sentence for s in drag_suspicions(changed(flight, **full), driven))
     for name in ("mass", "Ixx", "Iyy", "Izz", "Ixz"):
         with np.errstate(all="ignore"):
             against_vehicle(changed(flight, **{name: np.full_like(flight.time, value)}), vehicle())
