@@ -252,6 +252,9 @@ def _slice(
             "-", "−"
         )
     )
+    unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
+    if unit != "-":
+        change = f"{change} {unit}"
     panel.set_title(
         f"largest change: {change}", loc="right", fontsize=SMALLEST, color="0.35", pad=2
     )

@@ -113,7 +113,7 @@ def _time_history(
         if first:
             room = int(_LETTERS * (old.time[-1] - old.time[0]) / whole)
             panel.annotate(
-                in_figure(labels.get(flight, flight[:12]), room) if room >= _FEWEST_LETTERS else "",
+                _fitting(labels.get(flight, flight[:12]), room),
                 (start, 1.0),
                 xycoords=("data", "axes fraction"),
                 fontsize=SMALLEST,
@@ -125,6 +125,13 @@ def _time_history(
     panel.set_ylabel(f"{axis} [-]")
 
 
+def _fitting(label: str, room: int) -> str:
+    """A flight's name in `room` letters: without its date, and cut, where it does not fit."""
+    if room < _FEWEST_LETTERS:
+        return ""
+    return in_figure(label if len(label) <= room else label.partition(" (")[0], room)
+
+
 def _residuals(
     panel: Axes,
     axis: str,
@@ -133,15 +140,14 @@ def _residuals(
     errors: bool,
 ) -> None:
     sides = [
-        (pooled_residual(axis, side), colour, name)
-        for side, colour, name in ((before, DATABASE, "before"), (after, UPDATED, "after"))
+        (pooled_residual(axis, side), colour)
+        for side, colour in ((before, DATABASE), (after, UPDATED))
         if any(axis in comparison.usable for comparison in side.values())
     ]
     if not sides or not len(sides[0][0]):
         return
-    edges = np.histogram_bin_edges(np.concatenate([values for values, _, _ in sides]), bins=80)
-    for values, colour, name in sides:
-        label = f"{name}: {number(rms(values), 2)} rms" if errors else name
+    edges = np.histogram_bin_edges(np.concatenate([values for values, _ in sides]), bins=80)
+    for values, colour in sides:
         panel.hist(
             values,
             bins=edges.tolist(),
@@ -149,10 +155,11 @@ def _residuals(
             color=colour,
             alpha=0.6,
             lw=0,
-            label=label,
+            label=f"{number(rms(values), 2)} rms" if errors else None,
         )
     plain_panel(panel)
     panel.set_yticks([])
     panel.locator_params(axis="x", nbins=4)
     panel.set_ylim(0.0, 1.4 * panel.get_ylim()[1])  # room for the legend
-    panel.legend(fontsize=SMALLEST, frameon=False, loc="upper left", borderaxespad=0.0)
+    if errors:
+        panel.legend(fontsize=SMALLEST, frameon=False, loc="upper left", borderaxespad=0.0)

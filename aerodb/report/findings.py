@@ -28,6 +28,8 @@ MEANS: Final[Mapping[str, str]] = {
 _FLIGHT: Final = re.compile(r"\b([0-9a-f]{12}(?:@[\d.]+-[\d.]*\d)?)(?: s\b)?")
 #: Fewest votes of which a forest plot is drawn.
 _WITH_VOTES: Final = 2
+#: An estimate this share of its interval away from the mean of the flights is not that mean.
+_SAME: Final = 0.05
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
 
@@ -96,5 +98,6 @@ def _mean_test(finding: Mapping[str, Any], factor: float) -> dict[str, Any] | No
         "value": factor * test["mean"],
         "ci95": [factor * low, factor * high],
         "p": test["p"],
+        "joint": abs(finding["value"] - test["mean"]) > _SAME * (last - first),
         "wider": f"what {why} anywhere in the envelope" if wider else "",
     }

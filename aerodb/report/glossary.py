@@ -10,6 +10,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from aerodb.report.numbers import for_people, power_of_ten
+
 #: Effect -> its name; {axis} and {subject} are those of the hypothesis.
 EFFECTS: Final[Mapping[str, str]] = {
     "zero_offset": "constant part of {axis}",
@@ -41,6 +43,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "mach_effect": "change of the slope of {axis} with Mach number",
     "dynamic_pressure_effect": "change of the slope of {axis} with dynamic pressure",
     "stall_hysteresis": "hysteresis of {axis} in the stall",
+    "stall_loop": "closed loop of {axis} in the stall",
     "unnamed": "error of {axis} that no effect of the library fits",
     "qbar_scale": "scale of dynamic pressure",
     "qbar_offset": "constant error of dynamic pressure",
@@ -90,9 +93,16 @@ _HYPOTHESIS: Final = re.compile(
 )
 #: A channel in a sentence; not the key of a setting, nor a part of a parameter's name.
 _CHANNEL: Final = re.compile(
-    r"(?<![\w.])(?:delta_\w+|(?:p|q|r|alphadot)_hat|alpha|beta|qbar|mach|height_above_ground)"
+    r"(?<![\w.])(?:delta_\w+|(?:p|q|r|alphadot)_hat|alpha|beta|qbar|mach|height_above_ground|flow_attachment)"
     r"(?![\w=.])"
 )
+#: A size that is not believable: value, unit, and the believable range in the same unit.
+_NEEDED: Final = re.compile(
+    r"would need (?P<value>-?[\d.e+-]+) (?P<unit>rad\S*?)(?P<by>, believable[^\d-]* is)"
+    r" (?P<low>-?[\d.e+-]+) to (?P<high>-?[\d.e+-]+)"
+)
+_MINUS: Final = re.compile(r"(?<![\w.)\]-])-(?=[\d.])")
+_POWER: Final = re.compile(r"(?<=\d)e([+-]?\d+)\b")
 #: Effects whose subject is an angle [rad].
 _ANGLES: Final = frozenset({"alpha_slope_break"})
 
@@ -123,7 +133,24 @@ def in_words(sentence: str) -> str:
     named = _HYPOTHESIS.sub(
         lambda found: the(_phrase(*found.group("effect", "axes", "subject"))), sentence
     )
+    named = _NEEDED.sub(_in_display_units, named)
     return re.sub(r"(?:(?<=rad)|(?<=/s))\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
+
+
+def with_true_signs(sentence: str) -> str:
+    """Numbers of a sentence as tables write them: true minus signs, raised powers of ten.
+
+    >>> with_true_signs("needs -3.18 (p = 5e-08) at 0.1-2 Hz")
+    'needs −3.18 (p = 5×10⁻⁸) at 0.1-2 Hz'
+    """
+    raised = _POWER.sub(lambda found: power_of_ten(int(found[1])), sentence)
+    return _MINUS.sub("−", raised)
+
+
+def _in_display_units(found: re.Match[str]) -> str:
+    factor, unit = for_people(found["unit"])
+    value, low, high = (f"{factor * float(found[end]):.3g}" for end in ("value", "low", "high"))
+    return f"would need {value} {unit}{found['by']} {low} to {high}"
 
 
 def advice_words(sentence: str) -> str:
@@ -162,6 +189,8 @@ def _phrase(effect: str, axes: str, subject: str | None) -> str:
     where = "all axes" if axes == "all" else listed(axes.split("+"))
     if effect == "surface_asymmetry" and axes == "all":
         effect = "surface_lost"
+    if effect == "stall_hysteresis" and subject == "loop":
+        effect = "stall_loop"
     if effect not in EFFECTS:
         of = f" of {channel_words(subject)}" if subject else ""
         return f"{effect.replace('_', ' ')}{of} on {where}"

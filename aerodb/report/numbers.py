@@ -20,7 +20,16 @@ def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
     if 10 ** (digits - 1) <= size < 1e6:
         return f"{value:.0f}".replace("-", "−")
     shown, _, power = f"{value:{'#' if zeros else ''}.{digits}g}".replace("-", "−").partition("e")
-    return f"{shown}×10{str(int(power.replace('−', '-'))).translate(_RAISED)}" if power else shown
+    return f"{shown}{power_of_ten(int(power.replace('−', '-')))}" if power else shown
+
+
+def power_of_ten(power: int) -> str:
+    """A power of ten with raised digits.
+
+    >>> power_of_ten(-8)
+    '×10⁻⁸'
+    """
+    return f"×10{str(power).translate(_RAISED)}"
 
 
 def for_people(unit: str) -> tuple[float, str]:

@@ -14,7 +14,13 @@ import jinja2
 from markupsafe import Markup
 
 from aerodb.errors import InputError
-from aerodb.report.glossary import advice_words, channel_words, hypothesis_words, in_words
+from aerodb.report.glossary import (
+    advice_words,
+    channel_words,
+    hypothesis_words,
+    in_words,
+    with_true_signs,
+)
 from aerodb.report.head import Head
 from aerodb.report.headlines import excluded_sizes
 from aerodb.report.numbers import number
@@ -41,6 +47,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "visible": visible,
         "sentence": sentence,
         "in_words": in_words,
+        "with_true_signs": with_true_signs,
         "advice_words": advice_words,
         "channel_words": channel_words,
         "hypothesis_words": hypothesis_words,

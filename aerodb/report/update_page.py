@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from aerodb.coefficients import Comparison
+from aerodb.increments import NEAR_FLOOR
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.diff_figures import diff_figures
 from aerodb.report.document import excursion_text
@@ -42,7 +43,7 @@ _Entry = TypeVar("_Entry")
 _WARNS, _IN_TABLE = "The gate will refuse", " leaves the flown envelope on "
 _DOTS: Final = {
     True: " Dots: single flights, before above the line, after below.",
-    False: " Dots: single flights, before.",
+    False: " Dots: single flights, with the database.",
 }
 _IN_SAMPLE: Final = (
     "; after: of the flights that the version was identified from, which is optimistic"
@@ -151,7 +152,7 @@ def _errors(story: UpdateStory) -> dict[str, Any]:
             f"Error {on_which(document)}. Circle: {story.baseline}; "
             f"{f'square: {story.candidate}; ' if story.candidate else ''}"
             "bar: noise floor of the sensors, which no database can beat."
-            f"{_DOTS[held_out] if single else ''}",
+            f"{_DOTS[held_out and story.candidate is not None] if single else ''}",
         ),
     }
 
@@ -300,7 +301,7 @@ def _flown(story: UpdateStory) -> dict[str, Array]:
 
 
 def _axes(story: UpdateStory) -> list[str]:
-    """Axes to draw: with increments, else with findings, else farthest above noise floor.
+    """Axes to draw: with increments, else with findings, and those farthest above noise floor.
 
     Axes without usable samples in these flights are left out.
     """
@@ -323,5 +324,7 @@ def _axes(story: UpdateStory) -> list[str]:
         if row["axis"] in AXES and row["axis"] in shown and row["times_floor"]
     ]
     far = {row["axis"] for row in sorted(rows, key=lambda row: -row["times_floor"])[:_FARTHEST]}
+    above = {row["axis"] for row in rows if row["times_floor"] > NEAR_FLOOR} & far
     chosen = next((axes & shown for axes in (touched, added, far) if axes & shown), set())
+    chosen |= above & shown
     return [axis for axis in (*AXES, *WIND_AXES) if axis in chosen]

@@ -306,6 +306,6 @@ def say_responses(session: Session, label: str, document: dict[str, Any]) -> Non
         session.say(f"and {len(document['failed']) - 10} more: --json")
     for entry in document["not_flown"]:
         session.say(
-            f"not flown: flight {entry['flight'][:12]}, {entry['since']:.1f} to"
+            f"not flown: {entry['name']}, {entry['since']:.1f} to"
             f" {entry['until']:.1f} s: {entry['reason']}"
         )

@@ -1,7 +1,8 @@
 """The acid test of a version: its responses on held-out flights, summed up and drawn."""
 
+import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from aerodb.tasks.steps.fly import flown_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 Document = Mapping[str, Any]
+
+#: How a reason begins that says again which stretch it is of, on the flight's own clock.
+_PLACE: Final = re.compile(r"^flight [0-9a-f]{12}, -?[\d.]+ to -?[\d.]+ s: ")
 
 
 def summarise_responses(
@@ -31,6 +35,7 @@ def summarise_responses(
     version and baseline), failed, not_flown, stabilised, passed.
     """
     access = access_workspace(workspace)
+    labels = access.catalogue.flight_labels(d["flight"] for d in after)
     stretches = [(d["flight"], s) for d in after for s in d["stretches"]]
     flown = [(flight, s) for flight, s in stretches if "reason" not in s]
     earlier = [s for d in before for s in d["stretches"] if "reason" not in s]
@@ -50,7 +55,7 @@ def summarise_responses(
         for name in dict.fromkeys(r["channel"] for _, s in flown for r in s["responses"])
     ]
     failed = [
-        {"flight": flight, "name": access.name_of(access.catalogue.flight(flight))}
+        {"flight": flight, "name": labels[flight]}
         | {key: s[key] for key in ("since", "until", "kind")}
         | {"check": check["check"], "share": check["share"]}
         for flight, s in flown
@@ -70,7 +75,8 @@ def summarise_responses(
         "oscillations": _swings(after, before),
         "failed": failed,
         "not_flown": [
-            {"flight": flight, "since": s["since"], "until": s["until"], "reason": s["reason"]}
+            {"flight": flight, "name": labels[flight], "since": s["since"], "until": s["until"]}
+            | {"reason": _PLACE.sub("", s["reason"]).replace("\n", "; ")}
             for flight, s in stretches
             if "reason" in s
         ],
@@ -191,10 +197,11 @@ def response_page(
         else ""
         for documents in (after, before)
     ]
+    names = access.catalogue.flight_labels(d["flight"] for d in after)
     earlier = {d["flight"]: flown_responses(access, d["key"]) for d in before}
     stretches = []
     for document in after:
-        name = access.name_of(access.catalogue.flight(document["flight"]))
+        name = names[document["flight"]]
         others = earlier.get(document["flight"])
         for number, responses in enumerate(flown_responses(access, document["key"])):
             stretch = document["stretches"][number]

@@ -81,6 +81,13 @@ def test_sentences_have_names_for_ids_and_leave_settings_alone() -> None:
         " state it as [measured.alpha_scale]"
     )
     assert in_words("would need -5.15 1/rad^3") == "would need -5.15 1/rad³"
+    assert (
+        in_words("would need 0.1 rad/s, believable by the reconstruction is -0.02 to 0.02")
+        == "would need 5.73 deg/s, believable by the reconstruction is -1.15 to 1.15"
+    )
+    assert in_words("hysteresis: stall_hysteresis@C_lift:loop").endswith(
+        "closed loop of C_lift in the stall"
+    )
     assert in_words("write to a@b.example, not CX") == "write to a@b.example, not CX"
 
 

@@ -32,9 +32,19 @@ from aerodb.report.headlines import headline
 from aerodb.report.numbers import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
-from tests.aerodb.report.test_report import checked, found, loop, proof, table, words_of
+from tests.aerodb.report.test_report import (
+    checked,
+    found,
+    loop,
+    page_of,
+    proof,
+    table,
+    words_of,
+)
 from tests.support import synthetic
 
+#: The rms of a residual beside its distribution.
+RESIDUAL = re.compile(r">[\d.×⁰-⁹¹²³⁻]+ rms<")
 HOSTILE = "<script>alert(1)</script>\u202e$\\frac{1}{$"
 
 
@@ -261,10 +271,31 @@ def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
         " falls" in headline(document)
     )
     tree = checked(update_report(story(document, sides, flown)))
-    assert not [svg for svg in drawn(tree) if re.search(r"before: [\d.×⁰-⁹⁻¹²³-]+ rms", svg)], (
+    assert not [svg for svg in drawn(tree) if RESIDUAL.search(svg)], (
         "no number on other samples than the table's"
     )
     assert "They are optimistic" in words_of(tree)
+
+
+def test_axes_that_stayed_bad_are_drawn_beside_those_with_findings(
+    flown: Flight, sides: Any
+) -> None:
+    errors = [proof("CZ", 0.06, 0.06, noise_floor=0.001), proof("CX", 0.06, 0.06, noise_floor=0.05)]
+    document = loop([found(verdict="suspected")], [], errors)
+    tree = checked(update_report(story(document, sides, flown, added=False)))
+    (alt,) = [alt for alt in tree.xpath("//img/@alt") if alt.startswith("Coefficients")]
+    assert "CX, CZ over time" in alt
+
+
+def test_what_a_mean_of_the_flights_is_not_is_said() -> None:
+    mean = {"mean": -0.19, "ci95": [-0.25, -0.13], "p": 0.01}
+    shown = {}
+    for value in (-0.19, -0.11):
+        one = found(verdict="suspected", value=value, ci95=(value - 0.03, value + 0.03))
+        document = loop([one], [], [proof("CX", 0.02, 0.02)])
+        document["findings"][0]["test"] = mean
+        shown[value] = "beside all linear effects at once" in words_of(page_of(document))
+    assert shown == {-0.19: False, -0.11: True}
 
 
 def test_a_vote_is_labelled_by_its_flight_and_part() -> None:
@@ -280,6 +311,8 @@ def test_single_flights_stand_beside_all(flown: Flight, sides: Any) -> None:
     one = found("alpha_slope@CZ")
     document = loop([one], [one], [proof("CZ", pooled(before, "CZ"), pooled(after, "CZ"))])
     assert disagreements(document, ["CZ"], before) == []
+    page = checked(update_report(story(document, sides, flown)))
+    assert [svg for svg in drawn(page) if RESIDUAL.search(svg)], "beside the histories"
     each = flight_errors("CZ", before, after)
     assert list(each) == ["f4", "f5"]
     assert each["f4"][0] == pytest.approx(0.05, rel=0.05)

@@ -240,7 +240,7 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
     assert len(shown) <= MAX_PANELS
     alpha = next(panel for panel in shown if panel.get_xlabel() == "alpha [deg]")
     said = re.fullmatch(
-        r"largest change: \+([\d.]+) ± ([\d.e−]+) at ([\d.]+)", alpha.get_title(loc="right")
+        r"largest change: \+([\d.]+) ± ([\d.e−]+) at ([\d.]+) deg", alpha.get_title(loc="right")
     )
     drawn = alpha.lines[1].get_ydata() - alpha.lines[0].get_ydata()
     assert said
