@@ -31,6 +31,7 @@ from .rows import (
 )
 from .schema import HEAD, POSTGRESQL_REFUSAL, USER_ROLES, VERDICTS, append_only_triggers
 from .seal import is_intact, seal
+from .sqlite import connected_to_read
 
 __all__ = [
     "HEAD",
@@ -66,6 +67,7 @@ __all__ = [
     "broken_links",
     "broken_rows",
     "catalogue_location",
+    "connected_to_read",
     "copy_catalogue",
     "has_link",
     "is_intact",

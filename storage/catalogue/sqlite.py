@@ -62,6 +62,22 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
     return database
 
 
+def connected_to_read(path: Path) -> sqlite3.Connection:
+    """Connect to the database at `path` without writing to it, also where its disk is full or
+    read-only."""
+    address = f"{path.absolute().as_uri()}?mode=ro"
+    connection = sqlite3.connect(address, uri=True)
+    try:
+        connection.execute("PRAGMA schema_version").fetchone()
+    except sqlite3.OperationalError:  # SQLite cannot create its shared files
+        connection.close()
+        if not _is_settled(path):
+            raise
+        # Nothing can be written there now, so the file does not change while it is read.
+        connection = sqlite3.connect(f"{address}&immutable=1", uri=True)
+    return connection
+
+
 def sqlite_revision(path: Path) -> str | None:
     """Schema revision of the database at `path`; None if it contains no catalogue."""
     database = _database(sa.URL.create("sqlite", database=str(path)), path)

@@ -14,7 +14,7 @@ import json
 import shutil
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import chain
@@ -28,6 +28,7 @@ from aerodb.storage.catalogue import (
     CatalogueLocation,
     StoredFile,
     catalogue_location,
+    connected_to_read,
     copy_catalogue,
     measured,
 )
@@ -298,21 +299,15 @@ def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
         with Catalogue.open(place.path, create=False) as live, Catalogue.in_file(target) as copy:
             return copy_catalogue(live, copy)
     source = place.path
-    reading, writing = (
-        sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True),
-        sqlite3.connect(target),
-    )
     try:
-        reading.backup(writing)
+        with closing(connected_to_read(source)) as reading, closing(sqlite3.connect(target)) as to:
+            reading.backup(to)
     except sqlite3.OperationalError as error:
         raise StoreError(
             f"the catalogue cannot be copied: {error}",
             str(source),
             "free disk space, then run the backup again",
         ) from error
-    finally:
-        writing.close()
-        reading.close()
 
 
 def _as_one_file(catalogue: Path) -> None:

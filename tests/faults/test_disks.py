@@ -180,6 +180,28 @@ def test_a_store_that_is_read_only_for_a_while(
     assert len(stored(workspace)["flights"]) == 3
 
 
+@pytest.mark.parametrize("state", ["full", "read-only"])
+def test_a_backup_can_be_made_of_a_disk_that_takes_nothing(
+    flown: tuple[Workspace, list[Path]], disk: Path, tmp_path: Path, state: str
+) -> None:
+    """That is when it is needed: a disk with errors becomes read-only."""
+    workspace, _ = flown
+    kept = stored(workspace)
+    with closing(sqlite3.connect(workspace.catalogue)) as catalogue:
+        catalogue.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    if state == "full":
+        _fill(disk, 0)
+    else:
+        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+    done = aerodb(workspace.root, "backup", str(tmp_path / "backup"))
+    assert done.returncode == 0, done.stderr
+    restored = aerodb(
+        tmp_path, "restore", str(tmp_path / "backup"), "--workspace", str(tmp_path / "again")
+    )
+    assert restored.returncode == 0, restored.stderr
+    assert stored(Workspace.open(tmp_path / "again")) == kept
+
+
 _LIMITED = """
 import resource, sys
 from pathlib import Path
