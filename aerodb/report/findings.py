@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.report.glossary import effect_words, in_words
+from aerodb.report.glossary import effect_words, in_words, with_true_signs
 from aerodb.report.numbers import for_people
 from aerodb.report.page import capital
 from aerodb.report.style import picture
@@ -76,7 +76,7 @@ def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
 
 def sentence_of(text: str, labels: Mapping[str, str]) -> str:
     """A sentence of a document as people read it: names of effects and flights for their ids."""
-    return capital(named_flights(in_words(text), labels))
+    return capital(named_flights(with_true_signs(in_words(text)), labels))
 
 
 def named_flights(text: str, labels: Mapping[str, str]) -> str:

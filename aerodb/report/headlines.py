@@ -127,7 +127,7 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
         *(
             axis
             for entry in (*document["findings"], *document["not_found"])
-            for axis in entry["hypothesis"].partition("@")[2].partition(":")[0].split("+")
+            for axis in _written_on(entry)
         ),
     ]
     along_wind = sum(axis in WIND_AXES for axis in asked) > sum(
@@ -173,12 +173,23 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
             if proved
             else f"The database may lack {words}: {note}"
         )
-    if companions:
+    if companions and not (proved or requested):
+        axes = listed(
+            list(dict.fromkeys(axis for each in companions for axis in _written_on(each)))
+        )
+        clauses.append(f"The error of {axes} was corrected as a whole, by {_effects(companions)}")
+    elif companions:
         clauses.append(
             f"{_effects(companions)} came along, beside which"
             f" {'it was' if len(requested) == 1 else 'they were'} estimated"
         )
     return "; ".join(clauses)
+
+
+def _written_on(finding: Mapping[str, Any]) -> list[str]:
+    """The axes that a hypothesis names."""
+    axes: str = finding["hypothesis"].partition("@")[2].partition(":")[0]
+    return axes.split("+")
 
 
 def _effects(findings: Sequence[Mapping[str, Any]]) -> str:

@@ -59,8 +59,8 @@ def term_unit(text: str) -> str:
 
     >>> [term_unit(text) for text in ("1", "alpha", "q_hat", "alpha^2", "alpha*delta_flap")]
     ['-', '1/rad', '-', '1/rad²', '1/rad²']
-    >>> term_unit("alpha at 0.0873"), term_unit("V"), term_unit("exp(alpha)")
-    ('-', '1/(m/s)', '?')
+    >>> term_unit("alpha at 0.0873"), term_unit("V"), term_unit("exp(alpha)"), term_unit("1 - mach")
+    ('-', '1/(m/s)', '?', '-')
     """
     knot = _AT.fullmatch(text)
     if knot is not None:
@@ -72,7 +72,7 @@ def term_unit(text: str) -> str:
             try:
                 float(part)
             except ValueError:
-                return "?"
+                return "-" if _without_dimension(text) else "?"
             continue
         try:
             unit = channel(found["name"]).unit
@@ -115,6 +115,14 @@ def sensor_error_unit(parameter: str) -> str:
     if name in CHANNELS:
         return CHANNELS[name].unit
     return "m" if name.startswith("air_data_") else "SI"
+
+
+def _without_dimension(text: str) -> bool:
+    """Whether all channels of an expression have no dimension."""
+    try:
+        return all(channel(name).unit in ("", "1") for name in parse(text).names)
+    except AeroError:
+        return False
 
 
 def correlation_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> dict[str, Any]:

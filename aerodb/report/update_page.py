@@ -14,7 +14,7 @@ from aerodb.report.document import excursion_text
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import MEANS, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.glossary import advice_words
+from aerodb.report.glossary import advice_words, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.headlines import (
     by_parts,
@@ -183,9 +183,11 @@ def _sentences(story: UpdateStory) -> dict[str, Any]:
         "beyond": [
             {
                 **entry,
-                "where": "; ".join(
-                    excursion_text(each["variable"], each["flight"], each["envelope"])
-                    for each in entry["excursions"]
+                "where": with_true_signs(
+                    "; ".join(
+                        excursion_text(each["variable"], each["flight"], each["envelope"])
+                        for each in entry["excursions"]
+                    )
                 ),
             }
             for entry in beyond

@@ -298,6 +298,22 @@ def test_what_a_mean_of_the_flights_is_not_is_said() -> None:
     assert shown == {-0.19: False, -0.11: True}
 
 
+def test_an_axis_that_was_corrected_as_a_whole_is_told_so() -> None:
+    terms = [
+        found("alpha_slope@CZ", verdict="ambiguous_sensor"),
+        found("zero_offset@CZ", "suspected"),
+    ]
+    document = loop(terms, terms, [proof("CZ", 0.04, 0.005)])
+    document["asked_for"] = []
+    assert headline(document).startswith(
+        "The error of CZ was corrected as a whole, by the slope of CZ with angle of attack and the"
+        " constant part of CZ; with them, "
+    )
+    words = words_of(page_of(document))
+    assert "so the database is left unchanged" not in words
+    assert "it was added with others of its axis" in words
+
+
 def test_a_vote_is_labelled_by_its_flight_and_part() -> None:
     labels = {"ab" * 32: "f1_017.mat"}
     assert voter("ab" * 32, labels) == "f1_017.mat"
