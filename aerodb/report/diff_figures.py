@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import AXES
+from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -26,6 +27,7 @@ from aerodb.tables import (
     Increment,
     neutral_point,
     new_increments,
+    scattered_over,
     table_grids,
 )
 
@@ -35,6 +37,8 @@ MAX_PANELS: Final = 12
 _ON_A_PAGE, _COLUMNS = 6, 2
 _POINTS: Final = 241
 _CELLS_BEYOND: Final = 3.0
+#: A smaller change of a coefficient is rounding.
+_SAME: Final = 1e-12
 
 #: Axis, variable, its values (n,), and there the coefficient before, after, and the standard error
 #: of the change.
@@ -73,7 +77,11 @@ def diff_figure(
     flown : channel -> samples of the flights, drawn as a distribution along the lower edge.
     """
     increments = (*new_increments(after, before), *new_increments(before, after))
-    return _figure(list(_panels(before, after, increments)), increments, names, title, flown)
+    panels = list(_panels(before, after, increments))
+    figure = _figure(panels, increments, names, title, flown)
+    if not panels:
+        _say(figure, _without_slices(before, after, names, increments))
+    return figure
 
 
 def diff_figures(
@@ -85,10 +93,35 @@ def diff_figures(
     """As `diff_figure`, on as many figures as fit a page each."""
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = list(_panels(before, after, increments))
+    if not panels:
+        return [diff_figure(before, after, names, "", flown)]
     return [
         _figure(panels[k : k + _ON_A_PAGE], increments, names, "", flown)
-        for k in range(0, max(1, len(panels)), _ON_A_PAGE)
+        for k in range(0, len(panels), _ON_A_PAGE)
     ]
+
+
+def _without_slices(
+    before: AeroDatabase,
+    after: AeroDatabase,
+    names: tuple[str, str],
+    increments: Sequence[Increment],
+) -> str:
+    """What is said where no slice differs: the constants that do, or that nothing does."""
+    point = {**neutral_point(before, increments), **neutral_point(after, increments)}
+    channels = {name: np.array([value]) for name, value in point.items()}
+    old, new = (database.predict(channels).coefficients for database in (before, after))
+    changed = [
+        f"{axis}: {number(float(old[axis][0]), 4)} in {names[0]}, {number(float(new[axis][0]), 4)}"
+        f" in {names[1]}"
+        for axis in AXES
+        if abs(float(new[axis][0] - old[axis][0])) > _SAME
+    ]
+    return "\n".join(changed) or f"{names[0]} and {names[1]} give the same coefficients"
+
+
+def _say(figure: Figure, text: str) -> None:
+    figure.axes[0].text(0.0, 0.5, text, va="center")
 
 
 def _figure(
@@ -121,10 +154,6 @@ def _figure(
             _coverage(space, variable, flown[variable], (at[0], at[-1]))
     if panels:
         spaces[0].legend(fontsize=SMALLEST, frameon=False)
-    else:
-        spaces[0].text(
-            0.5, 0.5, f"{names[0]} and {names[1]} give the same coefficients", ha="center"
-        )
     return figure
 
 
@@ -155,7 +184,7 @@ def _panels(
             varies = variable == "alpha" or np.ptp(change) > 0.02 * np.max(
                 np.abs(change), initial=0.0
             )
-            if np.any(np.abs(change) > 1e-12) and varies:
+            if np.any(np.abs(change) > _SAME) and varies:
                 values = old, new, _error(increments, axis, after, channels)
                 by_axis.setdefault(axis, []).append((axis, variable, at, values))
     share = max(1, MAX_PANELS // max(1, len(by_axis)))
@@ -187,6 +216,9 @@ def _ranges(
     for database in (before, after):
         for grid in table_grids(database).values():
             for name, values in zip(grid.channels, grid.values, strict=True):
+                marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
+        for name in database.inputs:
+            for values in scattered_over(name, database):
                 marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
     return {
         name: (min(v), max(v))

@@ -1,5 +1,5 @@
 from .algebra import cancel, plus, times
-from .arguments import breakpoints_over, channel_of, rebuilt, table_calls
+from .arguments import breakpoints_over, channel_of, rebuilt, scattered_over, table_calls
 from .check_cases import CheckCase, failed_check_cases, make_check_cases
 from .consolidation import NodeShare, consolidate, node_lineage, plan_consolidation, point_lineage
 from .database import AeroDatabase, Prediction, Term, Variable
@@ -123,6 +123,7 @@ __all__ = [
     "plus",
     "point_lineage",
     "rebuilt",
+    "scattered_over",
     "slopes_by",
     "slopes_by_lift",
     "slow_rate",

@@ -119,6 +119,20 @@ def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
     return grids
 
 
+def scattered_over(name: str, database: AeroDatabase) -> list[Array]:
+    """Values of channel `name`, in its own unit, at the points of every table on scattered points
+    that is called with it."""
+    found = []
+    for call in table_calls(database):
+        if call.table in database.scattered:
+            columns = database.scattered[call.table].points.T
+            for argument, values in zip(call.arguments, columns, strict=True):
+                scaled = scaled_channel(argument, database)
+                if scaled is not None and scaled.name == name:
+                    found.append(np.sort(scaled.channel(values)))
+    return found
+
+
 def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) -> Array:
     """Sum of the interpolation weights of each node of `table` over samples, in the table's shape.
 

@@ -17,7 +17,7 @@ from aerodb.flows.web.console import (
 from aerodb.nomenclature import is_surface
 from aerodb.report import channel_scale
 from aerodb.storage.catalogue import VersionRow
-from aerodb.tables import AeroDatabase, breakpoints_over
+from aerodb.tables import AeroDatabase, breakpoints_over, scattered_over
 from aerodb.tasks.view import compare_versions, database_of
 
 router = APIRouter(tags=["versions"])
@@ -148,7 +148,7 @@ def lines_of(database: AeroDatabase) -> list[dict[str, Any]]:
     for name in database.inputs:
         marks = [
             float(edge)
-            for points in breakpoints_over(name, database)
+            for points in (*breakpoints_over(name, database), *scattered_over(name, database))
             for edge in (points[0], points[-1])
         ]
         for increment in database.increments:

@@ -147,7 +147,7 @@ def version_page(
     database = database_of(access.catalogue, row)
     names = [name for name, id in access.catalogue.names(row.vehicle).items() if id == row.id]
     evaluation, fault = None, ""
-    if at:
+    if at or not database.inputs:
         try:
             evaluation = evaluate_at(access.catalogue, row, at)
         except InputError as error:
@@ -341,6 +341,8 @@ def history(
 def _table(database: Any, name: str) -> dict[str, Any]:
     """Return a table with breakpoints in the units that are shown to people (angles in degrees)."""
     content = table_document(database, name)
+    if "points" in content:
+        return {**content, "heads": _scattered_heads(content)}
     if content["channels"] is None:
         return {
             **content,
@@ -355,3 +357,15 @@ def _table(database: Any, name: str) -> dict[str, Any]:
         **content,
         "heads": [(label, values) for (_, label), values in zip(scales, at, strict=True)],
     }
+
+
+def _scattered_heads(content: dict[str, Any]) -> list[tuple[str, list[float]]]:
+    """Return label and values of each argument of a table on scattered points, as people read
+    them."""
+    names = content["channels"] or content["arguments"]
+    columns = zip(*content["points"], strict=True)
+    scales = [channel_scale(name) if content["channels"] else (1.0, name) for name in names]
+    return [
+        (label, [factor * value for value in values])
+        for (factor, label), values in zip(scales, columns, strict=True)
+    ]

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.tables import AeroDatabase, table_grids
+from aerodb.tables import AeroDatabase, channel_of, table_calls, table_grids
 
 #: A table with more nodes than this is shown without its values.
 MOST_NODES: Final = 100_000
@@ -16,13 +16,16 @@ def table_document(database: AeroDatabase, name: str) -> dict[str, Any]:
 
     values are nested, last argument fastest; None if the table is too large. channels and nodes say
     what each argument is and its values [SI] at the breakpoints; None if an argument is not a
-    channel. Raises UnknownNameError for an unknown table.
+    channel. A table on scattered points has points, one per value, in place of breakpoints and
+    nodes. Raises UnknownNameError for an unknown table.
     """
+    if name in database.scattered:
+        return _scattered_document(database, name)
     if name not in database.tables:
         raise UnknownNameError(
             f"no table '{name[:80]}'",
             f"database {database.name}",
-            nearest(name[:80], database.tables),
+            nearest(name[:80], [*database.tables, *database.scattered]),
         )
     table, grid = database.tables[name], table_grids(database).get(name)
     return {
@@ -34,4 +37,17 @@ def table_document(database: AeroDatabase, name: str) -> dict[str, Any]:
         "values": np.asarray(table.values).tolist()
         if np.size(table.values) <= MOST_NODES
         else None,
+    }
+
+
+def _scattered_document(database: AeroDatabase, name: str) -> dict[str, Any]:
+    table = database.scattered[name]
+    calls = [call for call in table_calls(database) if call.table == name]
+    channels = [channel_of(each, database) for each in calls[0].arguments] if calls else [None]
+    return {
+        "table": name,
+        "arguments": list(table.arguments),
+        "points": np.asarray(table.points).tolist(),
+        "channels": None if None in channels else channels,
+        "values": np.asarray(table.values).tolist(),
     }

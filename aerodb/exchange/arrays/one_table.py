@@ -213,6 +213,8 @@ def _cases(by_kind: dict[str, list[Row]], where: str) -> CaseNumbers:
     (names, inputs), (axes, coefficients) = block("check input"), block("check output")
     if not axes:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
+    if not names:
+        inputs = np.empty((len(coefficients), 0))  # a database without inputs
     if axes != AXES:
         raise InputError("their outputs are not CX CY CZ Cl Cm Cn", place, "export it again")
     return CaseNumbers(names, inputs, coefficients)

@@ -96,6 +96,11 @@
   field("over").addEventListener("change", () => { ends(); load(); });
   for (const name of ["low", "high"]) field(name).addEventListener("change", load);
   form.addEventListener("submit", (event) => { event.preventDefault(); load(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    for (const { panel } of Object.values(panels)) panel.remove();
+    panels = {};
+    load();
+  });
   recall();
   load();
 })();

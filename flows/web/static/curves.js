@@ -39,6 +39,11 @@
 
   field("over").addEventListener("change", ends);
   form.addEventListener("submit", (event) => { event.preventDefault(); load(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    for (const { panel } of Object.values(panels)) panel.remove();
+    panels = {};
+    load();
+  });
   ends();
   load();
 })();

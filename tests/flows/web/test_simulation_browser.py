@@ -112,6 +112,12 @@ def test_two_versions_stand_side_by_side_with_bands_while_others_are_moved(
         key = page.locator("p.key").inner_text()
         assert "v0001" in key
         assert "v0002" in key
+        painted = "document.querySelector('#curves canvas')?.toDataURL()"
+        light = page.evaluate(painted)
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_function(f"(light) => {painted} !== light", arg=light)
+        page.emulate_media(color_scheme="light")
+        page.wait_for_function(f"(light) => {painted} === light", arg=light)
         before = labels(page)
         page.focus("#at-q")
         page.keyboard.press("End")
