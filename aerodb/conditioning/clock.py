@@ -61,7 +61,11 @@ def clean_clock(time: Array, where: str = "") -> CleanClock:
     dropped = len(time) - len(index)
     if len(index) < 2 or dropped > allowed:
         lost = np.setdiff1d(np.arange(len(time)), index)
-        at = f" (first at sample {lost[0] + 1}, {time[lost[0]]:.6g} s)" if lost.size else ""
+        at = (
+            f" (first at sample {lost[0] + 1}, {round(float(time[lost[0]]), 3):.13g} s)"
+            if lost.size
+            else ""
+        )
         what = f"time does not increase: {dropped} of {len(time)} samples would be dropped{at}"
         raise InputError(
             what, where, "repair the time base, or name another time field in the mapping"

@@ -519,7 +519,8 @@ def _jump(time: Array) -> str:
     """Return the largest step of a clock as text."""
     at = int(np.argmax(np.diff(time)))
     size = time[at + 1] - time[at]
-    return f"the clock jumps by {size:.6g} s, from {time[at]:.6g} to {time[at + 1]:.6g} s"
+    before, after = (f"{round(float(value), 3):.13g}" for value in time[at : at + 2])
+    return f"the clock jumps by {size:.6g} s, from {before} to {after} s"
 
 
 def _beside_grid(log: _Log, topic: str, time: Array, grid: Array) -> slice:

@@ -123,6 +123,8 @@ def test_jump_in_all_topics_is_refused_with_its_size(jump: float) -> None:
     with pytest.raises(InputError, match=r"topic .*: the clock jumps by .* s, from 29\.99") as said:
         mapped(log)
     assert "split the log there" in said.value.remedy
+    (until,) = re.findall(r"from 29\.99\d* to (\S+) s", said.value.what)
+    assert float(until) == pytest.approx(30.0 + jump, abs=0.02)  # also of times since 1970
 
 
 def test_topic_that_is_nowhere_near_the_flight_is_left_out() -> None:
