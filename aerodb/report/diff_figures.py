@@ -44,7 +44,10 @@ _SAME: Final = 1e-12
 #: of the change.
 _Panel = tuple[str, str, Array, tuple[Array, Array, Array]]
 
+#: Channels that are shares, from 0 to 1.
+_SHARES: Final = ("flow_attachment",)
 _NEVER_NEGATIVE: Final = (
+    *_SHARES,
     "V",
     "mach",
     "qbar",
@@ -209,8 +212,9 @@ def _ranges(
                 max(interval.high - interval.low, interval.cell / _CELLS_BEYOND),
             )
             lowest = 0.0 if name in _NEVER_NEGATIVE else -np.inf
+            highest = 1.0 if name in _SHARES else np.inf
             marks.setdefault(name, []).extend(
-                (max(lowest, interval.low - beyond), interval.high + beyond)
+                (max(lowest, interval.low - beyond), min(highest, interval.high + beyond))
             )
     known = {*before.inputs, *after.inputs, *marks}
     for database in (before, after):

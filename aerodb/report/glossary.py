@@ -102,6 +102,7 @@ _NEEDED: Final = re.compile(
     r" (?P<low>-?[\d.e+-]+) to (?P<high>-?[\d.e+-]+)"
 )
 _MINUS: Final = re.compile(r"(?<![\w.)\]-])-(?=[\d.])")
+_LONG: Final = re.compile(r"(?<![\w.])\d+\.\d{7,}(?![\w.])")
 _POWER: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})\b")
 #: Effects whose subject is an angle [rad].
 _ANGLES: Final = frozenset({"alpha_slope_break"})
@@ -138,11 +139,15 @@ def in_words(sentence: str) -> str:
 
 
 def with_true_signs(sentence: str) -> str:
-    """Numbers of a sentence as tables write them: true minus signs, raised powers of ten.
+    """Numbers of a sentence as tables write them: true minus signs, raised powers of ten, three
+    digits of those with many decimals.
 
     >>> with_true_signs("needs -3.18 (p = 5e-08) at 0.1-2 Hz, flight 2e4067391234")
     'needs −3.18 (p = 5×10⁻⁸) at 0.1-2 Hz, flight 2e4067391234'
+    >>> with_true_signs("Kirchhoff(sharpness=199.87222782921273, lag=29.06042250254287)")
+    'Kirchhoff(sharpness=200, lag=29.1)'
     """
+    sentence = _LONG.sub(lambda found: f"{float(found[0]):.3g}", sentence)
     raised = _POWER.sub(lambda found: f"{found[1]}{power_of_ten(int(found[2]))}", sentence)
     return _MINUS.sub("−", raised)
 

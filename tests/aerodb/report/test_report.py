@@ -385,7 +385,7 @@ def test_the_page_says_what_differs_between_flights() -> None:
     entry = {"because": "Cl_da falls by 5 % <per> kPa", "settled_by": "one flight"}
     tree = page_of({**document, "between_flights": [entry]})
     (said,) = tree.xpath("//h2[text()='Differs between flights']/following-sibling::ul[1]/li")
-    assert said.text_content() == "Cl_da falls by 5 % <per> kPa"
+    assert said.text_content() == "Cl_da falls by 5 % <per> kPa."
 
 
 def test_the_page_of_a_loop_that_finds_nothing() -> None:

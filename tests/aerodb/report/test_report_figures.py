@@ -259,6 +259,17 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
     assert np.deg2rad(bars[0].get_x()) < 0.1
 
 
+def test_a_share_is_sliced_from_none_to_all() -> None:
+    before = synthetic.database()
+    envelope = {"flow_attachment": Interval(0.0, 1.0, 0.5)}
+    terms = (parse("1 - flow_attachment"),)
+    added = Increment("CZ", terms, np.array([0.3]), 1e-4 * np.eye(1), envelope, ("f",))
+    figure = diff_figure(before, replace(before, increments=(added,)), ("v0001", "v0002"), "")
+    (panel,) = [each for each in figure.axes if each.get_xlabel() == "flow_attachment [-]"]
+    at = panel.lines[0].get_xdata()
+    assert (at[0], at[-1]) == (0.0, 1.0)
+
+
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_a_hostile_name_is_text_in_a_figure(text: str) -> None:
     figure = forest_figure(finding(), {"f0": text})
