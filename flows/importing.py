@@ -17,6 +17,7 @@ def import_flow(
     accept_proposals: bool = False,
     replace_reason: str = "",
     accept: list[str] | None = None,
+    ask: bool = False,
 ) -> dict[str, Any]:
     """Import a database file; see `aerodb.tasks.steps.importing.import_database`."""
     result: dict[str, Any] = steps(
@@ -29,6 +30,7 @@ def import_flow(
         accept_proposals=accept_proposals,
         replace_reason=replace_reason,
         accept=tuple(accept or ()),
+        ask=ask,
     )
     return result
 

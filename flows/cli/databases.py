@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.asking import ask, can_ask
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
@@ -52,7 +53,8 @@ def import_file(
 
     A vehicle's first import becomes `released`, and so does the same file imported again before
     anything was made of it; not so if check cases of the file fail. A wrong import is replaced by
-    the right one with --replace and --reason.
+    the right one with --replace and --reason. On a terminal, inputs that are not known are asked
+    for, with proposals; elsewhere, and with --json, they are listed.
 
     Example: aerodb database import DHC6.xml --vehicle twin-otter --accept-proposals
     """
@@ -74,7 +76,7 @@ def import_file(
         "replace_reason": reason if replace else "",
         "accept": accept or [],
     }
-    document = session.run(import_flow, parameters, direct=True)
+    document = _imported(session, import_flow, parameters)
     session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
     _say_checks(session, document)
     _say_released(session, document, vehicle)
@@ -83,6 +85,25 @@ def import_file(
         session.say("to take all zeros: import again with --accept-proposals; to choose, copy:")
         session.say(_command(file, vehicle, bind or [], document))
     session.answer(document)
+
+
+def _imported(session: Session, flow: Any, parameters: dict[str, Any]) -> dict[str, Any]:
+    """Run the import; on a terminal, ask what is open before anything is stored."""
+    if not can_ask(session):
+        document: dict[str, Any] = session.run(flow, parameters, direct=True)
+        return document
+    bindings: dict[str, str] = parameters["bindings"]
+    given = dict(bindings)
+    while True:
+        document = session.run(flow, {**parameters, "ask": True}, direct=True)
+        if "questions" not in document:
+            break
+        bindings.update(ask(document["questions"]))
+    answered = {name: text for name, text in bindings.items() if given.get(name) != text}
+    if answered:
+        options = " ".join(f"--bind {shlex.quote(f'{n}={e}')}" for n, e in answered.items())
+        session.say(f"bound as with: {options}")
+    return document
 
 
 @app.command("inputs")

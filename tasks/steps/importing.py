@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.coefficients import with_held_inputs
-from aerodb.errors import InputError
+from aerodb.errors import InputError, OpenQuestionsError
 from aerodb.exchange import (
     CSV_HEAD,
     FileChecks,
@@ -50,6 +50,7 @@ def import_database(
     accept_proposals: bool = False,
     replace_reason: str = "",
     accept: tuple[str, ...] = (),
+    ask: bool = False,
 ) -> dict[str, Any]:
     """Import a database file as a version without parent.
 
@@ -61,6 +62,8 @@ def import_database(
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
+    ask : where inputs leave questions, store nothing and return them (questions: lines as in
+    OpenQuestionsError).
     """
     access, path = access_workspace(workspace), Path(file)
     access.catalogue.vehicle(vehicle)
@@ -74,11 +77,18 @@ def import_database(
         )  # what a file is made of belongs to the version's identity
         return beside
 
-    database = read_database(data, path.name, bindings or {}, part)
+    try:
+        database = read_database(data, path.name, bindings or {}, part)
+    except OpenQuestionsError as error:
+        if not ask:
+            raise
+        return {"questions": list(error.questions)}
     checks = _file_checks(data, path.name, database)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
     flights = flights_of(access, vehicle, run)
     known = inputs_document(access, vehicle, database, flights, bindings or {})
+    if ask and not accept_proposals and known["proposals"]:
+        return {"questions": _questions(known)}
     held = known["lacking"] if accept_proposals else []
     if held:
         database = with_held_inputs(database, held)
@@ -117,6 +127,16 @@ def import_database(
         "file_checks": outcome,
         **known,
     }
+
+
+def _questions(known: Mapping[str, Any]) -> list[str]:
+    """The inputs of an `inputs_document` that the file alone knows, as questions."""
+    sentences = {use["name"].removesuffix("_held"): use["sentence"] for use in known["uses"]}
+    lines = []
+    for name, texts in known["proposals"].items():
+        lines.append(f"- no flight has {sentences.get(name, known['written'][name])}")
+        lines += [f"  --bind {text}" for text in texts]
+    return lines
 
 
 def _release(access: WorkspaceAccess, version: VersionRow, released: str | None, name: str) -> None:
