@@ -15,6 +15,7 @@ def estimate_flow(
     model: str,
     methods: list[str],
     version: str | None = None,
+    whole: bool = False,
     page: bool = False,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) from `flights` (ids) on a
@@ -28,6 +29,7 @@ def estimate_flow(
         model=model,
         methods=methods,
         version=version,
+        whole=whole,
     )
     if page:
         document |= {"page": steps(estimates_page, document, workspace=workspace, run=run)}

@@ -22,6 +22,7 @@ from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, bounda
 from aerodb.estimation.scoring import Optimum, maximise
 from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
 
 #: ``steady``: one gain from the model linearised at the first state. ``extended``: linearised at
 #: every sample.
@@ -32,6 +33,8 @@ _FIRST_SHARE = 0.5
 #: Measurement noise keeps this share of the variance of the differences between samples: the
 #: likelihood of less is flat.
 _LEAST_SHARE = 1e-6
+#: Measurement noise of so many times the least variance stands for none.
+_AT_LEAST = 4.0
 #: Steps over which the measurements at the start are counted.
 _HORIZON = 20
 #: Log-likelihood that a state's process noise must gain to be kept in the search.
@@ -69,7 +72,7 @@ def filter_error(
     records : with the model's outputs; a sample that is NaN is left out.
     covariance : what is estimated of the noise of the outputs; None: ``diagonal`` or, unless the
         gain is to be extended, ``innovations``, which have equally many unknowns, whichever is more
-        likely.
+        likely; but not a form by which an output has no noise.
     gain : of the filter; None: steady for a linear model and for ``innovations``, which have no
         other, else extended, which serves a model whose derivatives change during a record.
     process_noise : the states that have process noise; None: all.
@@ -90,7 +93,7 @@ def filter_error(
         whole = _problem(model, records, disturbed, kind, steady, start)
         begin = max([start, *map(_with_innovations, tried)], key=whole.likelihood_at)
         tried.append(_without_idle(_searched(whole, begin, most_iterations), most_iterations))
-    found = max(tried, key=lambda each: (each.converged, each.log_likelihood))
+    found = max(tried, key=lambda each: (each.converged, not _exact(each), each.log_likelihood))
     null = _undisturbed(found, most_iterations)
     ratio = 2.0 * (found.log_likelihood - null.log_likelihood)
     p_value = boundary_p_value(ratio if np.isfinite(ratio) else np.inf, len(disturbed))
@@ -203,14 +206,27 @@ def _searched(problem: FilterProblem, start: Point, most_iterations: int) -> Opt
     return maximise(problem, rough.point, most_iterations)
 
 
-def _with_innovations(found: Optimum) -> Point:
-    """An optimum with the variances of its innovations in place of the measurement noise."""
+def _exact(found: Optimum) -> bool:
+    """Whether an output has no noise but the least that keeps the filter regular.
+
+    That is the spike of a likelihood, not a measurement: an attitude that a smoother made from the
+    rates fits any filter exactly, and says nothing of the aerodynamics.
+    """
+    noise = np.diag(found.point.measurement)
+    return bool(np.any(noise <= _AT_LEAST * found.problem.least))
+
+
+def _innovations(found: Optimum) -> list[Array]:
+    """Measured minus predicted (n, o) of each record."""
     pairs = zip(found.problem.records, found.passes, strict=True)
     outputs = found.problem.model.outputs
-    missed = [record.stacked(outputs) - passed.predicted[:, :, 0] for record, passed in pairs]
-    return replace(
-        found.point, measurement=np.diag(np.nanmean(np.concatenate(missed) ** 2, axis=0))
-    )
+    return [record.stacked(outputs) - passed.predicted[:, :, 0] for record, passed in pairs]
+
+
+def _with_innovations(found: Optimum) -> Point:
+    """An optimum with the variances of its innovations in place of the measurement noise."""
+    variance = np.nanmean(np.concatenate(_innovations(found)) ** 2, axis=0)
+    return replace(found.point, measurement=np.diag(variance))
 
 
 def _undisturbed(found: Optimum, most_iterations: int) -> Optimum:

@@ -44,6 +44,9 @@ _SUPPORT: Final = {
 }
 #: States that turbulence drives; attitudes follow from the rates.
 DISTURBED: Final = ("V", "alpha", "beta", "p", "q", "r")
+#: Rate at which a motion that is held comes back to the flight's [1/s]: faster than it drifts; its
+#: own modes come from the loads as flown.
+_HOLDING: Final = 2.0
 #: Reasons for stretches left out that an error quotes.
 _SHOWN: Final = 3
 
@@ -57,7 +60,9 @@ def flown_problem(
     Each window of each flight is a record with initial states of its own. The increments start at
     their least-squares estimates. Forces and moments on axes that the model file does not declare
     are those of the flight: what the database lacks there does not disturb the declared axes, and
-    where it is empty, linear terms (`_SUPPORT`) keep the motion close to the flight's. The outputs
+    where it is empty, linear terms (`_SUPPORT`) keep the motion close to the flight's. A motion of
+    which no axis is declared, the lateral one for instance, is held at the flight's by further
+    loads. The outputs
     are those of the longitudinal or of the lateral motion, or all, as the declared axes are.
     States that no output shows start as measured.
 
@@ -70,7 +75,7 @@ def flown_problem(
     start = estimate_increments(logs, comparisons, model, database).candidate
     named = _unknowns(start, database, model)
     start = replace(start, increments=(*start.increments, *support))
-    flying = stretch_model(start, logs[0])
+    flying = stretch_model(start, logs[0], _held(logs, declared))
     stretches, reasons = _stretches(flying, flights, declared, support)
     if not stretches:
         first = dict.fromkeys(reasons)
@@ -119,6 +124,33 @@ def _declared_axes(model: ModelFile) -> frozenset[str]:
     return frozenset(
         body for entry in model.increment for body in _BODY.get(entry.axis, (entry.axis,))
     )
+
+
+def _held(flights: Sequence[Flight], declared: frozenset[str]) -> dict[tuple[str, str], float]:
+    """Gains of the loads [N, N m] that hold the motion which no declared axis drives at the
+    flight's."""
+    mean = {
+        name: float(np.mean([np.nanmean(flight[name]) for flight in flights]))
+        for name in ("mass", "V", "Ixx", "Iyy", "Izz")
+    }
+    force, damping, stiffness = mean["mass"] * _HOLDING, 2.0 * _HOLDING, _HOLDING**2
+    longitudinal, lateral = (not declared & axes for _, axes in _MOTIONS)
+    gains: dict[tuple[str, str], float] = {}
+    if longitudinal:
+        gains |= {
+            ("force_x", "V"): force,
+            ("force_z", "alpha"): force * mean["V"],
+            ("moment_y", "q"): damping * mean["Iyy"],
+            ("moment_y", "theta"): stiffness * mean["Iyy"],
+        }
+    if lateral:
+        gains |= {
+            ("force_y", "beta"): force * mean["V"],
+            ("moment_x", "p"): damping * mean["Ixx"],
+            ("moment_x", "phi"): stiffness * mean["Ixx"],
+            ("moment_z", "r"): damping * mean["Izz"],
+        }
+    return gains
 
 
 def _supporting(

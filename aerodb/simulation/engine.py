@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError, nearest
 from aerodb.physics import GRAVITY, STANDARD_LAYERS, Earth
-from aerodb.simulation.layout import FEEDBACK, LOADS, MOTION, STATE, SURROUNDINGS, Numbers
+from aerodb.simulation.layout import (
+    FEEDBACK,
+    FURTHER_LOADS,
+    LOADS,
+    MOTION,
+    STATE,
+    SURROUNDINGS,
+    Numbers,
+)
 from aerodb.simulation.motion import quaternion_from_euler, to_body
 from aerodb.support import Array, in_threads
 from aerodb.tables import (
@@ -105,7 +113,8 @@ def flight_model(
     engines : thrust by expression; logged thrust is given to a run as force and moment instead.
     actuators : input -> its actuator; others act as given.
     feedback : (input, channel of `FEEDBACK`) -> gain on (reference - channel), added to the input:
-        an artificial stabilisation. References are given as ``reference_<channel>``.
+        an artificial stabilisation. References are given as ``reference_<channel>``. Beside inputs,
+        the further force and moment of `SURROUNDINGS` (``moment_x``) can be fed back to.
     earth : rotating oblate earth; None: flat, with standard gravity.
     factors : term of the database -> name of a parameter that multiplies it.
 
@@ -114,7 +123,8 @@ def flight_model(
     total = total_coefficients(database, [e.thrust for e in engines], factors)
     slots, own = total.machine.inputs, {*MOTION, *SURROUNDINGS}
     inputs = tuple(name for name in total.inputs if name not in own)
-    for name in (*(actuators or {}), *(name for name, _ in feedback or {})):
+    fed_back = [name for name, _ in feedback or {} if name not in FURTHER_LOADS]
+    for name in (*(actuators or {}), *fed_back):
         if name not in inputs:
             raise InputError(
                 f"the database does not read '{name}'",
@@ -175,8 +185,15 @@ def _gains(inputs: Sequence[str], feedback: Mapping[tuple[str, str], float]) -> 
     for _, channel in feedback:
         if channel not in FEEDBACK:
             raise InputError(f"no feedback of '{channel}'", remedy=nearest(channel, FEEDBACK))
-    rows = [(inputs.index(i), FEEDBACK.index(c), g) for (i, c), g in feedback.items()]
+    rows = [(_number(inputs, i), FEEDBACK.index(c), g) for (i, c), g in feedback.items()]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _number(inputs: Sequence[str], name: str) -> int:
+    """Number of an input; of a load its place in `SURROUNDINGS`, counted back from the inputs."""
+    if name in FURTHER_LOADS:
+        return SURROUNDINGS.index(name) - len(SURROUNDINGS)
+    return inputs.index(name)
 
 
 def _slots(

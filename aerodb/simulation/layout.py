@@ -35,6 +35,9 @@ SURROUNDINGS: Final = (
     "force_y", "force_z", "moment_x", "moment_y", "moment_z", "ground_altitude", "Ixy", "Iyz",
 )  # fmt: skip
 
+#: The further force and moment among them, to which feedback may go.
+FURTHER_LOADS: Final = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+
 #: Channels that feedback may use.
 FEEDBACK: Final = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta")
 
@@ -53,7 +56,8 @@ class Numbers(NamedTuple):
     lines : (e, 6) unit vector and point [m] of each engine's thrust, from the vehicle's datum.
     actuated : (a,) numbers of the inputs behind an actuator.
     actuators : (a, 4) lower and upper limit, rate limit, lag [s].
-    gains : (g, 3) number of the input, number in `FEEDBACK`, gain.
+    gains : (g, 3) number of the input, or of the load in `SURROUNDINGS` less their count; number in
+        `FEEDBACK`; gain.
     reference : (6,) area, chord, span, moment reference from the datum.
     earth : (6,) 1 where it rotates, gravity of the flat earth, latitude, height, metres per radian
         of latitude and of longitude at the origin.

@@ -129,7 +129,7 @@ def stretch_of(
     start = {name: float(known[name][0]) for name in NEEDED}
     start |= {"psi": float(psi[0]), "altitude": float(altitude[0])}
     start |= {state.name: float(flight[state.name][whole][0]) for state in model.total.states}
-    references = {channel for _, channel in _feedback(model)}
+    references = {FEEDBACK[int(channel)] for channel in model.numbers.gains[:, 1]}
     series |= {f"reference_{channel}": known[channel] for channel in references}
     return Stretch(time, start, series, flown, tuple(notes), free)
 
@@ -216,11 +216,6 @@ def moved_controls(model: FlightModel, stretch: Stretch) -> tuple[str, ...]:
         for axis, size in zip(("roll", "pitch", "yaw"), effect, strict=True)
         if size >= 0.4 * effect.max() > 0
     )
-
-
-def _feedback(model: FlightModel) -> list[tuple[str, str]]:
-    gains = model.numbers.gains
-    return [(model.inputs[int(row[0])], FEEDBACK[int(row[1])]) for row in gains]
 
 
 def _require(flight: Flight, names: tuple[str, ...], where: str) -> None:

@@ -43,6 +43,14 @@ def estimate(
         list[str] | None,
         typer.Option(help="Flights to use; default: all of the vehicle that are not rejected."),
     ] = None,
+    whole: Annotated[
+        bool,
+        typer.Option(
+            "--whole",
+            help="Methods that fly take whole flights, not only their manoeuvres: in turbulence the"
+            " rest tells of the aircraft too.",
+        ),
+    ] = False,
     output: Annotated[
         Path | None, typer.Option(help="HTML page to write, with fitted responses and residuals.")
     ] = None,
@@ -79,7 +87,9 @@ def estimate(
             " (--record)",
         )
     else:
-        document = _of_flights(session, vehicle, flights, baseline, text, names, output is not None)
+        document = _of_flights(
+            session, vehicle, flights, baseline, text, names, whole, output is not None
+        )
     page = document.pop("page", None)
     _print(session, document, report)
     if output is not None and page is not None:
@@ -112,6 +122,7 @@ def _of_flights(
     baseline: str,
     model: str,
     methods: list[str],
+    whole: bool,
     page: bool,
 ) -> dict[str, Any]:
     from aerodb.flows.estimate import estimate_flow
@@ -135,6 +146,7 @@ def _of_flights(
             "model": model,
             "methods": [each.name for each in chosen_methods(methods)],
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
+            "whole": whole,
             "page": page,
         },
         direct=True,

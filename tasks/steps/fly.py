@@ -190,11 +190,13 @@ def flown_windows(
     return manoeuvre_windows(segments_of(access, row.id, run), flight.duration)
 
 
-def manoeuvre_windows(found: Iterable[Segment], duration: float) -> list[Window]:
+def manoeuvre_windows(
+    found: Iterable[Segment], duration: float, longest: float = LONGEST
+) -> list[Window]:
     """Return the stretches to fly of a flight of `duration` [s]: its manoeuvres with what is flown
     before and after, or the whole flight in pieces where it has none.
 
-    found : its segments, start and end [s] from the first sample.
+    found : its segments, start and end [s] from the first sample. longest : piece [s].
     """
     found = sorted(found, key=lambda segment: segment.start)
     manoeuvres = [segment for segment in found if segment.kind not in STATES]
@@ -212,7 +214,7 @@ def manoeuvre_windows(found: Iterable[Segment], duration: float) -> list[Window]
             windows.append((begin, end, segment.kind))
     if windows:
         return windows
-    count = max(1, int(np.ceil(duration / LONGEST - 1e-9)))
+    count = max(1, int(np.ceil(duration / longest - 1e-3)))
     edges = np.linspace(0.0, duration, count + 1)
     return [(float(a), float(b), "stretch") for a, b in pairwise(edges)]
 

@@ -28,9 +28,14 @@ from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
-from aerodb.tasks.steps.fly import flown_windows
+from aerodb.tasks.steps.fly import flown_windows, manoeuvre_windows
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+
+#: Longest piece in which a whole flight is flown [s].
+_PIECE = 60.0
+#: Share of the flights' time beyond which the manoeuvres are most of it.
+_MOST = 0.5
 
 
 def estimate_by_methods(
@@ -41,11 +46,12 @@ def estimate_by_methods(
     model: str,
     methods: Sequence[str],
     version: str | None = None,
+    whole: bool = False,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text) by several methods, and store the answers.
 
     flights : their ids. version : its id; None: on no database, which gives whole derivatives.
-    methods : names, or ``["all"]``.
+    methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
     iterations, log_likelihood, notes, estimates, correlations, report; or reason where it gave
@@ -63,12 +69,13 @@ def estimate_by_methods(
         "estimates",
         {f"coefficients {k}": each.key for k, each in enumerate(loaded)}
         | ({} if version is None else {"version": version}),
-        {"model": model, "methods": [method.name for method in chosen]},
+        {"model": model, "methods": [method.name for method in chosen]}
+        | ({"whole": True} if whole else {}),
     )
     path = result.stored()
     if path is not None:
         return dict(read_results(path, ("time",))[1]["document"])
-    given = identification_flights(access, flights, database, run)
+    given = identification_flights(access, flights, database, run, whole)
 
     def fitted(method: Method) -> list[Fit]:
         if declares_state_space(model):
@@ -77,22 +84,50 @@ def estimate_by_methods(
         return fits_of(method, given, parse_model_file(model), database)
 
     fits, compared = fits_document(chosen, fitted)
+    compared["reasons"] += _left_out(fits, given)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
     table = _long([fit for each in fits.values() for fit in each])
     result.keep(run, lambda path: write_results(path, table, {"document": document}))
     return document
 
 
+def _left_out(fits: dict[str, list[Fit]], flights: Sequence[IdentificationFlight]) -> list[str]:
+    """Advice to fly whole flights where the air drives most of what the manoeuvres leave out."""
+    flown = sum(until - since for each in flights for since, until in each.windows)
+    share = flown / sum(each.flight.duration for each in flights)
+    disturbed = any(
+        name.startswith("process_noise_")
+        for each in fits.values()
+        for fit in each
+        for name in fit.names
+    )
+    if not disturbed or share > _MOST:
+        return []
+    return [
+        f"Turbulence drives these flights, and {100.0 * share:.0f} % of their time was flown, the"
+        " manoeuvres: --whole flies all of it, which tells more"
+    ]
+
+
 def identification_flights(
-    access: WorkspaceAccess, flights: Sequence[str], database: AeroDatabase, run: str
+    access: WorkspaceAccess,
+    flights: Sequence[str],
+    database: AeroDatabase,
+    run: str,
+    whole: bool = False,
 ) -> list[IdentificationFlight]:
-    """Flights (ids) with their comparison with a database, and the manoeuvres to fly."""
+    """Flights (ids) with their comparison with a database, and the manoeuvres to fly, or all of
+    each flight in pieces."""
     found = []
     for flight in flights:
         row = access.catalogue.flight(flight)
         loaded = load_coefficients(access, row, run)
         vehicle = access.vehicle(row.vehicle)[0]
-        windows = flown_windows(access, row, loaded.flight, run)
+        windows = (
+            manoeuvre_windows([], loaded.flight.duration, _PIECE)
+            if whole
+            else flown_windows(access, row, loaded.flight, run)
+        )
         found.append(
             IdentificationFlight(
                 loaded.flight,
