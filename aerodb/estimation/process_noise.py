@@ -13,6 +13,8 @@ NOT_NEEDED = 0.05
 #: Process noise explains a record if it makes the longest correlation of residuals shorter by this
 #: factor.
 _SHORTER = 3.0
+#: Process noise explains nothing of an output whose correlation it makes shorter by less than this.
+_TOUCHED = 2.0
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,12 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
             f"The record shows no process noise (p = {p_value:.2g}): both methods are unbiased, and"
             " output error assumes less.",
         )
-    name, memory = _longest_memory(filter_error)
-    if output_error.converged and memory * _SHORTER > _longest_memory(output_error)[1]:
+    memories, before = _memories(filter_error), _memories(output_error)
+    name = max(memories, key=lambda each: memories[each], default="")
+    memory = memories.get(name, 0.0)
+    as_long = memory * _SHORTER > max(before.values(), default=0.0)
+    untouched = memory * _TOUCHED > before.get(name, np.inf)
+    if output_error.converged and (as_long or untouched):
         return Recommendation(
             output_error.method,
             f"Process noise is significant (p = {p_value:.2g}), but does not explain the record:"
@@ -104,15 +110,14 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
     return Recommendation(filter_error.method, "; ".join(parts) + ".")
 
 
-def _longest_memory(fit: Fit) -> tuple[str, float]:
-    """The output whose residuals are longest correlated in time, and how many of them count as one
-    independent sample; 0 without residuals."""
-    found = [("", 0.0)]
+def _memories(fit: Fit) -> dict[str, float]:
+    """How many residuals of each output count as one independent sample."""
+    found: dict[str, float] = {}
     for name in dict.fromkeys(name for record in fit.residuals.values() for name in record):
         _, correlation = ljung_box([record[name] for record in fit.residuals.values()])
         if np.isfinite(correlation):
-            found.append((name, (1.0 + correlation) / max(1.0 - correlation, 1e-9)))
-    return max(found, key=lambda each: each[1])
+            found[name] = (1.0 + correlation) / max(1.0 - correlation, 1e-9)
+    return found
 
 
 def _coloured(fit: Fit) -> list[str]:

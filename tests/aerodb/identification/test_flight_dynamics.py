@@ -7,7 +7,7 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.estimation import output_error
 from aerodb.identification import flight_dynamics
-from aerodb.simulation import simulate
+from aerodb.simulation import simulate, with_feedback
 from tests.support.flying_increments import NOISE, TRUTH, light_aircraft, stretches
 
 STATES = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta")
@@ -139,3 +139,29 @@ def test_unknown_names_are_refused(flown):
     ):
         with pytest.raises(InputError, match="no "):
             flight_dynamics(light_aircraft(), flown, **wrong)
+
+
+def test_loads_hold_a_motion_at_the_flights(flown):
+    """A model that lacks a quarter of each lateral derivative drifts away in roll, unless loads
+    bring it back; the references are the flown motion."""
+    (stretch, *_) = flown.values()
+    mass, rolling, yawing = (stretch.series[name][0] for name in ("mass", "Ixx", "Izz"))
+    gains = {
+        ("moment_x", "p"): 20.0 * rolling,
+        ("moment_x", "phi"): 100.0 * rolling,
+        ("moment_z", "r"): 10.0 * yawing,
+        ("force_y", "beta"): 2.0 * mass * stretch.flown["V"][0],
+    }
+    references = {f"reference_{name}": stretch.flown[name] for name in ("beta", "p", "r", "phi")}
+    free = simulate(wrong_model(), stretch.time, stretch.start, stretch.series)
+    held = simulate(
+        with_feedback(wrong_model(), gains), stretch.time, stretch.start,
+        {**stretch.series, **references},
+    )  # fmt: skip
+    drift, left = (
+        np.abs(run.channels["phi"][:, 0] - stretch.flown["phi"]).max() for run in (free, held)
+    )
+    assert drift > 0.02  # rad
+    assert left < 0.15 * drift
+    with pytest.raises(InputError, match="no feedback of 'psi'"):
+        with_feedback(wrong_model(), {("moment_x", "psi"): 1.0})
