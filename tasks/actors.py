@@ -57,10 +57,11 @@ def user() -> str:
     """Return the name of who acts: outside the console, the operating system's name of this
     process's user id. The environment, which anybody may set, is not asked."""
     actor = _ACTING.get()
-    return actor.name if actor is not None else _system_user()
+    return actor.name if actor is not None else system_user()
 
 
-def _system_user() -> str:
+def system_user() -> str:
+    """Return the operating system's name of this process's user id, whoever acts."""
     if pwd is None:
         return os.environ.get("USERNAME", "unknown")
     number = os.getuid()
@@ -78,7 +79,7 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
         if not users or _owns(workspace):
             return
         known = {row.name: row.role for row in users}
-        held = known.get(_system_user())
+        held = known.get(system_user())
     else:
         held = actor.role
     if held is None or USER_ROLES.index(held) < USER_ROLES.index(role):

@@ -35,7 +35,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from aerodb.errors import AeroError, InputError
 from aerodb.flows.web.access_log import AccessLog
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, ServeSettings, checked_token
-from aerodb.tasks.actors import Actor, acting_as, hash_of_token, new_token, user
+from aerodb.tasks.actors import Actor, acting_as, hash_of_token, new_token, system_user, user
 
 COOKIE: Final = "aerodb_session"
 HEADER: Final = "x-csrf-token"
@@ -368,7 +368,7 @@ class Secured:
                 "aerodb: too many wrong tokens; try again in a minute\n", 429, {"retry-after": "60"}
             )
         visitor = (
-            Actor(f"{user()} (token of the console)", "release")
+            Actor(f"{system_user()} (token of the console)", "release")
             if self._guard.admits(presented)
             else await run_in_threadpool(self._user_of, hashed)
         )

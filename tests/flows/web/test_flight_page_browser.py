@@ -47,7 +47,7 @@ def flight(browser: Any, address: str, folder: Path) -> str:
         page.wait_for_selector("#sent li:nth-child(2)[data-ended]")
         first, second = page.locator("#sent li").all_text_contents()
         assert first == "flight-1.ulg: good look at the flight"
-        assert page.get_attribute("#sent li:nth-child(2)", "data-ended") == "quarantined"
+        assert page.get_attribute("#sent li:nth-child(2)", "data-ended") == "quarantined", second
         assert "contains no data" in second
         assert barriers(page) == []
         page.click("#sent a")
