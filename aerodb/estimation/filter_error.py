@@ -22,7 +22,6 @@ from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, bounda
 from aerodb.estimation.scoring import Optimum, maximise
 from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
-from aerodb.support import Array
 
 #: ``steady``: one gain from the model linearised at the first state. ``extended``: linearised at
 #: every sample.
@@ -216,17 +215,14 @@ def _exact(found: Optimum) -> bool:
     return bool(np.any(noise <= _AT_LEAST * found.problem.least))
 
 
-def _innovations(found: Optimum) -> list[Array]:
-    """Measured minus predicted (n, o) of each record."""
-    pairs = zip(found.problem.records, found.passes, strict=True)
-    outputs = found.problem.model.outputs
-    return [record.stacked(outputs) - passed.predicted[:, :, 0] for record, passed in pairs]
-
-
 def _with_innovations(found: Optimum) -> Point:
     """An optimum with the variances of its innovations in place of the measurement noise."""
-    variance = np.nanmean(np.concatenate(_innovations(found)) ** 2, axis=0)
-    return replace(found.point, measurement=np.diag(variance))
+    pairs = zip(found.problem.records, found.passes, strict=True)
+    outputs = found.problem.model.outputs
+    missed = [record.stacked(outputs) - passed.predicted[:, :, 0] for record, passed in pairs]
+    return replace(
+        found.point, measurement=np.diag(np.nanmean(np.concatenate(missed) ** 2, axis=0))
+    )
 
 
 def _undisturbed(found: Optimum, most_iterations: int) -> Optimum:

@@ -127,10 +127,9 @@ def _row(
     """One equation: columns of the parameters that act in this record."""
     columns = []
     for parameter in _acting(model):
-        entry, _, own = parameter.partition("[")
-        acts = not own or own == f"{record.name}]"
-        if acts and not own and f"{parameter}[{record.name}]" in model.parameters.names:
-            acts = False
+        entry = parameter.split("[", 1)[0]
+        own = f"{entry}[{record.name}]"
+        acts = parameter == (own if own in model.parameters.names else entry)
         slope = np.hstack([m.slope(entry)[number] for m in matrices])
         columns.append(driving @ slope if acts else np.zeros(len(driving)))
     known = driving @ np.hstack([m.constant[number] for m in matrices])

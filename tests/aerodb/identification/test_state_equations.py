@@ -47,8 +47,7 @@ def test_measured_rates_give_the_least_squares_of_each_row(measured):
     for rate, names in (("pdot", list(ATTAS_LATERAL)[:6]), ("rdot", list(ATTAS_LATERAL)[6:])):
         response = np.concatenate([r.outputs[rate] for r in records])
         solution = np.linalg.lstsq(columns, response, rcond=None)[0]
-        order = [0, 1, 2, 3, 4, 5]  # Lp Lr Lda Ldr Lbeta L0 of the model, p r da dr beta 1 here
-        assert [fit[name].value for name in names] == pytest.approx(solution[order], rel=1e-6)
+        assert [fit[name].value for name in names] == pytest.approx(solution, rel=1e-6)
         left = response - columns @ solution
         assert fit.noise[rate] == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-6)
     assert set(fit.residuals["rudder"]) == {"pdot", "rdot"}
