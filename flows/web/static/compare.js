@@ -11,7 +11,7 @@
   }));
   const named = Object.fromEntries(inputs.map((input) => [input.name, input]));
   const plain = (value) => plots.shown(Number(value)).replace("−", "-");
-  let panels = {}, busy = false, waiting = false;
+  let panels = {}, latest = null, busy = false, waiting = false;
 
   function ends() {
     const chosen = named[field("over").value];
@@ -63,6 +63,16 @@
 
   const band = (name) => { const own = plots.colour(name); return /^#[0-9a-f]{6}$/i.test(own) ? `${own}33` : "transparent"; };
 
+  function draw() {
+    const { before, after, factor } = latest;
+    const drawn = [
+      { sweep: before, label: form.dataset.beforeLabel, colour: plots.colour("database"), band: band("database"), dash: [6, 3], width: 1.5 },
+      { sweep: after, label: form.dataset.afterLabel, colour: plots.colour("updated"), band: band("updated"), width: 1.75 },
+    ].filter(({ sweep }) => sweep);
+    panels = sweeps.draw(place, panels, drawn, factor);
+    return drawn;
+  }
+
   // One request at a time: what is moved meanwhile is asked for next.
   async function load() {
     if (busy) { waiting = true; return; }
@@ -71,11 +81,8 @@
     try {
       if (!(Number(field("low").value) < Number(field("high").value))) throw new Error("From and To are two numbers, the lower one first.");
       const [before, after] = await Promise.all(["before", "after"].map((side) => swept(side, over, factor)));
-      const drawn = [
-        { sweep: before, label: form.dataset.beforeLabel, colour: plots.colour("database"), band: band("database"), dash: [6, 3], width: 1.5 },
-        { sweep: after, label: form.dataset.afterLabel, colour: plots.colour("updated"), band: band("updated"), width: 1.75 },
-      ].filter(({ sweep }) => sweep);
-      panels = sweeps.draw(place, panels, drawn, factor);
+      latest = { before, after, factor };
+      const drawn = draw();
       said.textContent = drawn.length < 2 ? `Only ${drawn[0].label} depends on ${over}.` : "";
       form.dataset.shown = `${over} ${point("after")}`;
       remember();
@@ -99,7 +106,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     for (const { panel } of Object.values(panels)) panel.remove();
     panels = {};
-    load();
+    if (latest) draw();
   });
   recall();
   load();

@@ -5,7 +5,7 @@
   if (!form) return;
   const field = (name) => document.getElementById(name);
   const said = field("swept"), place = field("curves");
-  let panels = {}, asked = 0;
+  let panels = {}, latest = null, asked = 0;
 
   function ends() {
     const chosen = field("over").selectedOptions[0];
@@ -16,7 +16,8 @@
   const sweep = (version, factor) => sweeps.along(
     version, field("over").value, Number(field("low").value) / factor, Number(field("high").value) / factor, 201, field("through").value);
 
-  function draw(own, parent, factor) {
+  function draw() {
+    const { own, parent, factor } = latest;
     const drawn = [{ sweep: own, label: form.dataset.label, colour: plots.colour("updated"), band: plots.colour("updated-band"), width: 1.5 }];
     if (parent) drawn.push({ sweep: parent, label: form.dataset.parentLabel, colour: plots.colour("database"), dash: [6, 3], width: 1.25 });
     panels = sweeps.draw(place, panels, drawn, factor);
@@ -28,7 +29,8 @@
       const own = await sweep(form.dataset.version, factor);
       const parent = form.dataset.parent ? await sweep(form.dataset.parent, factor).catch(() => null) : null;
       if (turn !== asked) return;
-      draw(own, parent, factor);
+      latest = { own, parent, factor };
+      draw();
       const taken = own.taken_as_zero.join(", ");
       said.textContent = `${own.values.length} points.` + (taken ? ` Taken as zero: ${taken}.` : "");
       form.dataset.shown = own.over;
@@ -42,7 +44,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     for (const { panel } of Object.values(panels)) panel.remove();
     panels = {};
-    load();
+    if (latest) draw();
   });
   ends();
   load();
