@@ -5,6 +5,7 @@ from .filter_error import filter_error
 from .fit import Fit, ParameterEstimate, Standing
 from .frequency_domain import frequency_domain_regression
 from .frequency_response import FrequencyResponse, frequency_responses
+from .independence import InputCorrelation, dependent, input_correlations
 from .kalman import extended_kalman, unscented_kalman
 from .linear_equation import EquationRecord, LinearEquation
 from .multiple_shooting import multiple_shooting
@@ -43,6 +44,7 @@ __all__ = [
     "Fit",
     "FourierRegression",
     "FrequencyResponse",
+    "InputCorrelation",
     "LinearEquation",
     "Parameter",
     "ParameterEstimate",
@@ -62,11 +64,13 @@ __all__ = [
     "chosen_knots",
     "coloured_sum",
     "delayed",
+    "dependent",
     "extended_kalman",
     "filter_error",
     "frequency_domain_regression",
     "frequency_responses",
     "has_start_values",
+    "input_correlations",
     "least_squares",
     "multiple_shooting",
     "normalised_recursive_least_squares",

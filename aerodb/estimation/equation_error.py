@@ -217,6 +217,7 @@ def answer(
             *notes,
             *_of_length(noise, rank),
             *_close(problem.names, covariance, standings),
+            *_beyond(list(zip(problem.equation.parameters.items, items, strict=True))),
             *_overall(fitted, problem.equation),
         ),
     )
@@ -279,6 +280,18 @@ def _close(names: Sequence[str], covariance: Array, standings: Standings) -> lis
                         f" correlated by {correlation:.3f}."
                     )
     return notes
+
+
+def _beyond(items: Sequence[tuple[Parameter, ParameterEstimate]]) -> list[str]:
+    """A sentence where a method that has no bounds ends beyond one."""
+    names = [
+        item.name
+        for item, estimate in items
+        if estimate.standing == "estimated" and not item.lower <= estimate.value <= item.upper
+    ]
+    if not names:
+        return []
+    return [f"This method has no bounds: {', '.join(names)} lies beyond the bounds given."]
 
 
 def _overall(fitted: Mapping[str, Mapping[str, Array]], equation: LinearEquation) -> list[str]:

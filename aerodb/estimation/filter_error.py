@@ -19,7 +19,7 @@ from aerodb.estimation.fit import Fit
 from aerodb.estimation.gauss_newton import search
 from aerodb.estimation.one_step import around, repeated, slopes, stepped
 from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest, boundary_p_value
-from aerodb.estimation.scoring import Optimum, maximise
+from aerodb.estimation.scoring import SINGULAR, Optimum, maximise
 from aerodb.estimation.start_values import LinearModel
 from aerodb.estimation.time_history import TimeHistory
 
@@ -64,7 +64,8 @@ def filter_error(
     of R: less exact where the noise of the outputs is independent, but it also serves where it is
     not.
 
-    Where the likelihood ratio does not ask for process noise, the estimates are those without.
+    Where the likelihood ratio does not ask for process noise, the estimates are those without;
+    unless these are not determined, as of an unstable motion that grows for long without a gain.
 
     Parameters
     ----------
@@ -96,7 +97,9 @@ def filter_error(
     null = _undisturbed(found, most_iterations)
     ratio = 2.0 * (found.log_likelihood - null.log_likelihood)
     p_value = boundary_p_value(ratio if np.isfinite(ratio) else np.inf, len(disturbed))
-    test = ProcessNoiseTest(ratio, p_value, bool(found.problem.disturbed) and p_value < NOT_NEEDED)
+    followed = _determined(null) or not _determined(found)
+    needed = bool(found.problem.disturbed) and (p_value < NOT_NEEDED or not followed)
+    test = ProcessNoiseTest(ratio, p_value, needed)
     return fit_of("filter-error", found if test.needed else null, test, disturbed)
 
 
@@ -195,6 +198,18 @@ def first_noise(
     for j in disturbed:
         process[j] = np.sqrt(_FIRST_SHARE / (held[j] * record.step)) if held[j] > 0.0 else 0.0
     return Point(vector, process, np.diag(variance))
+
+
+def _determined(found: Optimum) -> bool:
+    """Whether the information tells all parameters that act from each other."""
+    f = len(found.point.vector)
+    information = found.information[:f, :f]
+    live = np.diag(information) > 0.0
+    size = np.sqrt(np.diag(information)[live])
+    if not np.isfinite(information).all() or not len(size):
+        return False
+    values = np.linalg.eigvalsh(information[np.ix_(live, live)] / np.outer(size, size))
+    return bool(values[0] > SINGULAR * values[-1])
 
 
 def _searched(problem: FilterProblem, start: Point, most_iterations: int) -> Optimum:

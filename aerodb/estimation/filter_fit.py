@@ -8,7 +8,7 @@ from aerodb.estimation.coloured_noise import autoregressive_noise
 from aerodb.estimation.filter_problem import FilterProblem
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import bounds_of, priors_of
-from aerodb.estimation.process_noise import ProcessNoiseTest
+from aerodb.estimation.process_noise import NOT_NEEDED, ProcessNoiseTest
 from aerodb.estimation.scoring import SINGULAR, Optimum
 from aerodb.estimation.standing import standings
 from aerodb.estimation.statistics import theil
@@ -109,8 +109,16 @@ def fit_of(
 
 def _turbulence(test: ProcessNoiseTest) -> str:
     size = f"likelihood ratio {test.ratio:.4g}, p = {test.p_value:.2g}"
+    if test.needed and test.p_value >= NOT_NEEDED:
+        return (
+            "Without process noise the parameters are not determined: the motion is unstable, and"
+            " only a filter follows it for so long."
+        )
     if test.needed:
-        return f"The states are disturbed ({size}): output error is biased by it, this fit is not."
+        return (
+            f"The states are disturbed ({size}): output error is biased by it, this fit is not if"
+            " turbulence is what disturbs them."
+        )
     return f"Process noise is not needed ({size}): the estimates are those of output error."
 
 

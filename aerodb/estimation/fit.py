@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from aerodb.estimation.independence import InputCorrelation
 from aerodb.estimation.statistics import Theil
 from aerodb.support import Array
 
@@ -76,6 +77,7 @@ class Fit:
     degrees_of_freedom : independent samples less estimates, of Student's t; inf for the normal.
     log_likelihood : NaN for methods without one.
     tests : what a method tested -> probability of such data if it were not there.
+    input_correlations : of residuals with inputs before them; empty where nobody asked.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
     """
@@ -94,6 +96,7 @@ class Fit:
     degrees_of_freedom: float = np.inf
     log_likelihood: float = np.nan
     tests: Mapping[str, float] = field(default_factory=dict)
+    input_correlations: tuple[InputCorrelation, ...] = ()
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 

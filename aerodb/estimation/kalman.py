@@ -15,7 +15,7 @@ from aerodb.estimation.filter_problem import Point
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.linearisation import advanced_everywhere
 from aerodb.estimation.one_step import around
-from aerodb.estimation.parameters import Parameter
+from aerodb.estimation.parameters import Parameter, bounds_of
 from aerodb.estimation.scoring import SINGULAR, Optimum, scored
 from aerodb.estimation.standing import standings
 from aerodb.estimation.statistics import theil
@@ -136,17 +136,24 @@ def _most_likely(
     together with one, by the score of the likelihood of the innovations; None for the likelihood
     there where they are not reached."""
     problem = replace(likely.problem, steady=False, along=())
-    wide = np.array([each.prior is None for each in problem.model.parameters.unknown], dtype=bool)
+    unknown = problem.model.parameters.unknown
+    wide = np.array([each.prior is None for each in unknown], dtype=bool)
+    lower, upper = bounds_of(unknown)
     deviation, f = np.sqrt(np.diag(covariance)), len(mean)
+    mean = np.clip(mean, lower, upper)
     held = np.where(wide, first**-2.0, 0.0)
     for _ in range(_CORRECTIONS if np.isfinite(covariance).all() else 0):
         found, score = scored(problem, replace(likely.point, vector=mean))
         information = found.information[:f, :f] + np.diag(held)
         if not np.isfinite(information).all():
             break
-        move = np.linalg.lstsq(information, score - held * (mean - prior), rcond=SINGULAR)[0]
+        score = score - held * (mean - prior)
+        go = ~(((mean <= lower) & (score < 0.0)) | ((mean >= upper) & (score > 0.0)))
+        move = np.zeros(f)
+        move[go] = np.linalg.lstsq(information[np.ix_(go, go)], score[go], rcond=SINGULAR)[0]
         size = float(np.max(np.abs(move) / deviation, initial=0.0))
-        mean = mean + move / max(1.0, size)
+        # beside a parameter at its bound the others may have a long way to go
+        mean = np.clip(mean + (move / max(1.0, size) if go.all() else move), lower, upper)
         if size <= _SMALL:
             return mean, found
     return mean, None
@@ -335,9 +342,7 @@ def _fit(
         value, error = float(values[item.name]), np.nan
         if standing in ("estimated", "prior"):
             error = abs(factor) * float(deviation[number[source]])
-        elif standing == "at bound":
-            value = float(np.clip(value, item.lower, item.upper))
-        elif standing != "fixed":
+        elif standing not in ("fixed", "at bound"):
             value = np.nan
         if item.tied is not None and standing == "estimated":
             standing, reason = "tied", f"{factor:g} times {source}"

@@ -15,6 +15,8 @@ NOT_NEEDED = 0.05
 _SHORTER = 3.0
 #: Process noise explains nothing of an output whose correlation it makes shorter by less than this.
 _TOUCHED = 2.0
+#: Residuals are nearly white where fewer samples than this count as one.
+_WHITE = 1.5
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class ProcessNoiseTest:
     """Likelihood ratio of process noise.
 
     ratio : twice the difference of the log-likelihoods. p_value : of no process noise.
-    needed : whether it is significant.
+    needed : whether it is significant, or without it nothing follows the motion.
     """
 
     ratio: float
@@ -91,6 +93,15 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
     memory = memories.get(name, 0.0)
     as_long = memory * _SHORTER > max(before.values(), default=0.0)
     untouched = memory * _TOUCHED > before.get(name, np.inf)
+    far = _farthest(output_error, filter_error)
+    white = bool(before) and max(before.values()) < _WHITE
+    if output_error.converged and white and not far:
+        return Recommendation(
+            output_error.method,
+            f"Process noise is significant (p = {p_value:.2g}), but too small to matter: the"
+            " residuals of output error are nearly white, its estimates are those of filter error,"
+            " and it assumes less.",
+        )
     if output_error.converged and (as_long or untouched):
         return Recommendation(
             output_error.method,
@@ -105,7 +116,7 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
         parts.append("it does not converge")
     elif coloured := _coloured(output_error):
         parts.append(f"its residuals are correlated from sample to sample ({', '.join(coloured)})")
-    if far := _farthest(output_error, filter_error):
+    if far:
         parts.append(far)
     return Recommendation(filter_error.method, "; ".join(parts) + ".")
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.estimation import Fit, ParameterEstimate, output_or_filter_error
+from aerodb.estimation import Fit, ParameterEstimate, dependent, output_or_filter_error
 from aerodb.identification.methods import METHODS
 
 #: Methods agree where their estimates differ by no more than this many standard errors.
@@ -62,6 +62,7 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
         for name in names
     )
     believe, reasons = _believe(fits)
+    reasons += _reservations(fits.get(believe or "", ()))
     apart = [each for each in parameters if not each.agree]
     if apart:
         worst = max(apart, key=lambda each: each.spread)
@@ -71,6 +72,26 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
             f" errors between methods, most {worst.name}, by {worst.spread:.1f} ({pair})",
         )
     return MethodComparison(parameters, believe, reasons)
+
+
+def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """What speaks against the method that is believed: inputs of which its residuals still hold a
+    response, and estimates at bounds."""
+    inputs = dict.fromkeys(each.input for fit in fits for each in dependent(fit.input_correlations))
+    bound = [e.name for fit in fits for e in fit.estimates if e.standing == "at bound"]
+    bound = [name for name in bound if not name.startswith("process_noise_")]
+    found = []
+    if inputs:
+        found.append(
+            f"With reservation: the residuals of {fits[0].method} still hold a response to"
+            f" {', '.join(inputs)}, see its notes; more than noise or turbulence is missing"
+        )
+    if bound:
+        found.append(
+            f"With reservation: {', '.join(bound)} at a bound, which draws all other estimates;"
+            " widen it unless it is known"
+        )
+    return tuple(found)
 
 
 def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreement:

@@ -19,8 +19,8 @@ def fit_report(fit: Fit, least_correlation: float = LEAST_CORRELATION) -> str:
 
     Estimates with standard errors (corrected for coloured residuals), 95 % intervals, p-values of
     a value of zero, Cramer-Rao bounds and insensitivities where the method has them; correlations
-    of at least `least_correlation`; fit and Theil's parts per output; how coloured the
-    residuals are.
+    of at least `least_correlation`; fit and Theil's parts per output; how coloured the residuals
+    are, and how they are correlated with the inputs.
     """
     return "\n".join(
         line
@@ -106,6 +106,14 @@ def _tail(fit: Fit) -> Iterator[str]:
                 f" {theil.bias:.2f}, variance {theil.variance:.2f}, covariance"
                 f" {theil.covariance:.2f}{colour}"
             )
+    if fit.input_correlations:
+        yield "[[residuals against inputs before them: largest correlation, 95 % bound]]"
+    for each in fit.input_correlations:
+        outside = "" if abs(each.correlation) <= each.bound else f"  outside, p {each.p_value:.2g}"
+        yield (
+            f"    {each.output}, {each.input} {each.lag:.3g} s before:"
+            f" {each.correlation:+.3f}, bound {each.bound:.3f}{outside}"
+        )
     for title, lines in (("assumes", fit.assumes), ("notes", fit.notes)):
         if lines:
             yield f"[[{title}]]"

@@ -42,7 +42,9 @@ from aerodb.estimation import (
     StateSpace,
     TimeHistory,
     affine_matrix,
+    dependent,
     has_start_values,
+    input_correlations,
     state_space,
     with_delays,
     with_start_values,
@@ -59,6 +61,13 @@ from aerodb.support import Array, Strict, parsed_toml, validated
 
 Row = list[float | str]
 
+#: Tables of which a model file has one.
+_DECLARED = {"state_space", "increment"}
+#: What residuals that are correlated with an input say.
+_LACKING = (
+    "the model lacks part of the response to it (a delay, a state, a term), or a controller feeds"
+    " disturbances back"
+)
 #: A record with which a file is checked.
 _ANY = TimeHistory("any", np.arange(2.0), {}, {})
 
@@ -111,6 +120,7 @@ class StateSpaceFile(Strict):
         Raises InputError for names that are not in the model, and for wrong matrices.
         """
         table = self.state_space
+        _checked(table, [each.name for each in self.parameter])
         delays = [f"delay_{name}" for name in (*table.late_inputs, *table.late_outputs)]
         entries = tuple(dict.fromkeys([*_names(table), *delays]))
         described = {each.name: each for each in self.parameter}
@@ -150,12 +160,19 @@ class StateSpaceFile(Strict):
         return with_delays(model, table.late_inputs, table.late_outputs) if delays else model
 
 
-def declares_state_space(text: str) -> bool:
+def declares_state_space(text: str, where: str = "model file") -> bool:
     """Whether a model file (TOML) declares a linear model, not increments.
 
-    Raises InputError for a text that is no TOML.
+    Raises InputError for a text that is no TOML, and for one that declares neither.
     """
-    return "state_space" in parsed_toml(text, "model file")
+    found = parsed_toml(text, where)
+    if not _DECLARED & found.keys():
+        raise InputError(
+            "it declares neither a linear model ([state_space]) nor increments ([[increment]])",
+            where,
+            nearest(next(iter(found), ""), sorted(_DECLARED)),
+        )
+    return "state_space" in found
 
 
 def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
@@ -175,6 +192,18 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
     Raises InputError for delays, and for states that are not measured, under a method of equation
     error.
     """
+    fit = _fitted(method, records, file)
+    found = input_correlations(fit.residuals, records)
+    notes = [
+        f"The residuals of {each.output} are correlated with {each.input} {each.lag:.3g} s before"
+        f" ({each.correlation:.2f}, 95 % bound {each.bound:.2f}): {_LACKING}."
+        for each in dependent(found)[:1]
+    ]
+    return replace(fit, input_correlations=found, notes=(*fit.notes, *notes))
+
+
+def _fitted(method: Method, records: Sequence[TimeHistory], file: StateSpaceFile) -> Fit:
+    _moving(records, file.state_space.outputs)
     model, notes = file.model(records), list[str]()
     if method.kind != "dynamic":
         if isinstance(model, DelayedStateSpace):
@@ -190,6 +219,19 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
             notes = [f"The search began at zero: {error.what}."]
     fit: Fit = method.load()(model, records)
     return replace(fit, notes=(*fit.notes, *(note for note in notes if note not in fit.notes)))
+
+
+def _moving(records: Sequence[TimeHistory], outputs: Sequence[str]) -> None:
+    """Raise InputError for an output that stands still: its noise cannot be estimated."""
+    for name in outputs:
+        values = np.concatenate([record.outputs[name] for record in records])
+        values = values[np.isfinite(values)]
+        if not len(values) or np.ptp(values) == 0.0:
+            raise InputError(
+                f"output {name} " + ("stands still" if len(values) else "has no values"),
+                f"record {records[0].name}",
+                "check its column, or leave it out of the model's outputs",
+            )
 
 
 def flight_records(
@@ -240,6 +282,37 @@ def file_records(
         records += made
         notes += [f"{name}: {note}" for note in columns.notes] + done
     return records, notes
+
+
+def _checked(table: StateSpaceTable, described: Sequence[str]) -> None:
+    """Raise InputError for names that stand twice, and for matrices of another size than the names
+    of states, inputs and outputs ask for."""
+    for what, names in (
+        ("states", table.states),
+        ("inputs", table.inputs),
+        ("outputs", table.outputs),
+        ("[[parameter]]", described),
+    ):
+        twice = [name for name in dict.fromkeys(names) if list(names).count(name) > 1]
+        if twice:
+            raise InputError(f"'{twice[0]}' stands twice in {what}", "state space", "name it once")
+    s, m, o = len(table.states), len(table.inputs), len(table.outputs)
+    for name, rows, height, width in (
+        ("a", table.a, s, s),
+        ("b", table.b, s, m),
+        ("c", table.c, o, s),
+        ("d", table.d, o, m),
+        ("state_bias", table.state_bias and [table.state_bias], 1, s),
+        ("output_bias", table.output_bias and [table.output_bias], 1, o),
+    ):
+        if rows is not None and [len(row) for row in rows] != [width] * height:
+            found = " and ".join(str(each) for each in sorted({len(row) for row in rows}))
+            raise InputError(
+                f"{name} has {len(rows)} rows of {found or 'no'} entries, not {height} of {width}",
+                "state space",
+                f"{s} states, {m} inputs and {o} outputs are named: a row for each state or output,"
+                " an entry for each state or input",
+            )
 
 
 def _names(table: StateSpaceTable) -> tuple[str, ...]:

@@ -66,8 +66,10 @@ def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str,
     lacking = [name for name in names if name not in found[best]]
     if lacking:
         fields = [field for field, _ in numeric_columns(recording.topics[best])]
+        skipped = recording.metadata.get("skipped", "")
+        without = f"; without numbers: {skipped}" if skipped else ""
         raise InputError(
-            f"no column '{lacking[0]}' (columns: {', '.join(fields[:20])})",
+            f"no column '{lacking[0]}' (columns: {', '.join(fields[:20])}{without})",
             recording.source,
             f"{nearest(lacking[0], fields)}; name it in the model file: [columns]"
             f' {lacking[0]} = "column [unit]"',
@@ -79,7 +81,14 @@ def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str,
         series = np.asarray(topic.fields[field], dtype=np.float64)
         unit, said = (unit, "") if unit else _unit(topic, name, field, series)
         known = name in CHANNELS or is_surface(name)
-        scale, offset = conversion(unit, channel(name).unit) if known else si_conversion(unit)
+        try:
+            scale, offset = conversion(unit, channel(name).unit) if known else si_conversion(unit)
+        except InputError as error:
+            raise InputError(
+                f"column '{field}': {error.what}",
+                recording.source,
+                f'state its unit in the model file: [columns] {name} = "{field} [unit]"',
+            ) from error
         values[name] = series * scale + offset
         if said:
             notes.append(f"{name} is column {field}, taken in {unit}: {said}")

@@ -68,7 +68,7 @@ def estimate(
 
     session: Session = context.obj
     text = read_text(model)
-    linear = declares_state_space(text)
+    linear = declares_state_space(text, str(model))
     (parse_state_space if linear else parse_model_file)(text, str(model))
     names = method or ["output-error" if linear else "regression"]
     chosen_methods(names)

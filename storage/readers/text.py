@@ -190,8 +190,8 @@ def _frame(body: bytes, delimiter: str, where: str) -> pd.DataFrame:
 def _columns(
     frame: pd.DataFrame, names: list[str] | None
 ) -> tuple[dict[str, NDArray[Any]], list[str], list[Damage]]:
-    """Columns of numbers by name, names of text columns, and damage where single cells are not
-    numbers."""
+    """Columns of numbers by name, names of those of text or nothing, and damage where single cells
+    are not numbers."""
     columns: dict[str, NDArray[Any]] = {}
     text, damage = [], []
     for number, key in enumerate(frame.columns):
@@ -211,7 +211,9 @@ def _columns(
                 f" {series[row]!r:.40}"
             )
             damage.append(Damage("values", what, topic="table"))
-        if not np.all(np.isnan(values)):
+        if np.all(np.isnan(values)):
+            text.append(name)
+        else:
             columns[name] = values
     return columns, text, damage
 

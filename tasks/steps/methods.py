@@ -54,8 +54,9 @@ def estimate_by_methods(
     methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
-    iterations, log_likelihood, notes, estimates, correlations, report; or reason where it gave
-    none), parameters (parameter, estimates by method, spread, furthest, agree), believe, reasons.
+    iterations, log_likelihood, notes, estimates, correlations, input_correlations, report;
+    or reason where it gave none), parameters (parameter, estimates by method, spread, furthest,
+    agree), believe, reasons.
     """
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
@@ -192,6 +193,11 @@ def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
         ],
         "correlations": [
             {"names": list(fit.names), "correlation": fit.correlation.tolist()} for fit in fits
+        ],
+        "input_correlations": [
+            {key: _finite(value) for key, value in asdict(each).items()}
+            for fit in fits
+            for each in fit.input_correlations
         ],
         "report": "\n".join(fit_report(fit) for fit in fits),
     }

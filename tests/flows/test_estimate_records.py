@@ -189,6 +189,76 @@ def test_uneven_time_steps_are_resampled_and_missing_inputs_bridged(tmp_path) ->
     assert any("bridged" in note for note in document["notes"])
 
 
+def test_a_delay_that_the_model_lacks_is_a_reservation_and_goes_when_it_is_declared(
+    tmp_path,
+) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    aileron, p = roll(time)
+    file = written(tmp_path / "roll.csv", "t,da,p", time[6:], aileron[6:], p[:-6])
+    given = ("estimate", "--record", file, "--method", "output-error", "--model")
+    without = asked(tmp_path / "w", *given, model(tmp_path, ROLL))
+    (found,) = without["methods"][0]["input_correlations"]
+    assert (found["output"], found["input"]) == ("p", "delta_aileron")
+    assert abs(found["correlation"]) > found["bound"]
+    assert any("still hold a response to delta_aileron" in why for why in without["reasons"])
+    assert "[[residuals against inputs" in without["methods"][0]["report"]
+    late = model(tmp_path, ROLL + 'late_inputs = ["delta_aileron"]\n')
+    document = asked(tmp_path / "w", *given, late)
+    (found,) = document["methods"][0]["input_correlations"]
+    assert abs(found["correlation"]) <= found["bound"]
+    assert not any("reservation" in why for why in document["reasons"])
+    near(document, ROLL_TRUTH | {"delay_delta_aileron": 0.12})
+
+
+def test_a_bound_that_holds_an_estimate_off_is_a_reservation(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    file = written(tmp_path / "roll.csv", "t,da,p", time, *roll(time))
+    text = ROLL + '[[parameter]]\nname = "Lp"\nvalue = -1.0\nlower = -1.5\nupper = 0.0\n'
+    methods = ("filter-error", "ekf", "principal-components")
+    chosen = [word for name in methods for word in ("--method", name)]
+    given = ("estimate", "--model", model(tmp_path, text), "--record", file, *chosen)
+    document = asked(tmp_path / "w", *given)
+    by = {
+        entry["method"]: {each["name"]: each for each in entry["estimates"]}
+        for entry in document["methods"]
+    }
+    for name in ("filter-error", "ekf"):
+        assert (by[name]["Lp"]["value"], by[name]["Lp"]["standing"]) == (-1.5, "at bound")
+        assert "lower bound -1.5" in by[name]["Lp"]["reason"]
+    # the others are those most likely at the bound, by both
+    assert abs(by["ekf"]["Lda"]["value"] - by["filter-error"]["Lda"]["value"]) < 0.6
+    assert any("Lp at a bound" in why for why in document["reasons"])
+    assert any("beyond the bounds given" in note for note in document["methods"][2]["notes"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ROLL.replace("state_space", "statespace"), "did you mean 'state_space'?"),
+        (ROLL.replace('[["Lp"]]', '[["Lp", "Lr"]]'), "a has 1 rows of 2 entries, not 1 of 1"),
+        (ROLL.replace('["L0"]', '["L0", "M0"]'), "state_bias has 1 rows of 2 entries"),
+        (ROLL.replace('outputs = ["p"]', 'outputs = ["p", "p"]'), "'p' stands twice in outputs"),
+        (2 * "[[parameter]]\nname = 'Lp'\n" + ROLL, "'Lp' stands twice in [[parameter]]"),
+        ("[state_space\n", "model.toml: not valid TOML"),
+    ],
+)
+def test_a_wrong_model_file_is_refused_by_name(tmp_path, text, said) -> None:
+    refused = aerodb(
+        tmp_path / "w", "estimate", "--model", model(tmp_path, text), "--record", "roll.csv"
+    )
+    assert refused.returncode == 3
+    assert said in refused.stderr
+
+
+def test_an_output_that_stands_still_gives_no_estimate_by_any_method(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    file = written(tmp_path / "roll.csv", "t,da,p", time, roll(time)[0], 0.0 * time)
+    given = ("estimate", "--model", model(tmp_path, ROLL), "--record", file, "--methods", "all")
+    document = asked(tmp_path / "w", *given)
+    assert document["believe"] is None
+    assert all("output p stands still" in entry["reason"] for entry in document["methods"])
+
+
 @pytest.mark.parametrize(
     ("header", "text", "said"),
     [
@@ -196,7 +266,11 @@ def test_uneven_time_steps_are_resampled_and_missing_inputs_bridged(tmp_path) ->
         ("t,da,p", ROLL.replace('"p"', '"w"'), "no column 'w'"),
         ("t,da,p", '[columns]\nq = "p"\n' + ROLL, "no channel 'q'"),
         ("t,da,p", '[columns]\np = "x [deg/s]"\n' + ROLL, "no column 'p'"),
-        ("t,da,p", '[columns]\np = "p [m]"\n' + ROLL, "'m' cannot be converted to 'rad/s'"),
+        (
+            "t,da,p",
+            '[columns]\np = "p [m]"\n' + ROLL,
+            "column 'p': unit 'm' cannot be converted to 'rad/s'",
+        ),
     ],
 )
 def test_what_the_file_lacks_is_named_with_a_way_out(tmp_path, header, text, said) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.estimation import multiple_shooting, output_error, stabilised
+from aerodb.estimation import filter_error, multiple_shooting, output_error, stabilised
 from tests.support.unstable_aircraft import TRUTH, matrices, piloted_flight, unstable_model
 
 GAINS = {("alpha", "alpha"): 3.0, ("q", "q"): 3.0}
@@ -50,6 +50,17 @@ def test_multiple_shooting_gives_the_truth(record, start, continuous):
     assert set(fit.names) == {*TRUTH, "initial_alpha", "initial_q"}
     for name, value in TRUTH.items():
         assert abs(fit[name].value - value) < 2.0 * fit[name].standard_error
+
+
+def test_filter_error_keeps_the_process_noise_that_it_needs_to_follow(record):
+    """Without any, sensitivities grow with the motion until no parameter is told from another."""
+    start = {name: 0.97 * value for name, value in TRUTH.items()}
+    fit = filter_error(unstable_model(start), [record])
+    assert fit.converged
+    assert "unstable" in fit.notes[0]
+    for name, value in TRUTH.items():
+        assert fit[name].standing == "estimated", fit[name]
+        assert abs(fit[name].value - value) < 2.5 * fit[name].standard_error
 
 
 def test_segments_that_join_are_output_error_where_that_converges(record):

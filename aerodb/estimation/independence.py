@@ -1,0 +1,141 @@
+"""Whether residuals are independent of the inputs: a model that explains the whole response to an
+input leaves nothing of that input in its residuals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from aerodb.estimation.coloured_noise import autoregressive_noise
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+#: Probability that the largest of all lags of independent residuals is within its bound.
+_LEVEL: Final = 0.95
+#: More standard deviations than any bound.
+_FAR: Final = 40.0
+#: Probability below which chance does not explain the correlations of a fit.
+_CHANCE: Final = 0.01
+#: Lags up to this share of the shortest record, and fewest of them.
+_SHARE, _FEWEST = 0.25, 4
+
+
+@dataclass(frozen=True)
+class InputCorrelation:
+    """Correlation of a residual with an input before it, where it is furthest from zero.
+
+    Parameters
+    ----------
+    output, input : names.
+    correlation : coefficient, -1 to 1.
+    lag : how much earlier the input is [s].
+    bound : that independent residuals stay within at all lags with a probability of 95 %.
+    p_value : probability of so large a correlation at any lag if they were independent.
+    """
+
+    output: str
+    input: str
+    correlation: float
+    lag: float
+    bound: float
+    p_value: float
+
+
+def dependent(correlations: Sequence[InputCorrelation]) -> tuple[InputCorrelation, ...]:
+    """Those that chance does not explain, the least likely first, however many were looked at."""
+    found = [each for each in correlations if each.p_value * len(correlations) < _CHANCE]
+    return tuple(sorted(found, key=lambda each: each.p_value))
+
+
+def input_correlations(
+    residuals: Mapping[str, Mapping[str, Array]], records: Sequence[TimeHistory]
+) -> tuple[InputCorrelation, ...]:
+    """Correlation of each residual with each input that moves, over all records.
+
+    The bound holds for residuals that are coloured: their spectrum is that of an autoregressive
+    model. Lags begin at one sample, because a controller that responds at once brings the noise of
+    the same sample into the input.
+
+    Parameters
+    ----------
+    residuals : record -> output -> (n,), NaN where not measured.
+    records : with the inputs; those without residuals of the same length are left out.
+
+    References
+    ----------
+    Box, Jenkins & Reinsel, Time Series Analysis, 4th ed., 2008, section 12.3.2. Ljung, System
+    Identification, 2nd ed., 1999, section 16.6.
+    """
+    found = []
+    outputs = dict.fromkeys(name for each in residuals.values() for name in each)
+    for output in outputs:
+        kept = [
+            (record, _about_mean(left))
+            for record in records
+            if (left := residuals.get(record.name, {}).get(output)) is not None
+            and len(left) == len(record.time)
+        ]
+        for name in dict.fromkeys(name for record, _ in kept for name in record.inputs):
+            pairs = [(r, left, _about_mean(r.inputs[name])) for r, left in kept]
+            correlation = _furthest(output, name, pairs)
+            if correlation is not None:
+                found.append(correlation)
+    return tuple(found)
+
+
+def _about_mean(values: Array) -> Array:
+    """Values about the mean of those there are; 0 where there is none."""
+    good = np.isfinite(values)
+    return np.where(good, values - values[good].mean() if good.any() else 0.0, 0.0)
+
+
+def _furthest(
+    output: str, name: str, pairs: Sequence[tuple[TimeHistory, Array, Array]]
+) -> InputCorrelation | None:
+    """The correlation at the lag where it is largest; None where residual or input stand still."""
+    step = max(record.step for record, _, _ in pairs)
+    most = min(float(record.time[-1] - record.time[0]) for record, _, _ in pairs) * _SHARE
+    lags = step * np.arange(1, int(most / step) + 1)
+    size = np.sqrt(sum(float(left @ left) for _, left, _ in pairs))
+    size *= np.sqrt(sum(float(moved @ moved) for _, _, moved in pairs))
+    if len(lags) < _FEWEST or not size > 0.0:
+        return None
+    noise = autoregressive_noise([left for _, left, _ in pairs])
+    products, covariance = np.zeros(len(lags)), np.zeros((2, 2))
+    for record, left, moved in pairs:
+        at = np.arange(len(moved)) * record.step
+        products += np.interp(lags, at, _products(left, moved))
+        covariance += noise.summed(np.column_stack([moved[1:], moved[:-1]]))
+    neighbours = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
+    crossings = len(lags) * float(np.arccos(min(neighbours, 1.0))) / np.pi
+    deviation = float(np.sqrt(covariance[0, 0]))
+    tests = len(lags)
+    within = brentq(lambda z: _exceeded(z, crossings, tests) - (1.0 - _LEVEL), 0.0, _FAR)
+    k = int(np.argmax(np.abs(products)))
+    return InputCorrelation(
+        output,
+        name,
+        correlation=float(products[k] / size),
+        lag=float(lags[k]),
+        bound=within * deviation / float(size),
+        p_value=min(1.0, _exceeded(float(abs(products[k])) / deviation, crossings, tests)),
+    )
+
+
+def _exceeded(size: float, crossings: float, tests: int) -> float:
+    """Probability, where it is small, that a normal process of unit variance exceeds a size at one
+    of so many samples, among which it is expected to cross zero so often: Rice's formula (Bell
+    System Technical Journal 24, 1945), or Bonferroni's where that is less."""
+    alone = 2.0 * float(ndtr(-size))
+    return float(min(tests * alone, alone + crossings * np.exp(-0.5 * size**2)))
+
+
+def _products(later: Array, earlier: Array) -> Array:
+    """``sum_t later(t) earlier(t - k)`` for lags k = 0 ... n - 1."""
+    size = next_fast_len(2 * len(later))
+    spectrum = rfft(later, size) * np.conj(rfft(earlier, size))
+    return np.asarray(irfft(spectrum, size)[: len(later)])
