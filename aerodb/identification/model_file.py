@@ -297,15 +297,16 @@ def _checked(table: StateSpaceTable, described: Sequence[str]) -> None:
         if twice:
             raise InputError(f"'{twice[0]}' stands twice in {what}", "state space", "name it once")
     s, m, o = len(table.states), len(table.inputs), len(table.outputs)
-    for name, rows, height, width in (
-        ("a", table.a, s, s),
-        ("b", table.b, s, m),
-        ("c", table.c, o, s),
-        ("d", table.d, o, m),
-        ("state_bias", table.state_bias and [table.state_bias], 1, s),
-        ("output_bias", table.output_bias and [table.output_bias], 1, o),
-    ):
-        if rows is not None and [len(row) for row in rows] != [width] * height:
+    matrices: dict[str, tuple[list[Row], int, int]] = {
+        "a": (table.a, s, s),
+        "b": (table.b, s, m),
+        "c": (table.c, o, s),
+        "d": ([[0.0] * m] * o if table.d is None else table.d, o, m),
+        "state_bias": ([table.state_bias or [0.0] * s], 1, s),
+        "output_bias": ([table.output_bias or [0.0] * o], 1, o),
+    }
+    for name, (rows, height, width) in matrices.items():
+        if [len(row) for row in rows] != [width] * height:
             found = " and ".join(str(each) for each in sorted({len(row) for row in rows}))
             raise InputError(
                 f"{name} has {len(rows)} rows of {found or 'no'} entries, not {height} of {width}",

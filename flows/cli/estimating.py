@@ -198,7 +198,9 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
     for reason in document["reasons"]:
         session.say(f"- {reason}")
     if several and document["believe"]:
-        session.say(f"believe here: {document['believe']}")
+        reserved = any(each.startswith("With reservation") for each in document["reasons"])
+        reserved_words = ", with reservation" if reserved else ""
+        session.say(f"believe here: {document['believe']}{reserved_words}")
 
 
 def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
