@@ -8,7 +8,8 @@
 5. `controls`: each surface against the motion that it causes: size, sign, effect, delay
    (`surfaces`, `equation_error`).
 6. `database`: a flight against its vehicle's database, once there is one: level and slope of the
-   lift, sign, size and delay of each control, a factor that all moments share (`derivatives`).
+   lift, sign, size and delay of each control, a factor that all moments share (`derivatives`),
+   aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`).
 
 `against_vehicle` runs the first five (`examined_beside` after conditioning's own checks) and
 `against_database` the last. They return suspicions

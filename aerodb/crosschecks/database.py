@@ -1,5 +1,5 @@
 """A flight against its vehicle's database: sign, size and delay of each control, the level and the
-slope of the lift, and the factor that all moments share.
+slope of the lift, the factor that all moments share; controls exchanged; mass, CG and thrust.
 
 A wind tunnel may be wrong by a fifth of a lift slope or half of an elevator, and lack an effect. It
 is not wrong about the sign of a control, by a factor of four, or by one factor about all axes.
@@ -10,18 +10,21 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import Suspicion, low_passed
-from aerodb.crosschecks.derivatives import AxisShares, Share, axis_shares, whole_surface
+from aerodb.conditioning import Suspicion
+from aerodb.crosschecks.derivatives import INFLATION, AxisShares, Share, axis_shares, whole_surface
+from aerodb.crosschecks.exchanged import exchanged_suspicions
+from aerodb.crosschecks.loads import cg_beside, force_ratio, mass_beside, thrust_beside
 from aerodb.crosschecks.surfaces import role_of
-from aerodb.estimation import Regression, least_squares, samples_per_independent
+from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle
 
-#: Standard errors of a claim about a sign and about a size, largest variance inflation, least share
-#: of the motion that the fit explains, for any claim about a control.
-SIGN_ERRORS, SIZE_ERRORS, INFLATION, EXPLAINED = 4.0, 4.0, 30.0, 0.15
+#: Standard errors of a claim about a sign and about a size, and least share of the motion that the
+#: fit explains, for any claim about a control.
+SIGN_ERRORS, SIZE_ERRORS, EXPLAINED = 4.0, 4.0, 0.15
 #: Least share of the motion to be explained for a claim that a control does nothing.
 IDLE_EXPLAINED = 0.5
 #: Least part of an axis that a control must cause for a claim about its sign, and about its size.
@@ -37,7 +40,7 @@ STILL = 0.75
 #: Factor, and lift coefficient, between the levels of the lift; ratios of its slope, and what must
 #: be explained for it; ratios of the damping in roll.
 LEVEL, BESIDE = 1.6, 0.15
-SLOPES, SLOPE_EXPLAINED, BAND = (0.5, 2.0), 0.8, 2.0
+SLOPES, SLOPE_EXPLAINED = (0.5, 2.0), 0.8
 DAMPING, DAMPED = (0.3, 3.0), 0.8
 #: Of the factor that moments share: least derivatives, least factor, their scatter about it (median
 #: deviation of logarithms over the factor's), most that are elsewhere; a derivative counts with
@@ -56,9 +59,10 @@ def against_database(
     predicted: Mapping[str, Array],
     usable: Mapping[str, NDArray[np.bool_]],
     bandwidth: float | None,
+    vehicle: Vehicle,
 ) -> tuple[Suspicion, ...]:
     """Return what in a flight contradicts its vehicle's database beyond what a wind tunnel can have
-    wrong; empty for a good pair.
+    wrong, and what a wrong vehicle file would look like; empty for a good pair.
 
     flight : with all inputs of the database that it has. measured, predicted, usable : axis ->
     (n,), as `aerodb.coefficients.compare` gives them. bandwidth : Hz, of both moments; None: not
@@ -68,12 +72,20 @@ def against_database(
     axes = axis_shares(flight, database, measured, predicted, usable, bandwidth)
     fits = {axis: fit for axis, each in axes.items() if (fit := each.fit()) is not None}
     axes = {axis: each for axis, each in axes.items() if axis in fits}
-    surfaces = _delays(axes)
+    exchanged = exchanged_suspicions(axes, flight)
+    surfaces = exchanged or _delays(axes)
     late = {suspicion.channel for suspicion in surfaces}
-    surfaces += [each for each in _sizes(axes, fits) if each.channel not in late]
-    surfaces += _standing(flight, axes, fits)
+    if not exchanged:
+        surfaces += [each for each in _sizes(axes, fits) if each.channel not in late]
+        surfaces += _standing(flight, axes, fits)
+    area = database.reference.area
+    pushed = thrust_beside(flight, vehicle, area, measured, predicted, usable)
     shared = [] if lift or surfaces else _shared_factor(axes, fits) or _damping(axes, fits)
-    return (*lift, *surfaces, *shared)
+    if not (lift or surfaces or shared):
+        moments = _known(axes, fits)
+        shared = mass_beside(measured, predicted, usable, flight.step, moments)
+        shared += cg_beside(axes, database.reference)
+    return (*lift, *surfaces, *pushed, *shared)
 
 
 def _lift(
@@ -101,24 +113,18 @@ def _lift(
             f" {there:.3g} for the same angles and deflections{cause}"
         )
         return [Suspicion("mass", "size", words, evidence)]
-    band = min(BAND, 0.4 / flight.step)
-    try:
-        x, y = (
-            low_passed(np.where(good, values[axis], np.nan), flight.step, band)[good]
-            for values in (predicted, measured)
-        )
-        fit = least_squares(np.column_stack([x, np.ones_like(x)]), y, ("predicted", "1"))
-    except ValueError:
+    ratio = force_ratio(measured[axis], predicted[axis], good, flight.step)
+    if ratio is None:
         return []
-    ratio, error = float(fit.estimates[0]), float(fit.standard_errors[0])
-    low, high = SLOPES[0] - 3.0 * error, SLOPES[1] + 3.0 * error
-    if not fit.r_squared > SLOPE_EXPLAINED or low <= ratio <= high:
+    low, high = SLOPES[0] - 3.0 * ratio.error, SLOPES[1] + 3.0 * ratio.error
+    if not ratio.explained > SLOPE_EXPLAINED or low <= ratio.value <= high:
         return []
     words = (
-        f"the lift changes by {ratio:.3g} +- {error:.2g} times what the database has for the same"
-        f" angles and deflections{cause}"
+        f"the lift changes by {ratio.value:.3g} +- {ratio.error:.2g} times what the database has"
+        f" for the same angles and deflections{cause}"
     )
-    return [Suspicion("mass", "size", words, {"ratio": ratio, "standard_error": error})]
+    evidence = {"ratio": ratio.value, "standard_error": ratio.error}
+    return [Suspicion("mass", "size", words, evidence)]
 
 
 def _sizes(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
@@ -235,11 +241,9 @@ def _standing(
     return []
 
 
-def _shared_factor(
-    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]
-) -> list[Suspicion]:
-    """Return a factor by which all moments differ from the database's."""
-    told = [
+def _known(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Share]:
+    """Return the moment derivatives that a flight tells well."""
+    return [
         share
         for axis in MOMENT_AXES
         if axis in axes
@@ -249,6 +253,13 @@ def _shared_factor(
         and share.weight > WEIGHTY
         and share.vif < INFLATION
     ]
+
+
+def _shared_factor(
+    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]
+) -> list[Suspicion]:
+    """Return a factor by which all moments differ from the database's."""
+    told = _known(axes, fits)
     if len(told) < FEWEST or len({share.axis for share in told}) < 2:
         return []
     ratios = np.log([share.ratio for share in told])

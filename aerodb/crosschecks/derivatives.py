@@ -22,6 +22,8 @@ from aerodb.tables import AeroDatabase, slopes_by
 
 #: Axes that are looked at: the axial force is the thrust's as much as the air's.
 AXES = ("CY", "CZ", "Cl", "Cm", "Cn")
+#: Largest variance inflation of a derivative for any claim about it.
+INFLATION = 30.0
 #: Samples at which slopes of the database are taken; fewest of a flight to be looked at, least
 #: duration [s], largest value of a coefficient.
 _POINTS, _FEWEST, _SHORTEST, _MOST = 300, 100, 5.0, 1e3

@@ -9,6 +9,7 @@ from aerodb.crosschecks.air import air_suspicions
 from aerodb.crosschecks.controls import UNMOVED, control_suspicions
 from aerodb.crosschecks.drag import drag_suspicions
 from aerodb.crosschecks.lift import lift_suspicions
+from aerodb.crosschecks.loads import POSSIBLE
 from aerodb.crosschecks.masses import mass_suspicions
 from aerodb.crosschecks.surfaces import size_suspicions
 from aerodb.flight import Flight
@@ -50,8 +51,8 @@ def against_vehicle(
 def limits_flight(suspicion: Suspicion) -> bool:
     """Whether a suspicion limits the verdict on a flight: flight-path reconstruction judges motion,
     and a surface, the density, masses and sizes are beyond its reach. A surface that may have stood
-    still is no fault."""
-    if suspicion.kind == UNMOVED:
+    still is no fault, nor is what aerodynamics may explain as well."""
+    if suspicion.kind in (UNMOVED, POSSIBLE):
         return False
     return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
 

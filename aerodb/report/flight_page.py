@@ -128,8 +128,12 @@ def flight_report(story: FlightStory) -> str:
 def verdict_sentence(
     verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None
 ) -> str:
-    """Summarize the verdict: what the flight can be used for, why not for more, its consistency."""
-    why = "; ".join(dict.fromkeys(_short(reason) for reason in reasons))
+    """Summarize the verdict: what the flight can be used for, why not for more, its consistency.
+
+    What is only suspected takes nothing away from it.
+    """
+    limiting = (reason for reason in reasons if not reason.startswith("suspected beside version "))
+    why = "; ".join(dict.fromkeys(_short(reason) for reason in limiting))
     sentence = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
     checked = [

@@ -25,7 +25,7 @@ from aerodb.tasks.confined import confined
 from aerodb.tasks.memory_cache import cached
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
-from aerodb.tasks.steps.consistency import BESIDE, load_consistent, record_verdict
+from aerodb.tasks.steps.consistency import BESIDE, SUSPECTED, load_consistent, record_verdict
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle
@@ -77,8 +77,9 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     loaded = load_comparison(access, flight, version, run)
     comparison = loaded.comparison
     axes = {axis: comparison.summary(axis) for axis in AXES if axis in comparison.usable}
-    found = _contradictions(loaded, access.database(version))
-    _judge(access, access.catalogue.flight(flight), version, found, run)
+    row = access.catalogue.flight(flight)
+    found = _contradictions(loaded, access.database(version), access.vehicle(row.vehicle)[0])
+    _judge(access, row, version, found, run)
     return {
         "flight": flight,
         "key": loaded.key,
@@ -89,7 +90,9 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     }
 
 
-def _contradictions(loaded: FlightComparison, database: AeroDatabase) -> tuple[Suspicion, ...]:
+def _contradictions(
+    loaded: FlightComparison, database: AeroDatabase, vehicle: Vehicle
+) -> tuple[Suspicion, ...]:
     """Return what in a flight contradicts the database that it was compared with."""
     comparison = loaded.comparison
     band = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / loaded.flight.step)
@@ -101,6 +104,7 @@ def _contradictions(loaded: FlightComparison, database: AeroDatabase) -> tuple[S
         comparison.predicted,
         comparison.usable,
         comparison.bandwidth,
+        vehicle,
     )
 
 
@@ -116,7 +120,9 @@ def _judge(
     if version != access.named(row.vehicle, RELEASED):
         return
     label = access.catalogue.version_of_id(version).label
-    more = [f"{BESIDE}{label}: {each.sentence}" for each in found if limits_flight(each)]
+    more = [
+        f"{BESIDE if limits_flight(each) else SUSPECTED}{label}: {each.sentence}" for each in found
+    ]
     record_verdict(access, row, load_consistent(access, row, run).document, more)
 
 

@@ -34,6 +34,8 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: How a reason begins that comes from the comparison with a version.
 BESIDE: Final = "beside version "
+#: The same of one that limits no verdict.
+SUSPECTED: Final = f"suspected {BESIDE}"
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,14 @@ def record_verdict(
     """Record the verdict on a flight by the document of its consistency and by what contradicts the
     released version.
 
-    beside : sentences of the comparison with it, which name the version; None: those that the
-    flight has stay until it is compared again.
+    beside : sentences of the comparison with it, which begin with `BESIDE` or `SUSPECTED`; None:
+    those that the flight has stay until it is compared again.
     """
     if beside is None:
-        beside = [reason for reason in row.reasons if reason.startswith(BESIDE)]
-    whole = limited_document(document, list(beside))
-    access.catalogue.judge_flight(row.id, whole["verdict"], whole["reasons"])
+        beside = [reason for reason in row.reasons if reason.startswith((BESIDE, SUSPECTED))]
+    whole = limited_document(document, [each for each in beside if each.startswith(BESIDE)])
+    suspected = [each for each in beside if each.startswith(SUSPECTED)]
+    access.catalogue.judge_flight(row.id, whole["verdict"], [*whole["reasons"], *suspected])
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:

@@ -27,7 +27,7 @@ from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
-from aerodb.tasks.steps.consistency import BESIDE
+from aerodb.tasks.steps.consistency import BESIDE, SUSPECTED
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
@@ -249,9 +249,14 @@ def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
     for use in access.catalogue.version_flights(row.id):
         if use.role != "excluded":
             flight = access.catalogue.flight(use.flight)
-            for each in stored_suspicions(access, flight):
-                if not limits_flight(each):
-                    named.setdefault(each.sentence, []).append(access.name_of(flight))
+            said = [s.sentence for s in stored_suspicions(access, flight) if not limits_flight(s)]
+            said += [
+                f"{BESIDE}{reason.removeprefix(SUSPECTED)}"
+                for reason in flight.reasons
+                if reason.startswith(SUSPECTED)
+            ]
+            for sentence in said:
+                named.setdefault(sentence, []).append(access.name_of(flight))
     return [
         f"only suspected, of {flights[0] if len(flights) == 1 else f'{len(flights)} flights'}:"
         f" {sentence}"

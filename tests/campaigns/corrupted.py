@@ -2,8 +2,9 @@
 
 ``python -m tests.campaigns.corrupted`` prints a table: kind of corruption -> how many are said at
 ingest, said by the comparison with the vehicle's database, refused there (the log lacks what the
-database needs), and silent. ``--cache FOLDER`` keeps the flights of JSBSim; ``--only`` runs one of
-the two halves.
+database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
+the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
+every value is believable, or right flights beside databases that lack an effect.
 """
 
 import argparse
@@ -18,9 +19,9 @@ import numpy as np
 
 from aerodb.coefficients.comparison import compare, with_flow_rates, with_states
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, total_coefficients
-from aerodb.conditioning import flag_unusable
+from aerodb.conditioning import Suspicion, flag_unusable
 from aerodb.conditioning.plausibility import suspicions
-from aerodb.crosschecks import against_database, against_vehicle
+from aerodb.crosschecks import against_database, against_vehicle, limits_flight
 from aerodb.errors import InputError
 from aerodb.examples.phoenix import mission, read_example
 from aerodb.logs.mapping import choose_mapping, map_recording
@@ -28,10 +29,11 @@ from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from aerodb.vehicle import parse_vehicle
-from tests.campaigns.corruptions import FILES, FLIGHTS, Corruption, Pair
+from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of
 from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, noise_of, shown
+from tests.campaigns.planted import PLANTED, NotThere
 from tests.campaigns.runs import channels_of
 from tests.support import effect_flights
 from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN_OTTER
@@ -126,14 +128,29 @@ def fleet(cache: Path, flights: int = 2) -> Iterator[Pair]:
             yield Pair(place.stem, flag_unusable(flight), vehicle, database)
 
 
-def noticed(pair: Pair) -> tuple[str, ...]:
+def lacking(pairs: Sequence[Pair]) -> Iterator[Pair]:
+    """Right flights of JSBSim's aircraft beside databases that lack an effect, each of `PLANTED`."""
+    names = {name.lower(): name for name in CONDITIONS}
+    for pair in pairs:
+        if pair.vehicle.name not in names:
+            continue
+        craft = airframe(names[pair.vehicle.name])
+        for effect, planted in PLANTED.items():
+            try:
+                database = craft.database(planted.file(craft), planted.bindings_of(craft))
+            except NotThere:
+                continue
+            yield replace(pair, name=f"{pair.name} without {effect}", database=database)
+
+
+def noticed(pair: Pair) -> tuple[Suspicion, ...]:
     """What is said at ingest about a flight with its vehicle."""
     size = pair.vehicle.reference
     first = suspicions(pair.flight, size.span, size.chord)
-    return tuple(s.sentence for s in (*first, *against_vehicle(pair.flight, pair.vehicle)))
+    return (*first, *against_vehicle(pair.flight, pair.vehicle))
 
 
-def noticed_beside(pair: Pair) -> tuple[str, ...]:
+def noticed_beside(pair: Pair) -> tuple[Suspicion, ...]:
     """What the comparison with the vehicle's database says, as its step makes it.
 
     Raises InputError where it refuses.
@@ -144,26 +161,27 @@ def noticed_beside(pair: Pair) -> tuple[str, ...]:
     compared = compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
     band = compared.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
     flight, _ = with_flow_rates(flight, band, database.flight_inputs)
-    found = against_database(
+    return against_database(
         with_states(flight, database),
         database,
         compared.measured,
         compared.predicted,
         compared.usable,
         compared.bandwidth,
+        vehicle,
     )
-    return tuple(each.sentence for each in found)
 
 
 @dataclass
 class Count:
     """Where a kind was noticed at ingest, beside the database, by a refusal of the comparison, and
-    where it was silent."""
+    where it was silent; and what of the first two was only suspected."""
 
     ingest: list[str] = field(default_factory=list)
     beside: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     silent: list[str] = field(default_factory=list)
+    suspected: list[str] = field(default_factory=list)
 
     @property
     def cases(self) -> int:
@@ -171,12 +189,17 @@ class Count:
 
     def add(self, name: str, pair: Pair) -> None:
         with np.errstate(all="ignore"):
-            if noticed(pair):
-                return self.ingest.append(name)
-            try:
-                return (self.beside if noticed_beside(pair) else self.silent).append(name)
-            except InputError:
-                return self.refused.append(name)
+            found, place = noticed(pair), self.ingest
+            if not any(limits_flight(each) for each in found):
+                try:
+                    beside = noticed_beside(pair)
+                except InputError:
+                    return self.refused.append(name)
+                place = self.ingest if found and not beside else self.beside
+                found = (*found, *beside)
+        (place if found else self.silent).append(name)
+        if found and not any(limits_flight(each) for each in found):
+            self.suspected.append(name)
 
 
 def attack(pairs: Sequence[Pair], kinds: Mapping[str, Corruption]) -> dict[str, Count]:
@@ -209,7 +232,8 @@ def main() -> None:
     """Print the table for the measured and the simulated flights."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
-    parser.add_argument("--only", choices=("flights", "files"), help="one half of the table")
+    parts = ("flights", "files", "believable", "lacking")
+    parser.add_argument("--only", choices=parts, help="one part of the table")
     asked = parser.parse_args()
     cache = asked.cache or Path(tempfile.mkdtemp())
     cache.mkdir(parents=True, exist_ok=True)
@@ -218,23 +242,37 @@ def main() -> None:
     alarms = 0
     for pair in pairs:
         with np.errstate(all="ignore"):
-            for sentence in (*noticed(pair), *noticed_beside(pair)):
+            for each in (*noticed(pair), *noticed_beside(pair)):
                 alarms += 1
-                print(f"  FALSE ALARM {pair.name}: {sentence}")
+                print(f"  FALSE ALARM {pair.name}: {each.sentence}")
     print(f"right flights: {len(pairs)}, false alarms: {alarms}")
-    halves = {"flights": ("corrupted flights", FLIGHTS), "files": ("wrong vehicle files", FILES)}
-    for title, kinds in (halves[half] for half in halves if asked.only in (None, half)):
-        print(f"{title}: at ingest, beside the database, refused, silent", flush=True)
+    if asked.only in (None, "lacking"):
+        count = Count()
+        for pair in lacking(pairs):
+            count.add(pair.name, pair)
+        stopped = [name for name in count.ingest + count.beside if name not in count.suspected]
+        print(
+            f"databases that lack an effect: {count.cases}, limited {len(stopped)}, only suspected"
+            f" {len(count.suspected)}: {', '.join(stopped + count.suspected)}"
+        )
+    titles: dict[str, tuple[str, Mapping[str, Corruption]]] = {
+        "flights": ("corrupted flights", FLIGHTS),
+        "files": ("wrong vehicle files", FILES),
+        "believable": ("believable values", BELIEVABLE),
+    }
+    for title, kinds in (titles[part] for part in titles if asked.only in (None, part)):
+        print(f"{title}: at ingest, beside, refused, silent (only suspected)", flush=True)
         table = attack(pairs, kinds)
         if kinds is FILES:
             table["another aircraft's log"] = other_aircraft(pairs)
         for kind, each in table.items():
             numbers = (each.ingest, each.beside, each.refused, each.silent)
             words = " ".join(f"{len(listed):4}" for listed in numbers)
-            print(f"  {kind:32} {words}  {', '.join(Path(name).stem for name in each.silent)}")
-        silent = sum(len(each.silent) for each in table.values())
+            silent = ", ".join(Path(name).stem for name in each.silent)
+            print(f"  {kind:32} {words} ({len(each.suspected):2})  {silent}")
+        missed = sum(len(each.silent) for each in table.values())
         total = sum(each.cases for each in table.values())
-        print(f"{title}: silent {silent} of {total} ({100 * silent / total:.1f} %)", flush=True)
+        print(f"{title}: silent {missed} of {total} ({100 * missed / total:.1f} %)", flush=True)
 
 
 if __name__ == "__main__":

@@ -165,6 +165,52 @@ def _exchanged_inertia(data: dict[str, Any]) -> None:
     mass["Ixx"], mass["Izz"] = mass["Izz"], mass["Ixx"]
 
 
+def _shifted_cg(change: Callable[[float], float]) -> Corruption:
+    """The CG assumed further forward by `change` of the chord [m], where that is a twentieth of
+    it."""
+
+    def corrupt(pair: Pair) -> Pair | None:
+        chord = pair.vehicle.reference.chord
+        shift = change(chord)
+        if abs(shift) < 0.05 * chord:
+            return None
+        if pair.vehicle.mass.source == "channels":
+            return _channels(pair, {"cg_x": pair.flight["cg_x"] + shift})
+        data = pair.vehicle.model_dump()
+        x, y, z = data["mass"]["cg"]
+        data["mass"]["cg"] = (x + shift, y, z)
+        return replace(pair, vehicle=Vehicle.model_validate(data))
+
+    return corrupt
+
+
+def _thrust(factor: float) -> Corruption:
+    """The thrust that the coefficients are freed of, if it is logged and not idle."""
+
+    def corrupt(pair: Pair) -> Pair | None:
+        names = [name for name in pair.vehicle.thrust.lines if name in pair.flight]
+        if pair.vehicle.thrust.source != "channel":
+            return None
+        return _channels(pair, {name: factor * pair.flight[name] for name in names})
+
+    return corrupt
+
+
+def _fields_exchanged(pair: Pair) -> Pair | None:
+    """Fields of aileron and rudder exchanged, also where a flight hardly tells their effect."""
+    flight = pair.flight
+    if "delta_rudder" not in flight:
+        return None
+    rudder, sides = flight["delta_rudder"], ("delta_aileron_right", "delta_aileron_left")
+    if all(name in flight for name in sides):
+        right, left = (flight[name] for name in sides)
+        made = {sides[0]: rudder, sides[1]: -rudder, "delta_rudder": 0.5 * (right - left)}
+        return _channels(pair, made)
+    if "delta_aileron" not in flight:
+        return None
+    return _channels(pair, {"delta_aileron": rudder, "delta_rudder": flight["delta_aileron"]})
+
+
 def _cg_sign(data: dict[str, Any]) -> bool:
     if data["points"]["moment_reference"] == "cg" or data["mass"]["source"] == "channels":
         return False
@@ -235,4 +281,17 @@ FILES: dict[str, Corruption] = {
     "half span": _size(span=0.5),
     "all lengths in ft": _size(area=1.0 / FOOT**2, chord=1.0 / FOOT, span=1.0 / FOOT),
     "all lengths in inch": _size(area=1.0 / 0.0254**2, chord=1.0 / 0.0254, span=1.0 / 0.0254),
+}
+#: Kinds that leave every value believable: only the vehicle's database may tell.
+BELIEVABLE: dict[str, Corruption] = {
+    "mass .7 times": _mass(0.7, "mass"),
+    "mass .85 times": _mass(0.85, "mass"),
+    "mass 1.2 times": _mass(1.2, "mass"),
+    "CG .25 m for .25 chords": _shifted_cg(lambda chord: 0.25 * (chord - 1.0)),
+    "thrust zero": _thrust(0.0),
+    "thrust in lbf": _thrust(1.0 / 4.4482216),
+    "thrust reversed": _thrust(-1.0),
+    "aileron and rudder exchanged": _fields_exchanged,
+    "upwash of 1.1 inverted": _scaled(1.1**2, "alpha"),
+    "upwash of 1.3 inverted": _scaled(1.3**2, "alpha"),
 }

@@ -6,17 +6,19 @@ from pathlib import Path
 
 import pytest
 
+from aerodb.crosschecks import limits_flight
 from tests.campaigns.corrupted import (
     Count,
     attack,
     fleet,
+    lacking,
     noticed,
     noticed_beside,
     other_aircraft,
     simulated,
 )
 from tests.campaigns.corrupted import measured as measured_pairs
-from tests.campaigns.corruptions import FILES, FLIGHTS, Pair
+from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Pair
 
 #: Largest shares of silent flights and files over all kinds, as measured with a margin.
 SILENT = {"flights": 0.02, "files": 0.02}
@@ -28,7 +30,7 @@ def flights() -> list[Pair]:
 
 
 def said(pair: Pair) -> tuple[str, ...]:
-    return (*noticed(pair), *noticed_beside(pair))
+    return tuple(each.sentence for each in (*noticed(pair), *noticed_beside(pair)))
 
 
 def silent(table: Mapping[str, Count]) -> dict[str, list[str]]:
@@ -61,6 +63,38 @@ def test_wrong_vehicle_files_are_noticed(flights: list[Pair]) -> None:
     table = attack(flights, FILES)
     assert silent(table) == {}
     assert len(table["inertia in slug ft2"].beside) == len(flights)
+
+
+#: Kinds with believable values that the simulated flights tell beside their database.
+TOLD = (
+    "mass .7 times",
+    "CG .25 m for .25 chords",
+    "thrust zero",
+    "thrust reversed",
+    "aileron and rudder exchanged",
+)
+
+
+@pytest.mark.parametrize("kind", TOLD)
+def test_wrong_files_of_believable_values_are_noticed(flights: list[Pair], kind: str) -> None:
+    count = attack(flights, {kind: BELIEVABLE[kind]})[kind]
+    assert count.cases > 0
+    assert count.silent == []
+
+
+@pytest.mark.parametrize("kind", [*TOLD, "mass .85 times", "thrust in lbf"])
+def test_wrong_files_of_a_measured_flight_are_noticed(measured_folder: Path, kind: str) -> None:
+    """ATTAS beside its published derivatives (Jategaonkar, Flight Vehicle System Identification,
+    2015)."""
+    pair = next(pair for pair in measured_pairs(measured_folder) if "AilRud" in pair.name)
+    count = attack([pair], {kind: BELIEVABLE[kind]})[kind]
+    assert (count.cases, count.silent) == (1, [])
+
+
+@pytest.mark.campaign
+def test_databases_that_lack_an_effect_make_no_file_wrong(tmp_path: Path) -> None:
+    for pair in lacking(list(fleet(tmp_path))):
+        assert not any(limits_flight(each) for each in noticed_beside(pair)), pair.name
 
 
 @pytest.mark.campaign

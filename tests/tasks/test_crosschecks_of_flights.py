@@ -122,6 +122,19 @@ def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path
     assert asked(workspace, "flight", "show", outcome["flight"])["reasons"] == shown["reasons"]
 
 
+def test_what_aerodynamics_may_explain_is_said_and_limits_nothing(tmp_path: Path) -> None:
+    light = VEHICLE.replace("mass = 600.0", "mass = 510.0")
+    assert light != VEHICLE
+    workspace, outcome = beside_its_database(tmp_path, light, database_text())
+    (found,) = outcome["comparison"]["suspicions"]
+    assert (found["channel"], found["kind"]) == ("mass", "possible")
+    assert found["evidence"]["factor"] == pytest.approx(0.85, rel=0.03)
+    shown = asked(workspace, "flight", "show", outcome["flight"])
+    assert shown["verdict"] == outcome["consistency"]["verdict"]
+    assert shown["reasons"][-1] == f"suspected beside version v0001: {found['sentence']}"
+    assert shown["reasons"][:-1] == outcome["consistency"]["reasons"]
+
+
 def test_the_gate_refuses_what_comes_from_contradicting_flights(tmp_path: Path) -> None:
     """A mass in lb: the lift of every flight is 2.2 times the database's."""
     workspace, right = tmp_path / "w", f"mass = {small_glider.MASS}"

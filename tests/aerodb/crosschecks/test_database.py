@@ -69,7 +69,13 @@ def database(**factors: float) -> AeroDatabase:
 def said(flight: Flight, of: Vehicle, beside: AeroDatabase) -> tuple[Suspicion, ...]:
     compared = compare(flight, total_coefficients(flight, of), beside, of.reference)
     return against_database(
-        flight, beside, compared.measured, compared.predicted, compared.usable, compared.bandwidth
+        flight,
+        beside,
+        compared.measured,
+        compared.predicted,
+        compared.usable,
+        compared.bandwidth,
+        of,
     )
 
 
@@ -182,7 +188,13 @@ def test_a_control_that_truly_stands_still_is_no_contradiction() -> None:
     }
     assert (
         against_database(
-            truth, beside, measured, compared.predicted, compared.usable, compared.bandwidth
+            truth,
+            beside,
+            measured,
+            compared.predicted,
+            compared.usable,
+            compared.bandwidth,
+            about_cg(),
         )
         == ()
     )
@@ -248,7 +260,7 @@ def test_channels_full_of_rubbish_end_no_check(value: float) -> None:
             values[part] = value
             with np.errstate(all="ignore"):
                 found = against_database(
-                    changed(flight(), **{name: values}), beside, *arrays, compared.bandwidth
+                    changed(flight(), **{name: values}), beside, *arrays, compared.bandwidth, of
                 )
             assert all(each.sentence for each in found)
     for axis in compared.measured:
@@ -256,5 +268,5 @@ def test_channels_full_of_rubbish_end_no_check(value: float) -> None:
         values[100:200] = value
         with np.errstate(all="ignore"):
             against_database(
-                flight(), beside, {**compared.measured, axis: values}, *arrays[1:], None
+                flight(), beside, {**compared.measured, axis: values}, *arrays[1:], None, of
             )

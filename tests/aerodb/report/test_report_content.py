@@ -208,6 +208,8 @@ def test_the_verdict_in_one_sentence() -> None:
     )
     contradicts = verdict_sentence("limited", ["beside version v0001: lift is 0"], None)
     assert contradicts.endswith("with limitations: it contradicts version v0001.")
+    suspected = verdict_sentence("good", ["suspected beside version v0001: a mass"], None)
+    assert suspected == verdict_sentence("good", [], None)
 
 
 def test_a_channel_whose_gusts_were_left_out_is_not_outside_its_limit() -> None:

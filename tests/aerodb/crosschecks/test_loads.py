@@ -1,0 +1,174 @@
+"""Mass, CG and thrust of a vehicle file, and controls exchanged, beside the vehicle's database: what
+each leaves in closed form, what aerodynamics may lack, and nothing to say where there is nothing."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from aerodb.conditioning import Suspicion
+from aerodb.crosschecks import limits_flight
+from aerodb.crosschecks.exchanged import exchanged_suspicions
+from aerodb.crosschecks.lift import helmbold
+from aerodb.crosschecks.loads import POSSIBLE, cg_beside, mass_beside, thrust_beside
+from aerodb.flight import Flight
+from aerodb.physics import GRAVITY
+from aerodb.tables.database import AeroDatabase
+from aerodb.vehicle import Vehicle
+from tests.aerodb.crosschecks.test_crosschecks import (
+    AREA,
+    CHORD,
+    CM,
+    CN,
+    MASS,
+    SPAN,
+    changed,
+    wrong,
+)
+from tests.aerodb.crosschecks.test_database import about_cg, database, flight, said
+from tests.support import effect_flights
+
+REFERENCE = (-2.1, 0.0, 0.0)
+
+
+def with_mass(factor: float) -> Vehicle:
+    return wrong(points={"moment_reference": REFERENCE}, mass={"mass": factor * MASS})
+
+
+@pytest.mark.parametrize(("factor", "limits"), [(0.7, True), (0.85, False), (1.2, False)])
+def test_a_wrong_mass_is_the_factor_of_all_forces(factor: float, limits: bool) -> None:
+    (found,) = said(flight(), with_mass(factor), database())
+    assert found.channel == "mass"
+    assert found.evidence["factor"] == pytest.approx(factor, rel=0.03)
+    assert limits_flight(found) is limits
+    percent = 100 * abs(found.evidence["factor"] - 1.0)
+    small = "small" if factor < 1.0 else "large"
+    assert f"a mass {percent:.0f} % too {small} looks so" in found.sentence
+
+
+@pytest.mark.parametrize(
+    "lacking",
+    [
+        {"CZ_alpha": 1.0 / 1.2},
+        {"CZ_alpha": 0.8},
+        {"CY_beta": 0.7},
+        {"CZ_alpha": 0.85, "CY_beta": 1.2},
+        {"Cm_alpha": 0.6},
+        {"Cn_beta": 0.6},
+        {"Cm_alpha": 0.7, "Cn_beta": 1.5},
+    ],
+)
+def test_what_a_tunnel_lacks_on_one_axis_is_no_wrong_file(lacking: Mapping[str, float]) -> None:
+    assert said(flight(), about_cg(), database(**lacking)) == ()
+
+
+@pytest.mark.parametrize("shift", [0.3, -0.3])
+def test_a_cg_elsewhere_adds_moments_about_two_axes(shift: float) -> None:
+    place = (REFERENCE[0] + shift, 0.0, 0.0)
+    of = wrong(points={"moment_reference": REFERENCE}, mass={"cg": place})
+    (found,) = said(flight(), of, database())
+    assert (found.channel, found.kind) == ("cg_x", POSSIBLE)
+    assert not limits_flight(found)
+    assert found.evidence["shift"] == pytest.approx(shift, rel=0.1)
+    assert f"{abs(found.evidence['shift']) / CHORD:.2g} chords" in found.sentence
+    assert ("too far forward" if shift > 0 else "too far aft") in found.sentence
+
+
+def test_both_stabilities_that_truly_differ_like_a_shifted_cg_limit_nothing() -> None:
+    """Derivatives that are those about a CG elsewhere: no flight can tell, so it is only named."""
+    shift, slope = 0.15, helmbold(SPAN**2 / AREA)
+    factors = {
+        "Cm_alpha": 1.0 + shift / CHORD * slope / -CM[0],
+        "Cn_beta": 1.0 + shift / SPAN * 0.5 / CN[0],
+    }
+    (found,) = said(flight(), about_cg(), database(**factors))
+    assert (found.channel, found.kind) == ("cg_x", POSSIBLE)
+    assert not limits_flight(found)
+    assert abs(found.evidence["shift"]) == pytest.approx(shift, rel=0.15)
+
+
+def test_aileron_and_rudder_exchanged() -> None:
+    """As in the campaign, also where the database has the effects of both wrong."""
+    aileron, rudder = flight()["delta_aileron"], flight()["delta_rudder"]
+    made = changed(flight(), delta_aileron=rudder, delta_rudder=aileron)
+    for lacking in ({}, {"Cl_delta_aileron": 0.6, "Cn_delta_rudder": 1.5}):
+        (found,) = said(made, about_cg(), database(**lacking))
+        assert (found.channel, found.kind) == ("delta_aileron", "swapped")
+        assert limits_flight(found)
+
+
+def test_controls_that_hardly_move_are_not_called_exchanged() -> None:
+    still = np.zeros_like(flight().time)
+    rng = np.random.default_rng(2)
+    noise = 1e-5 * rng.standard_normal((2, len(still)))
+    made = changed(flight(), delta_aileron=noise[0], delta_rudder=noise[1])
+    assert "swapped" not in {each.kind for each in said(made, about_cg(), database())}
+
+
+@lru_cache(maxsize=1)
+def pushed() -> tuple[Flight, Vehicle, AeroDatabase]:
+    beside = effect_flights.database()
+    return effect_flights.flown(3, beside), effect_flights.vehicle(), beside
+
+
+def thrust_said(drag: float, expected: float, thrust: float, lift: float = 0.5) -> list[Suspicion]:
+    """What is said of constant coefficients: of drag, of the database, and of the logged thrust."""
+    made, of, _ = pushed()
+    n, area = len(made.time), effect_flights.AREA
+    full = {"C_drag": np.full(n, drag), "C_lift": np.full(n, lift)}
+    beside = {"C_drag": np.full(n, expected), "C_lift": np.full(n, lift)}
+    usable = dict.fromkeys(full, np.ones(n, dtype=bool))
+    logged = changed(made, thrust=thrust * made["qbar"] * area)
+    return thrust_beside(logged, of, area, full, beside, usable)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (0.0, "no thrust was recorded"),
+        (1.0 / 4.4482, "4.45 times what is logged (lbf taken for N)"),
+        (-1.0, "the sign of the thrust is flipped"),
+        (0.1, "10 times what is logged"),
+    ],
+)
+def test_a_wrong_thrust_leaves_too_little_drag(factor: float, words: str) -> None:
+    """In level flight the thrust is the drag: what is left of it is (1 - factor) of the thrust."""
+    level = 0.08
+    (found,) = thrust_said(factor * level, level, factor * level)
+    assert (found.channel, found.kind) == ("thrust", "size")
+    assert limits_flight(found)
+    assert words in found.sentence
+
+
+def test_drag_that_a_database_may_have_wrong_is_no_wrong_thrust() -> None:
+    """Half too much, three times too little, and less than sensors may err by."""
+    assert thrust_said(0.08, 0.08, 0.08) == []
+    assert thrust_said(0.055, 0.08, 0.08) == []
+    assert thrust_said(0.24, 0.08, 0.08) == []
+    margin = 0.5 * (0.035 + 0.2 / GRAVITY)
+    assert thrust_said(0.0, 0.99 * margin, 0.0) == []
+    assert len(thrust_said(0.0, 1.01 * margin, 0.0)) == 1
+
+
+def test_a_whole_flight_with_its_thrust_lost() -> None:
+    made, of, beside = pushed()
+    assert said(made, of, beside) == ()
+    found = said(changed(made, thrust=np.zeros_like(made.time)), of, beside)
+    assert "thrust" in {each.channel for each in found}
+
+
+def test_nothing_is_said_where_there_is_nothing() -> None:
+    made, of, beside = pushed()
+    assert mass_beside({}, {}, {}, 0.02, []) == []
+    assert cg_beside({}, beside.reference) == []
+    assert exchanged_suspicions({}, made) == []
+    assert thrust_beside(made, of, 1.0, {}, {}, {}) == []
+    unlogged = replace(made, channels={n: v for n, v in made.channels.items() if n != "thrust"})
+    flat = {"C_drag": np.zeros(len(made.time)), "C_lift": np.ones(len(made.time))}
+    full = {"C_drag": np.ones(len(made.time)), "C_lift": np.ones(len(made.time))}
+    usable = {"C_drag": np.ones(len(made.time), dtype=bool)}
+    assert len(thrust_beside(made, of, 1.0, flat, full, usable)) == 1
+    assert thrust_beside(unlogged, of, 1.0, flat, full, usable) == []
+    assert thrust_beside(made, of, 1.0, flat, full, {"C_drag": ~usable["C_drag"]}) == []
