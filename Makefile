@@ -30,6 +30,8 @@ demo: install
 pictures: demo
 	$(BIN)/python -m tests.support.demo_pictures demo-workspace docs/pictures
 
+# What is imported is compiled once, not again by each of the hundreds of processes.
+test campaign: export PYTHONDONTWRITEBYTECODE =
 test: install
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 

@@ -63,6 +63,7 @@ def test_the_server_of_a_killed_command_asks_for_a_token_and_ends_at_the_next_st
     tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
     workspace = shared.prepared(tmp_path / "w")
+    shared.add_prefect_database(workspace.prefect)
     ingest = ("flight", "ingest", str(shared.logs[0]), "--vehicle", NAME)
     # Stopped while the server of the ephemeral mode runs.
     code = (
@@ -92,6 +93,7 @@ def test_the_server_of_a_killed_command_asks_for_a_token_and_ends_at_the_next_st
 def test_a_killed_service_takes_its_runs_along(tmp_path: Path, shared: SharedWorkspaces) -> None:
     """Server, runner and the process of a run that is under way."""
     workspace = shared.prepared(tmp_path / "w")
+    shared.add_prefect_database(workspace.prefect)
     (workspace.root / "settings.toml").write_text(SETTINGS, encoding="utf-8")
     folder = workspace.inbox / NAME
     folder.mkdir()
@@ -117,6 +119,7 @@ def test_two_services_on_one_port_are_told_apart(tmp_path: Path, shared: SharedW
     workspaces = [shared.prepared(tmp_path / name / "w") for name in ("one", "other")]
     services = []
     for workspace in workspaces:
+        shared.add_prefect_database(workspace.prefect)
         (workspace.root / "settings.toml").write_text(f"[serve]\nport = {port}\n")
         services.append(start_service(workspace))
     try:

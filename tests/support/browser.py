@@ -29,6 +29,9 @@ CHROMIUM = next(
 
 #: Widths of a window at which pages are looked at.
 WIDTHS = (1400, 400)
+#: Options of axe-core: all that it checks, and what the colour scheme of a page changes.
+_ALL = {"resultTypes": ["violations"]}
+_COLOURS = {**_ALL, "runOnly": ["color-contrast", "link-in-text-block"]}
 #: For what is waited for at most [ms].
 _PATIENCE = 300_000
 
@@ -117,9 +120,9 @@ def visit(page: Any, address: str, path: str) -> None:
     page.wait_for_load_state("networkidle")
 
 
-def barriers(page: Any) -> list[tuple[str, str, list[Any]]]:
-    """What axe-core finds: rule, help, elements."""
-    found = axe.Axe().run(page).response["violations"]
+def barriers(page: Any, options: dict[str, Any] = _ALL) -> list[tuple[str, str, list[Any]]]:
+    """What axe-core finds with these options of its: rule, help, elements."""
+    found = axe.Axe().run(page, options=options).response["violations"]
     return [(v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]]) for v in found]
 
 
@@ -130,15 +133,15 @@ def look_everywhere(page: Any, path: str) -> None:
         for scheme in ("light", "dark"):
             page.emulate_media(color_scheme=scheme)
             page.wait_for_load_state("networkidle")  # plots are drawn again
-            look(page, f"{path} {scheme}", width)
+            look(page, f"{path} {scheme}", width, _ALL if scheme == "light" else _COLOURS)
 
 
-def look(page: Any, path: str, width: int) -> None:
+def look(page: Any, path: str, width: int, options: dict[str, Any] = _ALL) -> None:
     """What a picture of a page would show: nothing runs out of it, is cut off, or lies on something
-    else, and axe-core finds no barrier."""
+    else, and axe-core with these options finds no barrier."""
     if folder := os.environ.get("AERODB_TEST_PICTURES"):
         page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
     wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert page.evaluate(wide) <= 0, path
-    for found in (page.evaluate(CUT), page.evaluate(OVERLAPS), barriers(page)):
+    for found in (page.evaluate(CUT), page.evaluate(OVERLAPS), barriers(page, options)):
         assert found == [], (path, width, found)
