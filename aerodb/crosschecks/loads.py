@@ -26,11 +26,10 @@ from aerodb.vehicle import Vehicle
 POSSIBLE = "possible"
 #: Band [Hz] in which forces are compared, and fewest samples.
 BAND, FEWEST = 2.0, 100
-#: Of the factor that forces share: what the database must explain of each change, least factor that
-#: is named, least that limits (no effect gives it to lift and side force without moments), largest
-#: scatter of its three ratios and largest share of it in the moments (logarithms over the
+#: Of the factor that forces share: what the database must explain of each change, least factor,
+#: largest scatter of its three ratios and largest share of it in the moments (logarithms over the
 #: factor's), fewest moment derivatives.
-EXPLAINED, NAMED, FACTOR, SCATTER, MOMENTS = 0.8, 1.1, 1.25, 0.5, 2
+EXPLAINED, FACTOR, SCATTER, MOMENTS = 0.8, 1.1, 0.5, 2
 #: Least shift of the CG, in chords, least standard errors, and how much its values from pitching
 #: and yawing moment may differ, as a share of their mean.
 SHIFT, ERRORS, APART = 0.05, 4.0, 0.5
@@ -126,7 +125,7 @@ def mass_beside(
     moments: list[Share],
 ) -> list[Suspicion]:
     """Return a factor that level and slope of the normal force and the side force share, and the
-    moments do not.
+    moments do not; a tunnel with lift and side force wrong alike gives the same.
 
     moments : derivatives that the flight tells well.
     """
@@ -137,7 +136,7 @@ def mass_beside(
         for axis in ("CY", "CZ")
     }
     here, there = (float(np.median(v["CZ"][good["CZ"]])) for v in (measured, predicted))
-    if here * there <= 0.0 or abs(np.log(here / there)) < (1.0 - SCATTER) * np.log(NAMED):
+    if here * there <= 0.0 or abs(np.log(here / there)) < (1.0 - SCATTER) * np.log(FACTOR):
         return []
     told = [force_ratio(measured[axis], predicted[axis], good[axis], step) for axis in good]
     if any(each is None or each.explained < EXPLAINED or each.value <= 0.0 for each in told):
@@ -148,13 +147,12 @@ def mass_beside(
     middle = float(np.median(ratios))
     shared = float(np.median(np.log([each.ratio for each in moments])))
     if (
-        abs(middle) < np.log(NAMED)
+        abs(middle) < np.log(FACTOR)
         or np.any(np.abs(ratios - middle) > SCATTER * abs(middle) + 2.0 * errors)
         or shared / middle > SCATTER
     ):
         return []
     factor = float(np.exp(middle))
-    kind = "size" if abs(middle) > np.log(FACTOR) else POSSIBLE
     words = (
         f"all forces are {factor:.3g} times what the database has (level of the normal force"
         f" {here / there:.3g}, its change {normal.value:.3g} +- {normal.error:.2g}, side force"
@@ -162,7 +160,7 @@ def mass_beside(
         f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} looks so"
     )
     evidence = {"factor": factor, "level": here / there, "normal": normal.value, "side": side.value}
-    return [Suspicion("mass", kind, words, evidence)]
+    return [Suspicion("mass", POSSIBLE, words, evidence)]
 
 
 def cg_beside(axes: Mapping[str, AxisShares], reference: Reference) -> list[Suspicion]:
