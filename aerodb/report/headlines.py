@@ -127,7 +127,7 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
         *(
             axis
             for entry in (*document["findings"], *document["not_found"])
-            for axis in _written_on(entry)
+            for axis in written_on(entry)
         ),
     ]
     along_wind = sum(axis in WIND_AXES for axis in asked) > sum(
@@ -174,9 +174,7 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
             else f"The database may lack {words}: {note}"
         )
     if companions and not (proved or requested):
-        axes = listed(
-            list(dict.fromkeys(axis for each in companions for axis in _written_on(each)))
-        )
+        axes = listed(list(dict.fromkeys(axis for each in companions for axis in written_on(each))))
         clauses.append(f"The error of {axes} was corrected as a whole, by {_effects(companions)}")
     elif companions:
         clauses.append(
@@ -186,7 +184,7 @@ def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str
     return "; ".join(clauses)
 
 
-def _written_on(finding: Mapping[str, Any]) -> list[str]:
+def written_on(finding: Mapping[str, Any]) -> list[str]:
     """The axes that a hypothesis names."""
     axes: str = finding["hypothesis"].partition("@")[2].partition(":")[0]
     return axes.split("+")

@@ -24,6 +24,7 @@ from aerodb.report.headlines import (
     on_which,
     shown_axes,
     what_stayed,
+    written_on,
 )
 from aerodb.report.page import render
 from aerodb.report.style import Picture, picture
@@ -35,7 +36,7 @@ from aerodb.report.update_figures import (
     stall_figure,
 )
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES, AeroDatabase
+from aerodb.tables import AeroDatabase
 
 _Entry = TypeVar("_Entry")
 
@@ -303,30 +304,28 @@ def _flown(story: UpdateStory) -> dict[str, Array]:
 
 
 def _axes(story: UpdateStory) -> list[str]:
-    """Axes to draw: with increments, else with findings, and those farthest above noise floor.
+    """Axes to draw, of those in which the document is told: with increments, else with findings,
+    and all that stay above their noise floor; where there are none, those farthest above it.
 
     Axes without usable samples in these flights are left out.
     """
-    shown = {
+    usable = {
         axis
         for comparison in story.before.values()
         for axis, good in comparison.usable.items()
         if good.any()
     }
+    told = [axis for axis in shown_axes(story.document) if axis in usable]
+    rows = [row for row in error_rows(story.document) if row["axis"] in told and row["times_floor"]]
+    rows.sort(key=lambda row: -row["times_floor"])
     touched = {entry["axis"] for entry in story.document["increments"]}
-    added = {
+    found = {
         axis
         for finding in story.document["findings"]
         if len(finding["axis"]) < len(AXES)
-        for axis in finding["axis"]
+        for axis in written_on(finding)
     }
-    rows = [
-        row
-        for row in error_rows(story.document)
-        if row["axis"] in AXES and row["axis"] in shown and row["times_floor"]
-    ]
-    far = {row["axis"] for row in sorted(rows, key=lambda row: -row["times_floor"])[:_FARTHEST]}
-    above = {row["axis"] for row in rows if row["times_floor"] > NEAR_FLOOR} & far
-    chosen = next((axes & shown for axes in (touched, added, far) if axes & shown), set())
-    chosen |= above & shown
-    return [axis for axis in (*AXES, *WIND_AXES) if axis in chosen]
+    chosen = next((axes for axes in (touched, found) if axes & {*told}), set())
+    chosen |= {row["axis"] for row in rows if row["times_floor"] > NEAR_FLOOR}
+    chosen = chosen or {row["axis"] for row in rows[:_FARTHEST]}
+    return [axis for axis in told if axis in chosen]

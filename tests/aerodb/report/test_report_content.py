@@ -28,7 +28,7 @@ from aerodb.report.flight_figures import (
     segment_figure,
 )
 from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
-from aerodb.report.headlines import headline
+from aerodb.report.headlines import headline, what_stayed
 from aerodb.report.numbers import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
@@ -287,6 +287,35 @@ def test_axes_that_stayed_bad_are_drawn_beside_those_with_findings(
     tree = checked(update_report(story(document, sides, flown, added=False)))
     (alt,) = [alt for alt in tree.xpath("//img/@alt") if alt.startswith("Coefficients")]
     assert "CX, CZ over time" in alt
+
+
+def test_all_that_stayed_bad_is_drawn_in_the_axes_in_which_it_is_told(flown: Flight) -> None:
+    """Findings on the lift: forces along the wind axes, as in the table and the second line."""
+    told = ("Cl", "Cm", "Cn", "C_drag", "C_side", "C_lift")
+    axes = (*told, "CX", "CY", "CZ")
+    errors = [proof(axis, 0.06, 0.06, noise_floor=0.001) for axis in axes]
+    findings = [
+        replace(found(f"{effect}@C_lift", verdict="suspected"), axis=("CX", "CZ"))
+        for effect in ("alpha_slope", "pitch_rate_force", "mach_effect")
+    ]
+    document = loop(findings, [], errors)
+    values = dict.fromkeys(axes, 0.06 * np.random.default_rng(2).standard_normal(len(flown.time)))
+    sides = {"f4": synthetic.comparison(flown, values)}, {}
+    tree = checked(update_report(story(document, sides, flown, added=False)))
+    alts = [alt for alt in tree.xpath("//img/@alt") if alt.startswith("Flight minus model on ")]
+    assert alts
+    assert {alt.partition(" on ")[2].partition(" against ")[0] for alt in alts} == {", ".join(told)}
+    assert all(f"{axis} " in what_stayed(document) for axis in told)
+
+
+def test_one_flight_that_voted_is_not_predicted_by_others() -> None:
+    shown = {}
+    for votes in (1, 2):
+        one = found(verdict="suspected")
+        one = replace(one, held_out_share=0.0, votes=one.votes[:votes])
+        document = loop([one], [], [proof("CX", 0.02, 0.02)])
+        shown[votes] = "when estimated from the others" in words_of(page_of(document))
+    assert shown == {1: False, 2: True}
 
 
 def test_what_a_mean_of_the_flights_is_not_is_said() -> None:
