@@ -25,7 +25,7 @@ from .resampling import (
 )
 from .responses import runs
 from .segmentation import STATES, Segment
-from .wild_points import without_wild_points
+from .wild_points import spikes, without_wild_points
 
 __all__ = [
     "FEWEST_MARKS",
@@ -60,6 +60,7 @@ __all__ = [
     "runs",
     "shared_samples",
     "smooth",
+    "spikes",
     "suspicion_documents",
     "to_document",
     "uniform_grid",

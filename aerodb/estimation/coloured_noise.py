@@ -17,6 +17,9 @@ from aerodb.support import Array
 
 #: Highest order, and fewest samples per coefficient.
 _HIGHEST, _PER_COEFFICIENT = 40, 10
+#: White noise that counts as part of the residuals, as a share of their variance: without it, the
+#: empty band of a low-passed residual takes all coefficients, and the band that it has is missed.
+_FLOOR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +59,14 @@ class NoiseModel:
 
 
 def autoregressive_noise(residuals: Sequence[Array]) -> NoiseModel:
-    """The model of the residuals (n_r,) of all records together.
+    """The model of the residuals (n_r,) of all records together, with a floor of white noise 40 dB
+    below them.
 
     References
     ----------
     J. P. Burg, Maximum Entropy Spectral Analysis, 1975; H. Akaike, IEEE Trans. Automatic Control
-    19(6), 1974.
+    19(6), 1974. White noise correction: Kay, IEEE Trans. Acoustics, Speech and Signal Processing
+    28(3), 1980.
 
     >>> bool(autoregressive_noise([np.array([1.0, -1.0, 1.0, -1.0])]).variance == 1.0)
     True
@@ -77,11 +82,13 @@ def autoregressive_noise(residuals: Sequence[Array]) -> NoiseModel:
     coefficients, innovation, least = np.zeros(0), power, total * np.log(power)
     for order in range(1, highest + 1):
         pairs = [(f[1:], b[:-1]) for f, b in zip(forward, backward, strict=True)]
-        size = sum(float(f @ f + b @ b) for f, b in pairs)
-        reflection = sum(2.0 * float(f @ b) for f, b in pairs) / size if size > 0.0 else 0.0
+        # what the errors of both predictions would be of the floor alone
+        ahead = np.concatenate([[1.0], -coefficients, [0.0]])
+        floor = 2.0 * _FLOOR * power * sum(len(f) for f, _ in pairs)
+        size = sum(float(f @ f + b @ b) for f, b in pairs) + floor * float(ahead @ ahead)
+        both = sum(2.0 * float(f @ b) for f, b in pairs) + floor * float(ahead @ ahead[::-1])
+        reflection = both / size
         innovation *= 1.0 - reflection**2
-        if innovation <= 1e-12 * power:
-            break
         forward = [f - reflection * b for f, b in pairs]
         backward = [b - reflection * f for f, b in pairs]
         coefficients = np.concatenate(

@@ -16,6 +16,8 @@ _AGREE: Final = 2.0
 _STANDING: Final = 0.5
 #: Least fit [%] of an output that a flown model follows.
 _FOLLOWED: Final = 80.0
+#: Fit [%] below which a method is believed with reservation.
+_HALF_FOLLOWED: Final = 50.0
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,11 @@ def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:
     bound = [e.name for fit in fits for e in fit.estimates if e.standing == "at bound"]
     bound = [name for name in bound if not name.startswith("process_noise_")]
     found = []
+    worst = _least_followed(fits)
+    if worst is not None and worst[1] < _HALF_FOLLOWED:
+        found.append(
+            f"With reservation: {fits[0].method} follows {worst[0]} by {worst[1]:.0f} % only"
+        )
     if inputs:
         found.append(
             f"With reservation: the residuals of {fits[0].method} still hold a response to"

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import clean_clock, interval, is_uniform, uniform_grid
+from aerodb.conditioning import clean_clock, interval, is_uniform, spikes, uniform_grid
 from aerodb.errors import InputError
 from aerodb.estimation import TimeHistory
 from aerodb.support import Array
@@ -31,7 +31,8 @@ def time_histories(
     time : (n,) [s]. inputs, outputs : name -> (n,), SI; NaN where there is no value.
 
     Rounded time stamps are taken as even; uneven ones are resampled linearly. Missing inputs are
-    bridged for a quarter of a second; a longer gap ends a record.
+    bridged for a quarter of a second; a longer gap ends a record. Spikes of the outputs are left
+    out.
 
     Raises InputError where nothing is long enough, or time runs backwards.
     """
@@ -43,6 +44,12 @@ def time_histories(
     )
     notes = [f"{name}: {int(np.sum(~kept))} samples left out whose time does not increase"]
     notes = notes if not kept.all() else []
+    for output, values in outputs.items():
+        wild = spikes(values)
+        if wild.any():
+            outputs[output] = np.where(wild, np.nan, values)
+            first = f"the first at {time[np.argmax(wild)]:.6g} s"
+            notes.append(f"{name}: spikes of {output} left out ({wild.sum()}), {first}")
     there = np.ones(len(time), dtype=bool)
     for values in inputs.values():
         there &= np.isfinite(values)

@@ -29,6 +29,8 @@ from aerodb.support import Array
 
 #: Rounds of weighting; the noise of the rows changes by less than a tenth after the second.
 _ROUNDS: Final = 3
+#: Longest gap that is bridged [s].
+_BRIDGED: Final = 0.25
 _WHERE: Final = "equations of the model"
 
 
@@ -59,8 +61,10 @@ def equation_error_fit(method: Method, model: StateSpace, records: Sequence[Time
     Generalised least squares over equations: Zellner, JASA 57, 1962, without the correlation
     between them.
 
-    Raises InputError for states that no output shows, gaps in the records, and equations without
-    parameters.
+    Missing samples are bridged for a quarter of a second.
+
+    Raises InputError for states that no output shows, longer gaps in the records, and equations
+    without parameters.
     """
     sizes: dict[str, float] = {}
     rows = _rows(model, records)
@@ -72,7 +76,13 @@ def equation_error_fit(method: Method, model: StateSpace, records: Sequence[Time
         solution = np.linalg.lstsq(matrix, left, rcond=None)[0]
         sizes = _noise(rows, jacobian @ solution + offset)
     fit: Fit = method.load()(_equation(model, rows, sizes))
-    return _by_record(fit, rows, sizes)
+    missing = [
+        f"{record.name}: {count} missing samples of {name} bridged."
+        for record in records
+        for name in model.outputs
+        if (count := int(np.isnan(record.outputs[name]).sum()))
+    ]
+    return _by_record(replace(fit, notes=(*fit.notes, *missing)), rows, sizes)
 
 
 def _rows(model: StateSpace, records: Sequence[TimeHistory]) -> list[_Row]:
@@ -230,12 +240,15 @@ def _has_parameters(matrices: Sequence[AffineMatrix], row: int) -> bool:
 
 
 def _complete(record: TimeHistory, outputs: Sequence[str]) -> Array:
-    """Measured outputs (n, o) without gaps."""
-    values = record.stacked(tuple(outputs))
-    torn = [name for name in outputs if not np.isfinite(record.outputs[name]).all()]
-    where = f"record {record.name}"
-    if torn:
-        raise InputError(f"it has gaps in {', '.join(torn)}", where, "use output-error")
+    """Measured outputs (n, o), with short gaps bridged."""
+    values = record.stacked(tuple(outputs)).copy()
+    where, every = f"record {record.name}", np.arange(len(values))
+    for name, column in zip(outputs, values.T, strict=True):
+        good = np.flatnonzero(np.isfinite(column))
+        gaps = np.diff(np.concatenate([[-1], good, [len(column)]])) - 1
+        if gaps.max() * record.step > _BRIDGED:
+            raise InputError(f"it has gaps in {name}", where, "use output-error")
+        column[:] = np.interp(every, good, column[good])
     if len(values) < FEWEST_SAMPLES:
         raise InputError(f"{len(values)} samples are too few", where, "fly longer")
     return values

@@ -259,6 +259,26 @@ def test_an_output_that_stands_still_gives_no_estimate_by_any_method(tmp_path) -
     assert all("output p stands still" in entry["reason"] for entry in document["methods"])
 
 
+def test_spikes_are_left_out_and_missing_samples_bridged_for_equation_error(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    aileron, p = roll(time)
+    p[[100, 400]] = 50.0, -50.0
+    p[np.random.default_rng(2).random(len(p)) < 0.1] = np.nan
+    file = written(tmp_path / "roll.csv", "t,da,p", time, aileron, p)
+    given = ("estimate", "--model", model(tmp_path, ROLL), "--record", file)
+    document = asked(tmp_path / "w", *given, "--method", "regression", "--method", "output-error")
+    assert any("spikes of p left out (" in note for note in document["notes"])
+    plain, _ = document["methods"]
+    assert any("missing samples of p bridged" in note for note in plain["notes"])
+    near(document, ROLL_TRUTH)
+    near({"methods": document["methods"][1:]}, ROLL_TRUTH)
+    p[200:220] = np.nan
+    written(tmp_path / "roll.csv", "t,da,p", time, aileron, p)
+    document = asked(tmp_path / "w", *given, "--method", "regression", "--method", "output-error")
+    assert "it has gaps in p" in document["methods"][0]["reason"]
+    near({"methods": document["methods"][1:]}, ROLL_TRUTH)
+
+
 @pytest.mark.parametrize(
     ("header", "text", "said"),
     [

@@ -118,7 +118,7 @@ def test_states_that_no_output_shows_are_refused(c, d):
 def test_gaps_and_delays_are_refused():
     model, record = one_state(1.0)
     torn = record.outputs["x"].copy()
-    torn[100] = np.nan
+    torn[100:120] = np.nan  # more than a quarter of a second
     with pytest.raises(InputError, match="gaps in x"):
         by("regression", model, [replace(record, outputs={"x": torn})])
     late = parse_state_space(TEXT.replace("own =", 'late_inputs = ["delta_aileron"]\nown ='))
