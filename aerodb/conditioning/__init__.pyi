@@ -1,4 +1,4 @@
-from .channel_rates import alpha_rate, beta_rate
+from .channel_rates import alpha_rate, beta_rate, with_accelerations
 from .clock import clean_clock, interval, is_uniform
 from .condition import (
     Conditioning,
@@ -64,5 +64,6 @@ __all__ = [
     "suspicion_documents",
     "to_document",
     "uniform_grid",
+    "with_accelerations",
     "without_wild_points",
 ]

@@ -5,13 +5,14 @@
 2. `masses`: mass, inertia, centre of gravity and reference lengths against each other.
 3. `lift`: the weight and the lift slope against what a wing of this size and shape can have.
 4. `drag`: where thrust is logged, the sign of the drag that it leaves.
-5. `controls`: each surface against the motion that it causes: size, sign, effect, delay
+5. `vane`: the angle of attack against that of rates and accelerations.
+6. `controls`: each surface against the motion that it causes: size, sign, effect, delay
    (`surfaces`, `equation_error`).
-6. `database`: a flight against its vehicle's database, once there is one: level and slope of the
+7. `database`: a flight against its vehicle's database, once there is one: level and slope of the
    lift, sign, size and delay of each control, a factor that all moments share (`derivatives`),
    aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`).
 
-`against_vehicle` runs the first five (`examined_beside` after conditioning's own checks) and
+`against_vehicle` runs the first six (`examined_beside` after conditioning's own checks) and
 `against_database` the last. They return suspicions
 (`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.

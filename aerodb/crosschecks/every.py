@@ -12,6 +12,7 @@ from aerodb.crosschecks.lift import lift_suspicions
 from aerodb.crosschecks.loads import POSSIBLE
 from aerodb.crosschecks.masses import mass_suspicions
 from aerodb.crosschecks.surfaces import size_suspicions
+from aerodb.crosschecks.vane import vane_suspicions
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.vehicle import Vehicle
@@ -40,8 +41,9 @@ def against_vehicle(
     moving = _MOTION.isdisjoint(suspected)
     if moving and not listed:
         listed += lift_suspicions(flight, vehicle)
-    pushed = drag_suspicions(flight, vehicle) if moving and not listed else ()
+    pushed: tuple[Suspicion, ...] = ()
     if moving and not listed:
+        pushed = (*drag_suspicions(flight, vehicle), *vane_suspicions(flight))
         listed += control_suspicions(flight, vehicle)
     else:
         listed += size_suspicions(flight, vehicle)

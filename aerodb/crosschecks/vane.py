@@ -1,0 +1,62 @@
+"""The angle of attack of a vane against that of the motion.
+
+What an aircraft turns and climbs is known from gyros and accelerometers: their angle of attack,
+integrated in steady air, changes as the vane's does (Stevens, Lewis & Johnson, Aircraft Control and
+Simulation, 3rd ed., section 2.5). A vane whose upwash is not corrected, or divided by instead of
+multiplied, changes more. Gusts move the vane alone, and the aircraft yields to them: less is
+explained, and the vane changes less than the motion. Of that nothing is said.
+"""
+
+import numpy as np
+
+from aerodb.conditioning import Suspicion, alpha_rate, band_passed, bridge, with_accelerations
+from aerodb.crosschecks.equation_error import averaged
+from aerodb.crosschecks.in_flight import flying
+from aerodb.errors import InputError
+from aerodb.estimation import least_squares
+from aerodb.flight import Flight
+
+#: Band of manoeuvres [Hz]: slower is drift and the air's own motion. Samples kept per period.
+SLOWEST, FASTEST, SAMPLES = 0.15, 1.5, 16.0
+#: Share by which a vane may differ: what booms ahead of a wing have without a correction (.05 to
+#: .15, Gracey, NACA TN 4351, 1958). Least standard errors beyond it, least share explained, least
+#: motion [rad, rms] and duration [s].
+UPWASH, ERRORS, EXPLAINED, SWING, SHORTEST = 0.15, 3.0, 0.9, 0.004, 8.0
+_NEEDED = ("alpha", "V", "q", "ax", "az", "theta")
+
+
+def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
+    """Return an angle of attack that changes more than the motion makes it change.
+
+    flight : with the upwash that the vehicle file declares taken off.
+    """
+    channels = with_accelerations(flight)
+    if not set(_NEEDED) <= channels.keys():
+        return ()
+    logged = (n for n in (*_NEEDED, "ax_imu", "az_imu") if n in flight)
+    where = flying(flight, logged) & (channels["V"] > 0.0)
+    every = max(1, int(1.0 / (SAMPLES * FASTEST * flight.step)))
+    step, high = every * flight.step, min(FASTEST, 0.4 / flight.step)
+    if where.sum() * flight.step < SHORTEST or high < 2.0 * SLOWEST or len(where) < 20 * every:
+        return ()
+    try:
+        rate = averaged(np.where(where, alpha_rate(channels), np.nan), every)
+        inside, rate = np.isfinite(rate), bridge(rate)
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))])
+        shown = averaged(np.where(where, channels["alpha"], np.nan), every)
+        x, y = (band_passed(values, step, SLOWEST, high)[inside] for values in (turned, shown))
+        fit = least_squares(x[:, None], y, ("motion",))
+    except (ValueError, InputError):
+        return ()
+    ratio, error = float(fit.estimates[0]), float(fit.standard_errors[0])
+    swings = float(np.std(x))
+    if not fit.r_squared > EXPLAINED or not swings > SWING:
+        return ()
+    if ratio - 1.0 <= UPWASH + ERRORS * error:
+        return ()
+    words = (
+        f"alpha changes by {ratio:.3g} +- {error:.2g} times what rates and accelerations make it"
+        f" change: the upwash of the vane in the vehicle file ([air_data] upwash) is missing or"
+        " inverted, or its scale is another"
+    )
+    return (Suspicion("alpha", "size", words, {"ratio": ratio, "standard_error": error}),)
