@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
-    "conditioning": 6,
+    "conditioning": 7,
     "consistency": 17,
     "coefficients": 4,
     "compare": 2,
