@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 5,
     "update": 8,
     "gram": 11,
-    "close_loop": 28,
+    "close_loop": 29,
 }
 
 #: Names of versions that the product itself moves.

@@ -57,20 +57,28 @@ class DerivativeChange:
         """Change as a part of the derivative before; infinite where there was none."""
         return abs(self.after - self.before) / abs(self.before) if self.before else np.inf
 
+    @property
+    def reversal(self) -> str:
+        """What becomes its opposite, a damping or a control; empty where nothing does."""
+        if DAMPING.get(self.axis) == self.variable and self.before <= 0.0 < self.after:
+            return f"{self._change}: its damping becomes an excitation"
+        reversed_ = self.before * self.after < 0.0
+        if reversed_ and self.variable.startswith("delta_") and self.share >= _SIGN_COUNTS:
+            return f"{self._change}: the control acts the other way round"
+        return ""
+
     def refusal(self, largest: float) -> str:
         """Why the gate refuses it unless a person accepts it; empty where it does not.
 
         largest : greatest relative change that needs no person.
         """
-        change = f"{self.name} goes from {self.before:.3g} to {self.after:.3g} inside the data"
-        if DAMPING.get(self.axis) == self.variable and self.before <= 0.0 < self.after:
-            return f"{change}: its damping becomes an excitation"
-        reversed_ = self.before * self.after < 0.0
-        if reversed_ and self.variable.startswith("delta_") and self.share >= _SIGN_COUNTS:
-            return f"{change}: the control acts the other way round"
-        if self.share >= _SIZE_COUNTS and self.relative > largest:
-            return f"{change}, by more than {largest:.0%}"
-        return ""
+        if not self.reversal and self.share >= _SIZE_COUNTS and self.relative > largest:
+            return f"{self._change}, by more than {largest:.0%}"
+        return self.reversal
+
+    @property
+    def _change(self) -> str:
+        return f"{self.name} goes from {self.before:.3g} to {self.after:.3g} inside the data"
 
 
 def derivative_changes(

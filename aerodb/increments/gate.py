@@ -137,11 +137,13 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
         notes.append(f"not held out: {', '.join(lacking)}; no held-out flight measures them")
     for finding in report.get("findings", ()):
         if finding["verdict"] in _OPEN:
-            added = finding["hypothesis"] in report.get("asked_for", ())
-            notes.append(
-                f"{_OPEN[finding['verdict']]}: {finding['hypothesis']}"
-                f"{', added because you asked for it' if added else ', not added'}"
+            id = finding["hypothesis"]
+            added = (
+                "added with others of its axis" if id in report.get("added", ()) else "not added"
             )
+            if id in report.get("asked_for", ()):
+                added = "added because you asked for it"
+            notes.append(f"{_OPEN[finding['verdict']]}: {id}, {added}")
     return tuple(notes)
 
 

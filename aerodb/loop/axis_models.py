@@ -20,6 +20,7 @@ from aerodb.increments import (
     DeclaredIncrement,
     ModelFile,
     Update,
+    derivative_changes,
     estimate_increments,
     keep_slope_signs,
 )
@@ -29,6 +30,7 @@ from aerodb.loop.moving_air import evidently_moving
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
+    ADDED,
     Finding,
     Traced,
     cross_flight_tests,
@@ -104,9 +106,10 @@ def axis_models(
     late: Collection[str] = (),
     given: Collection[str] | None = None,
     sensors: Collection[str] = (),
-) -> AxisModels | None:
-    """Return the increment models that replace the singles on their axes; None where there are
-    none.
+) -> tuple[AxisModels | None, tuple[str, ...]]:
+    """Return the increment models that replace the singles on their axes, None where there are
+    none; and a sentence about each that predicts better but is not added, because a control or a
+    damping becomes its opposite.
 
     candidate : `baseline` with the singles, `added`. without_gain : ids that lowered no error of
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
@@ -124,7 +127,7 @@ def axis_models(
         axes = _far(source, flights, candidate, library) if len(flights) >= _FEWEST else set()
         axes -= _axes(hypotheses[number[id]] for id in without_gain)
     if not axes:
-        return None
+        return None, ()
     normal_equations = in_threads(
         lambda flight: source.normal_equations(flight, baseline, library), flights
     )
@@ -142,7 +145,7 @@ def axis_models(
     else:
         wrong = [number[id] for id in sensors if id in number]
         if wrong and imitated_sensors(tests, axes, wrong, beside, out):
-            return None
+            return None, ()
         terms = increment_models(tests, axes, beside, out)
         axes &= supported_axes(tests, terms, beside)
     estimator = _Estimator(source, baseline, tuple(flights))
@@ -155,34 +158,20 @@ def axis_models(
         }
         errors = _proved(estimator, candidate, models)
         if not errors or evidently_moving(source, flights, baseline, library):
-            return None
-    terms = tuple(i for i in terms if set(hypotheses[i].written_on) <= errors.keys())
-    traced = trace_increment_models(tests, normal_equations, terms, beside, out)
-    update = estimator.update(_on(errors, terms, hypotheses), flights)
-    findings, increments = _with_values(traced.findings, update, hypotheses)
-    members = {finding.hypothesis for finding in findings}
-    singles = candidate.increments[len(baseline.increments) :]
-    database = replace(
-        candidate,
-        increments=(
-            *baseline.increments,
-            *(each for each in singles if each.axis not in errors),
-            *increments,
-        ),
-    )
-    return AxisModels(
-        keep_slope_signs(Update(database, (), tuple(flights)), baseline).candidate,
-        replace(traced, findings=findings),
-        tuple(
-            AxisModel(
-                axis,
-                tuple(each.id for each in on if each.id in members),
-                *errors[axis],
-            )
-            for axis, on in _on(errors, terms, hypotheses).items()
-        ),
-        significant_beside(tests, [*beside, *terms]),
-    )
+            return None, ()
+    remarks = tuple[str, ...]()
+    while errors:
+        terms = tuple(i for i in terms if set(hypotheses[i].written_on) <= errors.keys())
+        traced = trace_increment_models(tests, normal_equations, terms, beside, out)
+        standing = significant_beside(tests, [*beside, *terms])
+        on = _on(errors, terms, hypotheses)
+        made = _entered(estimator, candidate, library, traced, on, errors, standing)
+        opposite = {} if given is not None else _opposite(estimator, made)
+        if not opposite:
+            return made, remarks
+        remarks += tuple(_not_added(axis, why, *errors[axis]) for axis, why in opposite.items())
+        errors = {axis: error for axis, error in errors.items() if axis not in opposite}
+    return None, remarks
 
 
 @dataclass(frozen=True)
@@ -224,6 +213,68 @@ class _Estimator:
             declared,
             self.baseline,
         )
+
+
+def _entered(
+    estimator: _Estimator,
+    candidate: AeroDatabase,
+    library: Library,
+    traced: Traced,
+    models: Mapping[str, Sequence[Hypothesis]],
+    errors: Mapping[str, tuple[float, float]],
+    standing: frozenset[str],
+) -> AxisModels:
+    """The models (axis -> terms) in place of the singles on their axes, with values from all
+    flights.
+
+    traced : with the terms as findings. errors : axis -> with the singles, and of the model on
+    flights left out.
+    """
+    baseline = estimator.baseline
+    update = estimator.update(models, estimator.flights)
+    findings, increments = _with_values(traced.findings, update, library.hypotheses)
+    members = {finding.hypothesis for finding in findings}
+    singles = candidate.increments[len(baseline.increments) :]
+    others = (each for each in singles if each.axis not in errors)
+    database = replace(candidate, increments=(*baseline.increments, *others, *increments))
+    return AxisModels(
+        keep_slope_signs(Update(database, (), estimator.flights), baseline).candidate,
+        replace(traced, findings=findings),
+        tuple(
+            AxisModel(axis, tuple(each.id for each in on if each.id in members), *errors[axis])
+            for axis, on in models.items()
+        ),
+        standing,
+    )
+
+
+def _opposite(estimator: _Estimator, made: AxisModels) -> dict[str, str]:
+    """Axis -> why its model cannot be right: a control or a damping on it becomes its opposite, and
+    tracing does not confirm the term.
+
+    What sensors leave open is added because a sum is known better than its terms. A wind tunnel's
+    signs are known better still: a log or vehicle data that are wrong explain the opposite one.
+    Forces along the wind axes are not judged here: they have no damping.
+    """
+    flights = [flight for flight, _ in estimator.compared.values()]
+    confirmed = {each.parameter for each in made.traced.findings if each.verdict in ADDED}
+    axes = {model.axis for model in made.models}
+    return {
+        change.axis: change.reversal
+        for change in reversed(derivative_changes(flights, estimator.baseline, made.candidate))
+        if change.axis in axes and change.reversal and change.name not in confirmed
+    }
+
+
+def _not_added(axis: str, why: str, singles: float, left_out: float) -> str:
+    """The sentence about a model that cannot be right."""
+    return (
+        f"{axis}: not corrected as a whole, although its increment model has an error of"
+        f" {left_out:.2g} on flights left out, and the effects found one by one leave"
+        f" {singles:.2g}: with it {why}. These flights do not confirm that: a sensor or the"
+        " vehicle's data may be wrong instead. Check the signs of the log's channels, and mass,"
+        " inertia and surfaces of the vehicle file."
+    )
 
 
 def _regressor(term: Hypothesis, axis: str) -> object:

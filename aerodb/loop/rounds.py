@@ -164,7 +164,7 @@ def run_loop(
     if not database.states:  # a stall has a fit of its own
         every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
         late = every - (every if known_before is None else known_before)
-        models = axis_models(
+        models, not_added = axis_models(
             source,
             flights,
             baseline,
@@ -176,6 +176,7 @@ def run_loop(
             modelled,
             [id for id, finding in findings.items() if finding.verdict == "sensor"],
         )
+        remarks += not_added
     if models is not None:
         traced = models.traced
         remarks += tuple(model.remark for model in models.models)

@@ -4,7 +4,7 @@ from .diff_documents import diff_document
 from .diff_figures import diff_figure
 from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
 from .estimates_page import estimates_report
-from .findings import MEANS
+from .findings import meaning
 from .flight_page import FlightStory, flight_report
 from .glossary import advice_words, channel_words, effect_words, hypothesis_words, in_words
 from .head import Head
@@ -22,7 +22,6 @@ from .version_page import NameMove, UsedFlight, VersionStory, version_report
 __all__ = [
     "FLAGGED",
     "FLIGHT",
-    "MEANS",
     "MEASURED",
     "UPDATED",
     "FlightStory",
@@ -56,6 +55,7 @@ __all__ = [
     "left_out_remarks",
     "lineage_graph",
     "loop_document",
+    "meaning",
     "page",
     "pdf",
     "render",

@@ -11,12 +11,12 @@ from aerodb.report.page import capital
 from aerodb.report.style import picture
 from aerodb.report.update_figures import forest_figure, voter
 
-#: Verdict -> its meaning, for the reader of a report.
-MEANS: Final[Mapping[str, str]] = {
+#: Verdict -> its meaning, for a reader.
+_MEANS: Final[Mapping[str, str]] = {
     "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
     "suspected": "the best explanation, but too few independent flights for the stated error rate",
     "alias_group": "several explanations fit these flights equally well",
-    "ambiguous_sensor": "a sensor error cannot be excluded, so the database is left unchanged",
+    "ambiguous_sensor": "a sensor error cannot be excluded, so it is not added",
     "sensor": "a sensor error; to be corrected in flight-path reconstruction",
     "unnamed": "reproducible, but no template of the library fits",
     "not_detected": "not found; sizes above the bound are excluded",
@@ -32,6 +32,22 @@ _WITH_VOTES: Final = 2
 _SAME: Final = 0.05
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
+
+
+def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
+    """What the verdict of a finding of a closed loop means, and why it was added although it is
+    not confirmed."""
+    verdict, added = finding["verdict"], document.get("added", ())
+    if finding["hypothesis"] not in added or verdict == "confirmed":
+        return _MEANS.get(verdict, "")
+    asked = finding["hypothesis"] in document.get("asked_for", added)  # not in older documents
+    why = (
+        "because you asked for it"
+        if asked
+        else "with others of its axis, whose sum is known better"
+    )
+    start = _MEANS.get(verdict, "").removesuffix(", so it is not added")
+    return f"{start}; it was added {why}"
 
 
 def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.diff_figures import diff_figures
 from aerodb.report.document import excursion_text
 from aerodb.report.figures import update_figure
-from aerodb.report.findings import MEANS, named_flights, sentence_of, told
+from aerodb.report.findings import meaning, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.glossary import advice_words, with_true_signs
 from aerodb.report.head import Head
@@ -105,13 +105,13 @@ def update_report(story: UpdateStory) -> str:
             {
                 **told(finding, story.labels),
                 "added": finding["hypothesis"] in document.get("added", ()),
+                "meaning": meaning(finding, document),
             }
             for finding in document["findings"]
         ],
         estimates=estimates,
         undecided=_bounds(document, decided=False),
         excluded=_bounds(document, decided=True),
-        means=MEANS,
         changed=disagreements(document, list(document["axes"]), story.before),
         pictures=_pictures(story),
         stall_pictures=_stall_pictures(story),

@@ -110,6 +110,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         effect_words,
         hypothesis_words,
         in_words,
+        meaning,
     )
 
     say_result(session, document)
@@ -132,6 +133,8 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
             f" ({finding['hypothesis']})"
         )
         session.say(f"   {in_words(finding['because'])}.")
+        if mark and finding["verdict"] != "confirmed":
+            session.say(f"   {meaning(finding, document)}.")
         rivals = finding["explanation_set"][1:]
         if rivals:
             session.say(f"   explains it as well: {', '.join(map(hypothesis_words, rivals))}")

@@ -19,9 +19,9 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import Finding, answers
 from aerodb.report import (
-    MEANS,
     error_rows,
     headline,
+    meaning,
     what_stayed,
 )
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
@@ -71,7 +71,7 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         errors=error_rows(document),
         labels=labels_of(access, document),
         reference=reference_of(access, reference, vehicle),
-        means=MEANS,
+        meanings=[meaning(finding, document) for finding in document["findings"]],
     )
 
 

@@ -360,6 +360,8 @@ def test_what_was_not_held_out_or_is_only_suspected_is_said(baseline: AeroDataba
     said = notes_on_release(report)
     assert said[0] == "only suspected: zero_offset@Cm, added because you asked for it"
     assert said[1].endswith("mass_offset, not added")
+    report |= {"added": ["zero_offset@Cm"], "asked_for": []}
+    assert notes_on_release(report)[0].endswith("zero_offset@Cm, added with others of its axis")
     assert len(said) == 2
 
 

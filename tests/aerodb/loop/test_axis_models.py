@@ -130,6 +130,19 @@ def test_a_wrong_sensor_is_not_modelled_as_many_effects(source: FlightsInMemory)
     assert loop.axis_models == ()
 
 
+def test_what_turns_controls_round_is_not_corrected_as_a_whole(source: FlightsInMemory) -> None:
+    """Angular acceleration that is nearly lost: Cm as of an aircraft without controls."""
+    lost = {
+        id: (flight, replace(made, values={**made.values, "Cm": -0.02 * made.values["Cm"]}))
+        for id, (flight, made) in source.flown.items()
+    }
+    loop = closed(FlightsInMemory(source.vehicle, lost), tuple(lost), 1.0)
+    assert loop.axis_models == ()
+    assert not any("Cm" in increment.axis for increment in loop.candidate.increments)
+    (remark,) = (each for each in loop.remarks if each.startswith("Cm: not corrected as a whole"))
+    assert "the control acts the other way round" in remark
+
+
 @pytest.mark.parametrize("seed", [70, 80, 90])
 def test_noise_far_above_the_declared_is_no_increment_model(seed: int) -> None:
     """Ten times the noise: every axis is far above its floor, and nothing predicts other flights."""

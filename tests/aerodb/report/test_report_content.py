@@ -20,6 +20,7 @@ from aerodb.conditioning.segmentation import Segment
 from aerodb.flight import Flight
 from aerodb.report.database_figure import database_figure
 from aerodb.report.figures import update_figure
+from aerodb.report.findings import meaning
 from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.flight_figures import (
     channel_figure,
@@ -341,8 +342,17 @@ def test_an_axis_that_was_corrected_as_a_whole_is_told_so() -> None:
         " constant part of CZ; with them, "
     )
     words = words_of(page_of(document))
-    assert "so the database is left unchanged" not in words
-    assert "it was added with others of its axis" in words
+    assert "so it is not added" not in words
+    assert words.count("it was added with others of its axis") == len(terms)
+    document["asked_for"] = [terms[0].hypothesis]
+    said = [meaning(finding, document).partition("; ")[2] for finding in document["findings"]]
+    assert said == [
+        "it was added because you asked for it",
+        "it was added with others of its axis, whose sum is known better",
+    ]
+    assert meaning(document["findings"][0], {**document, "added": []}).endswith(
+        "so it is not added"
+    )
 
 
 def test_a_vote_is_labelled_by_its_flight_and_part() -> None:

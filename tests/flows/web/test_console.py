@@ -220,6 +220,7 @@ def test_a_closed_loop_says_what_it_found_and_why_and_what_stays_open(client: Te
     said = " ".join(page.text_content().split())
     for words in (
         "suspected not added",
+        "Suspected: the best explanation, but too few independent flights",
         "−0.24 1/rad (95 %: −0.3 to −0.2)",
         "scale of angle of attack",
         "not excited",
