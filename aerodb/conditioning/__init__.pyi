@@ -12,7 +12,7 @@ from .delay import delay_between
 from .differentiation import FEWEST_SAMPLES, band_passed, bridge, low_passed, smooth
 from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
 from .local_gravity import local_gravity
-from .plausibility import Suspicion, clock_suspicions
+from .plausibility import Suspicion, clock_suspicions, start_suspicions
 from .resampling import (
     PASS_EDGE,
     Resampler,
@@ -61,6 +61,7 @@ __all__ = [
     "shared_samples",
     "smooth",
     "spikes",
+    "start_suspicions",
     "suspicion_documents",
     "to_document",
     "uniform_grid",

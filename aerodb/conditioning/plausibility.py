@@ -7,6 +7,7 @@ few percent, biases and delays raise no suspicion: flight-path reconstruction es
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,8 @@ LARGEST_ANGLE = np.pi / 2 + 0.1
 #: longest aircraft (84 m), and, where the vehicle is known, in spans: slender aircraft are three
 #: spans long.
 FARTHEST, FARTHEST_SPANS = 100.0, 5.0
+#: A start later than the moment of reading by no more than this can be local time taken for UTC.
+_AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")
 
 
@@ -53,8 +56,8 @@ _CG = ("cg_x", "cg_y", "cg_z")
 class Suspicion:
     """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
 
-    Kinds: ``no_overlap stuck sign degrees radians gravity swapped unit``, and of `crosschecks` also
-    ``size delay unmoved``.
+    Kinds: ``no_overlap future stuck sign degrees radians gravity swapped unit``, and of
+    `crosschecks` also ``size delay unmoved``.
     """
 
     channel: str
@@ -134,6 +137,20 @@ def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
         evidence = {"start": start, "end": end, "others_start": low, "others_end": high}
         listed.append(Suspicion(name, "no_overlap", sentence, evidence))
     return tuple(listed)
+
+
+def start_suspicions(start: datetime | None, read: datetime) -> tuple[Suspicion, ...]:
+    """Return what is wrong with the start of a log that was read at a time (both with time zone):
+    a start more than a day later, which no time zone explains."""
+    if start is None or start - read <= _AHEAD:
+        return ()
+    days = (start - read) / timedelta(days=1)
+    sentence = (
+        f"the log says that it starts at {start.astimezone(UTC):%Y-%m-%d %H:%M} UTC,"
+        f" {days:.3g} days after it was read: its clock was set wrong; times within the flight are"
+        " not affected, its date is"
+    )
+    return (Suspicion("start_utc", "future", sentence, {"days": days}),)
 
 
 def _without_samples(flight: Flight) -> list[Suspicion]:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -166,9 +167,21 @@ def _unexpected(error: Exception) -> int:
     if callable(show):
         show()
         return int(getattr(error, "exit_code", USAGE))
+    if isinstance(error, OverflowError) and not _tells_time():
+        what = "its clock is after the year 2262, where Python's time ends"
+        print(complaint(what, "this computer", "set the clock"), file=sys.stderr)
+        return FAILED
     print(
         f"aerodb: {type(error).__name__}: {error}\nthis is a bug in aerodb; run again with"
         " --debug and report it",
         file=sys.stderr,
     )
     return FAILED
+
+
+def _tells_time() -> bool:
+    try:
+        time.time()
+    except OverflowError:
+        return False
+    return True

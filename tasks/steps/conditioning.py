@@ -4,6 +4,7 @@ from aerodb.conditioning import (
     Conditioning,
     Suspicion,
     from_document,
+    start_suspicions,
     to_document,
 )
 from aerodb.crosschecks import examined_beside
@@ -50,6 +51,12 @@ def load_conditioning(
         write_conditioning(access, row.id, flight_key, conditioning),
         run,
     )
+
+
+def suspicions_of(row: FlightRow, conditioning: Conditioning) -> tuple[Suspicion, ...]:
+    """Return the likely faults of a stored flight: those found in its log, and that of a start
+    later than the moment at which it was taken in."""
+    return (*conditioning.suspicions, *start_suspicions(row.start_utc, row.added_utc))
 
 
 def stored_suspicions(access: WorkspaceAccess, row: FlightRow) -> tuple[Suspicion, ...]:

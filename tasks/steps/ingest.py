@@ -44,6 +44,7 @@ from aerodb.tasks.steps.conditioning import (
     keep_conditioning,
     load_conditioning,
     mapping_of,
+    suspicions_of,
     write_conditioning,
 )
 from aerodb.tasks.steps.counting import WHOLE, repeat_documents
@@ -172,7 +173,9 @@ def _take_in(given: _Given) -> dict[str, Any]:
         "status": "damaged" if broken else "duplicate" if whole else "stored",
         "flight": given.sha256,
         "damage": [asdict(entry) for entry in flight.damage],
-        "suspicions": suspicion_documents(conditioning.suspicions),
+        "suspicions": suspicion_documents(
+            suspicions_of(access.catalogue.flight(given.sha256), conditioning)
+        ),
         "repeats": repeats,
     }
 
@@ -205,7 +208,7 @@ def _suspicions(flight: str, workspace: str, run: str) -> list[dict[str, Any]]:
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
-    return suspicion_documents(conditioning.suspicions)
+    return suspicion_documents(suspicions_of(row, conditioning))
 
 
 def broken_parts(recording: Recording) -> list[Damage]:

@@ -2,10 +2,17 @@
 needed."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from aerodb.conditioning import examine, flag_unusable, suspicion_documents, to_document
+from aerodb.conditioning import (
+    examine,
+    flag_unusable,
+    start_suspicions,
+    suspicion_documents,
+    to_document,
+)
 from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording, mapped_clock_suspicions, with_mapped_clock
@@ -71,8 +78,9 @@ def _looked_over(topics: Path, log: str, mapping: Mapping) -> dict[str, Any]:
     found = examine(flight, mapped_clock_suspicions(recording, mapping))
     known = {suspicion.channel for suspicion in found.suspicions}
     air = (each for each in air_suspicions(flight) if each.channel not in known)
+    start = start_suspicions(recording.start_utc, datetime.now(UTC))
     return {
-        **to_document(replace(found, suspicions=(*found.suspicions, *air))),
+        **to_document(replace(found, suspicions=(*found.suspicions, *air, *start))),
         "notes": list(flight.notes),
         "refused": "",
     }

@@ -19,7 +19,7 @@ from aerodb.tables import HAT_RATES, AeroDatabase, hat_rate
 from aerodb.tasks.actors import user
 from aerodb.tasks.page_head import head_of_result, head_of_version
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
-from aerodb.tasks.steps.conditioning import load_conditioning
+from aerodb.tasks.steps.conditioning import load_conditioning, suspicions_of
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -69,7 +69,7 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             version=versions[version].label if version else "",
             no_comparison=why,
             versions=[(use.version.label, use.role) for use in access.catalogue.impact(row.id)],
-            suspicions=conditioning.suspicions,
+            suspicions=suspicions_of(row, conditioning),
             segments=conditioning.segments,
             head=head_of_result(access, result, user()) if result else None,
         )

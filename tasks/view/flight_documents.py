@@ -48,7 +48,7 @@ def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
         **flight_document(row),
-        **_conditioning(access, results),
+        **_conditioning(access, row, results),
         "repeats": repeat_documents(catalogue, row.id),
         "consistency": _consistency(access, row, results),
         "log": {
@@ -81,13 +81,19 @@ def damage_document(entry: Damage) -> dict[str, Any]:
     }
 
 
-def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict[str, Any]:
-    """Return the conditioning findings of the last time the flight was processed."""
+def _conditioning(
+    access: WorkspaceAccess, row: FlightRow, results: Sequence[ResultRow]
+) -> dict[str, Any]:
+    """Return the conditioning findings of the last time the flight was processed, and a start that
+    cannot be."""
+    from aerodb.conditioning import start_suspicions, suspicion_documents  # slow to import
     from aerodb.storage.files import read_results  # slow to import
 
     stored = [result for result in results if result.step == "conditioning"]
     conditioning = read_results(access.file_of(stored[-1].path))[1] if stored else {}
-    return {name: conditioning.get(name, []) for name in ("suspicions", "segments", "delays")}
+    found = {name: conditioning.get(name, []) for name in ("suspicions", "segments", "delays")}
+    start = suspicion_documents(start_suspicions(row.start_utc, row.added_utc))
+    return {**found, "suspicions": [*found["suspicions"], *start]}
 
 
 def _consistency(

@@ -24,6 +24,7 @@ from aerodb.tasks.actors import user
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked, document
 from tests.support.paths import ROOT
+from tests.support.set_clock import Clock, can_be_set, set_clock
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, state_of, write_files
 
@@ -410,6 +411,24 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
         == "name an existing workspace with --workspace or $AERODB_WORKSPACE"
     )
     assert not (tmp_path / "w").exists(), "a query makes no workspace"
+
+
+@pytest.mark.skipif(not can_be_set(), reason="needs a C compiler to set the clock")
+def test_a_clock_that_python_cannot_count_is_the_computers_fault(tmp_path: Path) -> None:
+    clock = Clock(tmp_path / "clock")
+    set_clock(clock.added, 251_600_000_000)  # the year 9998
+    done = subprocess.run(
+        [Path(sys.executable).with_name("aerodb"), "--workspace", str(tmp_path), "status"],
+        env={**os.environ, "PYTHONPATH": str(ROOT), **clock.environment},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.splitlines() == [
+        "aerodb: this computer: its clock is after the year 2262, where Python's time ends",
+        "set the clock",
+    ]
 
 
 @pytest.mark.parametrize(
