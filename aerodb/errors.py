@@ -8,6 +8,7 @@ about that.
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -34,20 +35,37 @@ class InputError(AeroError, ValueError):
     """Unusable log, vehicle, database or model file; nothing else has been changed."""
 
 
-class OpenQuestionsError(InputError):
-    """Input that cannot be used before its user answers some questions: all of them at once.
+@dataclass(frozen=True)
+class Question:
+    """What is open about an input of a file: the question, the name of the input in the file, and
+    the expressions proposed for it, each with the case in which it is right (may be empty)."""
 
-    questions : one line each, or an indented line that proposes an answer.
-    """
+    text: str
+    name: str
+    proposals: tuple[tuple[str, str], ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The question, and an indented option for each proposal.
+
+        >>> Question("which sign?", "b", (("beta", "if like beta"), ("0", ""))).lines
+        ('- which sign?', '  --bind b=beta   if like beta', '  --bind b=0')
+        """
+        options = (f"  --bind {self.name}={e}   {case}".rstrip() for e, case in self.proposals)
+        return f"- {self.text}", *options
+
+
+class OpenQuestionsError(InputError):
+    """Input that cannot be used before its user answers some questions: all of them at once."""
 
     def __init__(
-        self, what: str, where: str = "", remedy: str = "", questions: Iterable[str] = ()
+        self, what: str, where: str = "", remedy: str = "", questions: Iterable[Question] = ()
     ) -> None:
         super().__init__(what, where, remedy)
         self.questions = tuple(questions)
 
     def __str__(self) -> str:
-        return "\n".join((super().__str__(), *self.questions))
+        return "\n".join((super().__str__(), *(x for each in self.questions for x in each.lines)))
 
     def __reduce__(self) -> tuple[type["AeroError"], tuple[Any, ...]]:
         return type(self), (self.what, self.where, self.remedy, self.questions)

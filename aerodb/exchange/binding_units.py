@@ -7,7 +7,7 @@ dimension of what contains one is checked.
 from collections.abc import Sequence
 from typing import Final
 
-from aerodb.errors import InputError, OpenQuestionsError, UnknownNameError
+from aerodb.errors import InputError, OpenQuestionsError, Question, UnknownNameError
 from aerodb.nomenclature import channel
 from aerodb.tables import Call, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
@@ -56,8 +56,9 @@ def binding_question(name: str, fault: tuple[str, str], where: str) -> OpenQuest
     """Return the question that a `binding_fault` of an input leaves open."""
     what, instead = fault
     what = f"the binding of {name} is in another unit: {what}"
-    line = f"  --bind {instead or f'{name}=EXPRESSION in the unit of the file'}"
-    return OpenQuestionsError(what, where, "bind it in the unit of the file", (f"- {what}", line))
+    proposal = instead.partition("=")[2] or "EXPRESSION in the unit of the file"
+    question = Question(what, name, ((proposal, ""),))
+    return OpenQuestionsError(what, where, "bind it in the unit of the file", [question])
 
 
 def raise_together(questions: Sequence[OpenQuestionsError], where: str) -> None:
@@ -69,7 +70,7 @@ def raise_together(questions: Sequence[OpenQuestionsError], where: str) -> None:
         what,
         where,
         "import again with the lines that are right, all in one command:",
-        [line for question in questions for line in question.questions],
+        [each for question in questions for each in question.questions],
     )
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, Question
 from aerodb.flows.cli.asking import ask, can_ask
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
@@ -98,7 +98,7 @@ def _imported(session: Session, flow: Any, parameters: dict[str, Any]) -> dict[s
         document = session.run(flow, {**parameters, "ask": True}, direct=True)
         if "questions" not in document:
             break
-        bindings.update(ask(document["questions"]))
+        bindings.update(ask([Question(**each) for each in document["questions"]]))
     answered = {name: text for name, text in bindings.items() if given.get(name) != text}
     if answered:
         options = " ".join(f"--bind {shlex.quote(f'{n}={e}')}" for n, e in answered.items())

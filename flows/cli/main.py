@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
+from aerodb.errors import AeroError, GateRefusal, InputError, OpenQuestionsError, UnknownNameError
 from aerodb.flows.cli import (
     calibrations,
     closing,
@@ -142,8 +142,9 @@ def main() -> None:
         if debug:
             raise
         print(complaint(error.what, error.where, error.remedy), file=sys.stderr)
-        for line in getattr(error, "questions", ()):
-            print(visible(line), file=sys.stderr)
+        for question in error.questions if isinstance(error, OpenQuestionsError) else ():
+            for line in question.lines:
+                print(visible(line), file=sys.stderr)
         code = _code(error)
     except Exception as error:
         if debug:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.coefficients import with_held_inputs
-from aerodb.errors import InputError, OpenQuestionsError
+from aerodb.errors import InputError, OpenQuestionsError, Question
 from aerodb.exchange import (
     CSV_HEAD,
     FileChecks,
@@ -62,8 +62,8 @@ def import_database(
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
-    ask : where inputs leave questions, store nothing and return them (questions: lines as in
-    OpenQuestionsError).
+    ask : where inputs leave questions, store nothing and return them (questions: each an
+    `aerodb.errors.Question` as JSON).
     """
     access, path = access_workspace(workspace), Path(file)
     access.catalogue.vehicle(vehicle)
@@ -82,13 +82,13 @@ def import_database(
     except OpenQuestionsError as error:
         if not ask:
             raise
-        return {"questions": list(error.questions)}
+        return {"questions": [asdict(question) for question in error.questions]}
     checks = _file_checks(data, path.name, database)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
     flights = flights_of(access, vehicle, run)
     known = inputs_document(access, vehicle, database, flights, bindings or {})
     if ask and not accept_proposals and known["proposals"]:
-        return {"questions": _questions(known)}
+        return {"questions": [asdict(question) for question in _questions(known)]}
     held = known["lacking"] if accept_proposals else []
     if held:
         database = with_held_inputs(database, held)
@@ -129,14 +129,18 @@ def import_database(
     }
 
 
-def _questions(known: Mapping[str, Any]) -> list[str]:
+def _questions(known: Mapping[str, Any]) -> list[Question]:
     """The inputs of an `inputs_document` that the file alone knows, as questions."""
     sentences = {use["name"].removesuffix("_held"): use["sentence"] for use in known["uses"]}
-    lines = []
-    for name, texts in known["proposals"].items():
-        lines.append(f"- no flight has {sentences.get(name, known['written'][name])}")
-        lines += [f"  --bind {text}" for text in texts]
-    return lines
+    return [
+        Question(
+            f"no flight has {sentences.get(name, known['written'][name])}",
+            texts[0].partition("=")[0],
+            tuple((text.partition("=")[2], "") for text in texts),
+        )
+        for name, texts in known["proposals"].items()
+        if texts
+    ]
 
 
 def _release(access: WorkspaceAccess, version: VersionRow, released: str | None, name: str) -> None:

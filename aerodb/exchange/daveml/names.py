@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from aerodb.errors import InputError, OpenQuestionsError
+from aerodb.errors import InputError, OpenQuestionsError, Question
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
@@ -176,8 +176,8 @@ def _unit_question(declared: Declaration, name: str, where: str) -> OpenQuestion
         f"input {declared.name} in '{declared.unit}' cannot be {name}, which is in"
         f" {channel(name).unit}"
     )
-    line = f"  --bind {declared.identity}={name}*FACTOR"
-    return OpenQuestionsError(what, where, "bind it in the unit of the file", (f"- {what}", line))
+    question = Question(what, declared.identity, ((f"{name}*FACTOR", ""),))
+    return OpenQuestionsError(what, where, "bind it in the unit of the file", [question])
 
 
 def _sign_question(
@@ -191,14 +191,15 @@ def _sign_question(
         f" none that is known ({known_signs})"
     )
     unit = channel(name).unit
-    lines = [
-        f"  --bind {declared.identity}={channel_in_unit(Name(name), declared.unit, unit, sign)}"
-        f"   if it is positive {word} {name} ({channel(name).description})"
+    proposals = tuple(
+        (
+            str(channel_in_unit(Name(name), declared.unit, unit, sign)),
+            f"if it is positive {word} {name} ({channel(name).description})",
+        )
         for sign, word in ((1, "like"), (-1, "against"))
-    ]
-    return OpenQuestionsError(
-        what, where, "bind it with the sign of the file", (f"- {what}", *lines)
     )
+    question = Question(what, declared.identity, proposals)
+    return OpenQuestionsError(what, where, "bind it with the sign of the file", [question])
 
 
 def _surface(declared: Declaration) -> tuple[str, int] | None:

@@ -30,7 +30,7 @@ def asked(file, bindings):
 
 def test_sign_and_unit_are_asked_in_one_message():
     error = asked(FILE, {})
-    said = "\n".join(error.questions)
+    said = str(error)
     assert "'nl' is none that is known" in said
     assert "anl wfr" in said
     assert "--bind BETA=beta*57.29577951308232" in said
@@ -43,16 +43,17 @@ def test_proposed_binding_gives_the_files_own_value():
         variable("BETA", "<isInput/>", name="angleOfSideslip", units="deg", sign="nl"),
         "<ci>BETA</ci>",
     )
-    line = asked(file, {}).questions[2]  # positive the other way
-    name, _, expression = line.split()[1].partition("=")
-    database = import_daveml(file, bindings={name: expression}, name="f")
+    (question,) = asked(file, {}).questions
+    expression, case = question.proposals[1]
+    assert "positive against beta" in case
+    database = import_daveml(file, bindings={question.name: expression}, name="f")
     value = database.predict({"beta": np.array([0.1])}).coefficients["Cm"]
     assert value[0] == pytest.approx(-np.rad2deg(0.1))
 
 
 def test_binding_in_another_unit_is_refused_with_the_right_one():
     error = asked(FILE, {"BETA": "beta", "PB": "q/2", "p": "p"})
-    said = "\n".join(error.questions)
+    said = str(error)
     assert "--bind BETA=beta*57.29577951308232" in said
     assert "q/2 is in rad/s, the input in furlong" in said
     assert "--bind p=p*57.29577951308232" in said
