@@ -20,8 +20,9 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    open, for declared increments; `sensor_rivals` the errors of sensors that the loop finds where
    they are declared.
 
-Modules: `flights` (what a source of flights gives), `freezing` and `library`, `evidence` (of one
-flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall` and `stall_loop`,
+Modules: `flights` (what a source of flights gives) and `without_store`, `freezing` and `library`,
+`evidence` (of one flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall`
+and `stall_loop`,
 `refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`,
 `between_flights`, `shapes` and `model_error`, `consider`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.

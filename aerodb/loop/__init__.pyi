@@ -10,6 +10,7 @@ from .rounds import Accept, LoopResult, run_loop
 from .stall_windows import StallWindow, stall_windows
 from .unexplained import unexplained_residuals
 from .validation import beside_larger_unnamed, until_all_gain, validate_loop, without_gain
+from .without_store import WithoutStore
 
 __all__ = [
     "Accept",
@@ -19,6 +20,7 @@ __all__ = [
     "Reconstruction",
     "SensorRival",
     "StallWindow",
+    "WithoutStore",
     "beside_larger_unnamed",
     "consider_parameters",
     "dependences_between_flights",

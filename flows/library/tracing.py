@@ -17,10 +17,9 @@ from aerodb.flows.library.views import Data, Result, Summary, Values, number
 from aerodb.increments import AxisValidation, choose_hold_out
 from aerodb.loop import (
     Accept,
-    Library,
     LoopResult,
     Reconstruction,
-    evidence_beside,
+    WithoutStore,
     freeze_library,
     run_loop,
     unexplained_residuals,
@@ -32,10 +31,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import reconstruction_of
 from aerodb.tracing import (
     Finding,
-    NormalEquations,
     UnexplainedResidual,
-    normal_equations_of,
-    thinned,
 )
 from aerodb.vehicle import Vehicle
 
@@ -182,7 +178,7 @@ def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":
 
 
 @dataclass(frozen=True, eq=False)
-class FlightsInMemory:
+class FlightsInMemory(WithoutStore):
     """Compared flights by id; implements `aerodb.loop.FlightSource`."""
 
     vehicle: Vehicle
@@ -207,24 +203,6 @@ class FlightsInMemory:
             return one.measured.flight, one.comparison
         measured, reference = one.measured, self.vehicle.reference
         return measured.flight, compare(measured.flight, measured.coefficients, database, reference)
-
-    def thinned(
-        self, flight: str, database: AeroDatabase, bandwidth: float
-    ) -> tuple[Flight, Comparison]:
-        """Return both at the rate that tracing at `bandwidth` [Hz] needs."""
-        return thinned(*self.comparison(flight, database), bandwidth)
-
-    def normal_equations(
-        self, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
-        """Return the normal equations of a flight compared with a database."""
-        return normal_equations_of(
-            evidence_beside(self, flight, database, library), library.settings
-        )
-
-    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
-        """Return None: flights in memory were not traced before."""
-        return None
 
 
 def segments_of(flight: ComparedFlight) -> tuple[Segment, ...]:

@@ -70,12 +70,11 @@ def promotion(workspace: Workspace, logs: list[Path]) -> Any:
 
 def close_loop(workspace: Workspace, logs: list[Path]) -> Any:
     released, flights, _ = _ids(workspace)
-    accept = ["alpha_slope", "zero_offset", "pitch_rate_force"]
     parameters = {
         "vehicle": NAME,
         "baseline": released,
         "flights": flights,
-        "accept_suspected": accept,
+        "accept_ambiguous": ["alpha_slope"],
     }
     run_flow(close_loop_flow, parameters, workspace, "direct")
 

@@ -7,15 +7,13 @@ from aerodb.coefficients import Coefficients
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.conditioning.segmentation import Segment, segments
 from aerodb.flight import Flight
-from aerodb.loop import Library, Reconstruction, evidence_beside
+from aerodb.loop import Library, Reconstruction, WithoutStore
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing import thinned
-from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class FlightsInMemory:
+class FlightsInMemory(WithoutStore):
     """Flights and their coefficients, by id; implements `FlightSource`. known : what earlier looks
     had, as `looked_before`."""
 
@@ -35,18 +33,6 @@ class FlightsInMemory:
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
         channels, coefficients = self.flown[flight]
         return channels, compare(channels, coefficients, database, self.vehicle.reference)
-
-    def thinned(
-        self, flight: str, database: AeroDatabase, bandwidth: float
-    ) -> tuple[Flight, Comparison]:
-        return thinned(*self.comparison(flight, database), bandwidth)
-
-    def normal_equations(
-        self, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
-        return normal_equations_of(
-            evidence_beside(self, flight, database, library), library.settings
-        )
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         return self.known

@@ -124,7 +124,6 @@ def _former(place: Place) -> None:
 
 _INGEST: Final = ("flight", "ingest", *(f"{{files}}/flight{k}.csv" for k in (1, 2, 3)))
 _BESIDE: Final = ("--vehicle", consistent_flights.NAME)
-_ACCEPT: Final = ("alpha_slope", "zero_offset", "pitch_rate_force")
 #: Name -> the workspace that it goes on from, and commands or a function that make it.
 BASES: Final[dict[str, tuple[str, tuple[Any, ...]]]] = {
     "none": ("", ()),
@@ -181,8 +180,7 @@ COMMANDS: Final[dict[str, Command]] = {
     ),
     "close-loop": Command(
         "ingested",
-        ("close-loop", "--vehicle", NAME, *(p for a in _ACCEPT for p in ("--accept-suspected", a)),
-         "--direct"),
+        ("close-loop", "--vehicle", NAME, "--accept-ambiguous", "alpha_slope", "--direct"),
     ),
     "recalibrate": Command("sensors", ("recalibrate", *_BESIDE, "--reason", "first", "--direct")),
     "version promote": Command(

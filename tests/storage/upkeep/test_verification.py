@@ -41,6 +41,7 @@ def made(
     workspace, document = shared.updated(tmp_path_factory.mktemp("w"), flights=3)
     flights = [*document["flights"]["identified"], *document["flights"]["held_out"]]
     loop = {"vehicle": NAME, "baseline": document["baseline"], "flights": flights}
+    loop["accept_ambiguous"] = ["alpha_slope"]
     run_flow(close_loop_flow, loop, workspace, "direct")
     bad = tmp_path_factory.mktemp("bad") / "bad.csv"
     bad.write_text("no numbers\n")

@@ -1,0 +1,34 @@
+"""What sources of flights that stand in no store have in common."""
+
+from collections.abc import Sequence
+
+from aerodb.coefficients import Comparison
+from aerodb.flight import Flight
+from aerodb.loop.evidence import evidence_beside
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
+from aerodb.tables import AeroDatabase
+from aerodb.tracing import NormalEquations, normal_equations_of, thinned
+
+
+class WithoutStore:
+    """The part of a `FlightSource` that follows from its other methods where nothing is kept; for a
+    class to inherit."""
+
+    def thinned(
+        self: FlightSource, flight: str, database: AeroDatabase, bandwidth: float
+    ) -> tuple[Flight, Comparison]:
+        """Return a flight and its comparison at the rate that tracing at `bandwidth` [Hz] needs."""
+        return thinned(*self.comparison(flight, database), bandwidth)
+
+    def normal_equations(
+        self: FlightSource, flight: str, database: AeroDatabase, library: Library
+    ) -> NormalEquations:
+        """Return the normal equations of a flight compared with a database."""
+        return normal_equations_of(
+            evidence_beside(self, flight, database, library), library.settings
+        )
+
+    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
+        """Return None: flights of which nothing is kept were not traced before."""
+        return None
