@@ -48,6 +48,7 @@ def server_of(root: Path, guard: Guard) -> uvicorn.Server:
             server_header=False,
             proxy_headers=False,
             ws="none",
+            reset_contextvars=True,  # no request sees who acted in the one before it
             timeout_graceful_shutdown=5,
         )
     )
