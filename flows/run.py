@@ -11,7 +11,6 @@ import logging
 import os
 import secrets
 import sys
-import urllib.request
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -24,12 +23,12 @@ from threadpoolctl import threadpool_limits
 from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
-from aerodb.flows.processes import end_orphans, owner_of
+from aerodb.flows.prefect_environment import prefect_environment
 from aerodb.flows.run_words import label_of_run, labels_of_items, refused_in, said_of
 from aerodb.storage.catalogue import Catalogue, RunState, UserRole
-from aerodb.storage.locks import holding, note_of
+from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
-from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization, load_settings
+from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import require_role
 from aerodb.tasks.provenance import code_version
 
@@ -184,8 +183,6 @@ def state_of(result: Any) -> Any:
     return Completed()
 
 
-_SAFE_PATH: Final = "PYTHONSAFEPATH"
-
 #: Name of the state of a run in which a log was refused.
 REFUSED: Final = "Refused"
 
@@ -221,15 +218,22 @@ def run_flow(
     _check_text(parameters)
     _require_role(body, workspace)
     _freeze_imports()
-    own_path = os.environ.get(_SAFE_PATH)
     orchestrated = "" if how == "direct" else _present_flow_run()
-    way: Way = (
-        "direct"
-        if how == "direct"
-        else "server"
-        if orchestrated
-        else configure_prefect(workspace.root)
-    )
+    if how == "auto" and not orchestrated:
+        with prefect_environment(workspace.root) as way:
+            return _run(body, parameters, workspace, way, progress)
+    way = "server" if orchestrated else "direct"
+    return _run(body, parameters, workspace, way, progress, orchestrated)
+
+
+def _run(
+    body: Callable[..., Any],
+    parameters: dict[str, Any],
+    workspace: Workspace,
+    way: Way,
+    progress: Progress,
+    orchestrated: str = "",
+) -> Any:
     given = {"workspace": str(workspace.root), **parameters}
 
     def call(run: str) -> Any:
@@ -242,11 +246,7 @@ def run_flow(
                 return body(PrefectSteps(progress, executor), run=run, **given)
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
-    try:
-        return _recorded(body, call, parameters, workspace, way, orchestrated)
-    finally:
-        if own_path is None:  # programs that this process starts later import what they like
-            os.environ.pop(_SAFE_PATH, None)
+    return _recorded(body, call, parameters, workspace, way, orchestrated)
 
 
 #: Roles that flows require, where it is not `ingest`.
@@ -389,54 +389,3 @@ def _is_no_advice(record: logging.LogRecord) -> bool:
     """Whether a record is none about how time limits of tasks work in threads: the run's own limit
     (`at_most`) ends what a task's cannot interrupt."""
     return not str(record.msg).startswith("Timeout of ")
-
-
-def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
-    """Set Prefect's environment before its first import: quiet, no telemetry, database in the
-    workspace.
-
-    Returns ``server`` if PREFECT_API_URL, or the lock note of the workspace's ``aerodb serve``,
-    names a server that answers, else ``ephemeral``.
-    """
-    home = root / "prefect"
-    home.mkdir(parents=True, exist_ok=True)
-    quiet = {
-        "DO_NOT_TRACK": "1",
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-        "PREFECT_HOME": str(home),
-        "PREFECT_LOGGING_LEVEL": "CRITICAL",
-        "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
-        "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "90",
-        _SAFE_PATH: "1",  # its server does not import what lies in the present folder
-    }
-    for name, value in quiet.items():
-        os.environ.setdefault(name, value)
-    logging.getLogger("httpx").setLevel(logging.WARNING)
-    serving = {} if "PREFECT_API_URL" in os.environ else note_of(root / "locks" / "serve")
-    if own := serving.get("url"):
-        os.environ["PREFECT_API_URL"] = own
-        if token := os.environ.get(TOKEN_VARIABLE) or serving.get("token"):
-            os.environ["PREFECT_API_AUTH_STRING"] = authorization(token)
-    url = os.environ.get("PREFECT_API_URL", "")
-    served = bool(url) and _answers(url)
-    # A server that lasts keeps what runs say; nobody reads it in one that ends with the run.
-    os.environ.setdefault("PREFECT_LOGGING_TO_API_ENABLED", "true" if served else "false")
-    if served:
-        return "server"
-    os.environ.pop("PREFECT_API_URL", None)
-    # Its server listens on a port of this machine: only this process knows the token.
-    known = os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
-    secret = known or authorization(secrets.token_urlsafe(32))
-    os.environ["PREFECT_API_AUTH_STRING"] = os.environ["PREFECT_SERVER_API_AUTH_STRING"] = secret
-    end_orphans(root)
-    os.environ |= owner_of(root)
-    os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
-    return "ephemeral"
-
-
-def _answers(url: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{url.rstrip('/')}/health", timeout=2) as response:
-            return bool(response.status == 200)
-    except OSError:
-        return False

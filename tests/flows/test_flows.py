@@ -171,7 +171,7 @@ def test_a_prefect_server_shows_flights_vehicles_logs_and_what_was_refused(
 def test_a_server_that_does_not_answer_is_done_without(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from aerodb.flows.run import configure_prefect
+    from aerodb.flows.prefect_environment import configure_prefect
 
     for name in [name for name in os.environ if name.startswith("PREFECT_")]:
         monkeypatch.delenv(name)
@@ -190,19 +190,26 @@ def test_a_server_that_does_not_answer_is_done_without(
             os.environ.update(before)
 
 
-def test_where_python_imports_from_is_changed_for_prefect_only(
+def test_the_environment_is_prefects_only_while_a_run_lasts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
-    """A notebook starts programs of its own after a run."""
+    """A notebook starts programs of its own after a run, and the next run has the same server."""
     from aerodb.flows import run
 
     workspace = shared.prepared(tmp_path / "w")
-    before = {n: v for n, v in os.environ.items() if n != "PYTHONSAFEPATH"}
-    monkeypatch.setattr(run, "_under_prefect", lambda *_: os.environ["PYTHONSAFEPATH"])
+    monkeypatch.setattr(run, "_under_prefect", lambda *_: dict(os.environ))
+    before = dict(os.environ)
     try:
-        os.environ.pop("PYTHONSAFEPATH", None)
-        assert run.run_flow(run_of_nothing, {}, workspace) == "1"
-        assert "PYTHONSAFEPATH" not in os.environ
+        for name in [name for name in before if name.startswith(("PREFECT_", "PYTHONSAFEPATH"))]:
+            del os.environ[name]
+        os.environ["PREFECT_API_URL"] = "http://127.0.0.1:9/api"  # where nobody answers
+        own = dict(os.environ)
+        first = run.run_flow(run_of_nothing, {}, workspace)
+        assert dict(os.environ) == own
+        assert (first["PYTHONSAFEPATH"], "PREFECT_API_URL" in first) == ("1", False)
+        assert first["PREFECT_API_AUTH_STRING"] == first["PREFECT_SERVER_API_AUTH_STRING"]
+        assert run.run_flow(run_of_nothing, {}, workspace) == first
+        assert dict(os.environ) == own
     finally:
         os.environ.clear()
         os.environ.update(before)

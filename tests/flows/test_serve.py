@@ -26,7 +26,7 @@ from typing import Any
 import pytest
 
 from aerodb.flows.orchestrator import Client, clear_up
-from aerodb.flows.run import configure_prefect
+from aerodb.flows.prefect_environment import configure_prefect
 from aerodb.flows.serve import Server
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import RunRow

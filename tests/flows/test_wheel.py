@@ -169,7 +169,7 @@ def test_what_the_program_starts_imports_nothing_from_the_present_folder(
         "import os, subprocess, sys\n"
         "from pathlib import Path\n"
         "from aerodb.flows.processes import environment_of\n"
-        "from aerodb.flows.run import configure_prefect\n"
+        "from aerodb.flows.prefect_environment import configure_prefect\n"
         "from aerodb.storage.workspace import Workspace\n"
         "workspace = Workspace.open(Path(sys.argv[1]))\n"
         "module = [sys.executable, '-m', 'json.tool', '--help']\n"
