@@ -222,8 +222,8 @@ def run_flow(
     if how == "auto" and not orchestrated:
         with prefect_environment(workspace.root) as way:
             return _run(body, parameters, workspace, way, progress)
-    way = "server" if orchestrated else "direct"
-    return _run(body, parameters, workspace, way, progress, orchestrated)
+    given: Way = "server" if orchestrated else "direct"
+    return _run(body, parameters, workspace, given, progress, orchestrated)
 
 
 def _run(
