@@ -14,7 +14,9 @@ def test_sums_of_residuals_with_an_empty_band_scatter_as_told(differentiated) ->
     """The variance of ``x'v`` is exact for ``v = S e`` with white e and the matrix S of a filter:
     ``|S' x|^2``."""
     one = np.eye(SAMPLES)
-    rows = [smooth(e, STEP, BAND).rate if differentiated else low_passed(e, STEP, BAND) for e in one]
+    rows = [
+        smooth(e, STEP, BAND).rate if differentiated else low_passed(e, STEP, BAND) for e in one
+    ]
     filtered = np.array(rows).T
     time = STEP * np.arange(SAMPLES)
     white = np.random.default_rng(0).standard_normal((SAMPLES, 40))
