@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -13,6 +14,8 @@ from aerodb.support import Array
 
 #: What begins a formula in a spreadsheet, and the apostrophe that marks a cell as text.
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "'")
+#: A negative number, which is no formula.
+_NEGATIVE: Final = re.compile(r"-\d+(\.\d+)?(e[-+]?\d+)?", re.ASCII)
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -25,8 +28,14 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def _as_text(cell: str) -> str:
-    """A cell that spreadsheets show as text: a description may begin with ``=cmd|...``."""
-    return f"'{cell}" if cell.startswith(_FORMULA) else cell
+    """A cell that spreadsheets show as text: a description may begin with ``=cmd|...``, and of an
+    expression such as ``-beta`` they would make an error, or a number. A negative number is one for
+    them too.
+
+    >>> [_as_text(cell) for cell in ("-0.5", "-beta", "-1+2")]
+    ['-0.5', "'-beta", "'-1+2"]
+    """
+    return f"'{cell}" if cell.startswith(_FORMULA) and not _NEGATIVE.fullmatch(cell) else cell
 
 
 def from_text(cell: str) -> str:

@@ -11,8 +11,8 @@ that no row fills is left out.
     rows = pandas.read_csv("my-glider.csv")
     lift = rows[(rows.kind == "node") & (rows.name == "CL")].dropna(axis="columns")
 
-Texts that a spreadsheet would take for a formula are written after an apostrophe, as in the archive
-of `comma_separated`.
+Texts that a spreadsheet would take for a formula (`-beta`, but not `-0.5`) are written after an
+apostrophe, as in the archive of `comma_separated`: a program that reads them removes it.
 """
 
 import json

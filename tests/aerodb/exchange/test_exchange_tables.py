@@ -154,6 +154,15 @@ def test_no_text_in_csv_is_a_formula(text: str) -> None:
     assert equal(import_csv(export_csv_table(database)), database)
 
 
+def test_a_negative_number_as_a_text_is_one_in_csv() -> None:
+    database = with_grid()
+    terms = [replace(term, description="-2.5e-3") for term in database.terms]
+    database = replace(database, terms=tuple(terms))
+    rows = list(csv.DictReader(io.StringIO(export_csv_table(database).decode(), newline="")))
+    assert {row["description"] for row in rows if row["kind"] == "term"} == {"-2.5e-3"}
+    assert equal(import_csv(export_csv_table(database)), database)
+
+
 def test_mat_is_a_plain_struct() -> None:
     database = with_grid()
     loaded = loadmat(io.BytesIO(export_mat(database)), simplify_cells=True)["aerodb"]
