@@ -79,28 +79,8 @@ class Result:
         return self.report()
 
     def _repr_html_(self) -> str:
-        """Return the result as HTML; whatever a log or a file names is escaped."""
-        said = self.summary()
-        parts = [f"<strong>{escape(said.title)}</strong>"]
-        if said.facts:
-            cells = "".join(
-                f"<tr><th scope='row' style='text-align:left;vertical-align:top'>{escape(name)}"
-                f"</th><td style='text-align:left;overflow-wrap:anywhere'>{escape(text)}</td></tr>"
-                for name, text in said.facts
-            )
-            parts.append(f"<table>{cells}</table>")
-        if said.rows:
-            right = [_are_numbers(column) for column in zip(*said.rows, strict=True)]
-            head = "".join(map(_head, said.header, right))
-            body = "".join("<tr>" + "".join(map(_cell, row, right)) + "</tr>" for row in said.rows)
-            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-        if said.remarks:
-            parts.append(
-                "<ul>"
-                + "".join(f"<li>{escape(_line(each))}</li>" for each in said.remarks)
-                + "</ul>"
-            )
-        return "\n".join(parts)
+        """Return the result as a notebook shows it."""
+        return html_of(self.summary())
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a DataFrame: one column per quantity, or per axis and quantity where a quantity
@@ -152,6 +132,27 @@ class Result:
             {name: variable(each) for name, each in data.coordinates.items()},
             dict(data.attributes),
         )
+
+
+def html_of(said: Summary) -> str:
+    """Return a summary as HTML; whatever a log or a file names is escaped."""
+    parts = [f"<strong>{escape(said.title)}</strong>"]
+    if said.facts:
+        cells = "".join(
+            f"<tr><th scope='row' style='text-align:left;vertical-align:top'>{escape(name)}"
+            f"</th><td style='text-align:left;overflow-wrap:anywhere'>{escape(text)}</td></tr>"
+            for name, text in said.facts
+        )
+        parts.append(f"<table>{cells}</table>")
+    if said.rows:
+        right = [_are_numbers(column) for column in zip(*said.rows, strict=True)]
+        head = "".join(map(_head, said.header, right))
+        body = "".join("<tr>" + "".join(map(_cell, row, right)) + "</tr>" for row in said.rows)
+        parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    if said.remarks:
+        items = "".join(f"<li>{escape(_line(each))}</li>" for each in said.remarks)
+        parts.append(f"<ul>{items}</ul>")
+    return "\n".join(parts)
 
 
 def _head(text: str, right: bool) -> str:

@@ -140,6 +140,8 @@ def test_a_version_is_evaluated_with_units(
     assert len(opened.flights()) == 6
     assert list(opened.versions().index) == ["v0001", "v0002"]
     version = opened.version("candidate")
+    assert "declared: CZ, CX" in version._repr_html_()
+    assert "v0002</td>" in opened._repr_html_()
     points = version.evaluate(units={"alpha": "deg"}, alpha=[0.0, 4.0], q=0.1, V="90 km/h")
     said = asked(
         workspace.root, "version", "evaluate", "candidate", "--at", "alpha=4deg,q=0.1,V=90km/h"
@@ -151,6 +153,21 @@ def test_a_version_is_evaluated_with_units(
     assert points.to_pandas().index.name == "alpha"
     handbook = aerodb.evaluate(aerodb.load_database(folder / "database.toml"), alpha="0 rad")
     assert handbook["CZ"][0] == -0.3
+
+
+def test_tables_of_a_workspace_show_what_one_looks_at_first_and_have_everything(
+    shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    opened = aerodb.open_workspace(shared.ingested(tmp_path / "w").root)
+    flights = opened.flights()
+    shown = flights._repr_html_()
+    assert f"<th>{flights.index[0][:12]}</th>" in shown
+    assert "<td>flight1.csv</td>" in shown
+    assert "<th>mapping</th>" not in shown
+    assert "further columns: vehicle, samples, mapping, reasons, retracted" in shown
+    assert set(flights.mapping) == {"canonical"}
+    assert "<th>mapping</th>" in flights[["mapping", "file"]]._repr_html_()
+    assert list(opened.versions()["version"]) == [opened.version("v0001").id]
 
 
 def test_what_cannot_be_done_is_said(compared: list[Any], folder: Path, tmp_path: Path) -> None:
