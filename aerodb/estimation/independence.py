@@ -3,17 +3,19 @@ input leaves nothing of that input in its residuals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from aerodb.estimation.coloured_noise import autoregressive_noise
+from aerodb.estimation.coloured_noise import NoiseModel, autoregressive_noise
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
+#: Of the motion of an input.
+Part = Literal["all", "first half", "second half"]
 #: Probability that the largest of all lags of independent residuals is within its bound.
 _LEVEL: Final = 0.95
 #: More standard deviations than any bound.
@@ -35,6 +37,8 @@ class InputCorrelation:
     lag : how much earlier the input is [s].
     bound : that independent residuals stay within at all lags with a probability of 95 %.
     p_value : probability of so large a correlation at any lag if they were independent.
+    part : of the input's motion, all of it or half. Where only halves are correlated, the response
+        changes: the errors of a parameter in between cancel over the whole.
     """
 
     output: str
@@ -43,18 +47,25 @@ class InputCorrelation:
     lag: float
     bound: float
     p_value: float
+    part: Part = "all"
 
 
 def dependent(correlations: Sequence[InputCorrelation]) -> tuple[InputCorrelation, ...]:
-    """Those that chance does not explain, the least likely first, however many were looked at."""
-    found = [each for each in correlations if each.p_value * len(correlations) < _CHANCE]
-    return tuple(sorted(found, key=lambda each: each.p_value))
+    """Those that chance does not explain, however many were looked at: those with the whole motion
+    of an input first, then the least likely."""
+    found = list[InputCorrelation]()
+    for halves in (False, True):
+        family = [each for each in correlations if (each.part != "all") is halves]
+        likely = [each for each in family if each.p_value * len(family) < _CHANCE]
+        found += sorted(likely, key=lambda each: each.p_value)
+    return tuple(found)
 
 
 def input_correlations(
     residuals: Mapping[str, Mapping[str, Array]], records: Sequence[TimeHistory]
 ) -> tuple[InputCorrelation, ...]:
-    """Correlation of each residual with each input that moves, over all records.
+    """Correlation of each residual with each input that moves, over all records, and with the first
+    and the second half of its motion (of its power, in the order of the records).
 
     The bound holds for residuals that are coloured: their spectrum is that of an autoregressive
     model. Lags begin at one sample, because a controller that responds at once brings the noise of
@@ -79,12 +90,28 @@ def input_correlations(
             if (left := residuals.get(record.name, {}).get(output)) is not None
             and len(left) == len(record.time)
         ]
+        noise = autoregressive_noise([left for _, left in kept])
         for name in dict.fromkeys(name for record, _ in kept for name in record.inputs):
-            pairs = [(r, left, _about_mean(r.inputs[name])) for r, left in kept]
-            correlation = _furthest(output, name, pairs)
-            if correlation is not None:
-                found.append(correlation)
+            whole = [_about_mean(record.inputs[name]) for record, _ in kept]
+            for part, moved in _parts(whole).items():
+                pairs = [(*both, own) for both, own in zip(kept, moved, strict=True)]
+                correlation = _furthest(output, name, part, pairs, noise)
+                if correlation is not None:
+                    found.append(correlation)
     return tuple(found)
+
+
+def _parts(whole: Sequence[Array]) -> dict[Part, list[Array]]:
+    """The motion of an input (n,) in each record: all, and its halves, zero elsewhere."""
+    power = np.cumsum(np.concatenate([values**2 for values in whole]))
+    first = power <= 0.5 * power[-1]
+    edges = np.cumsum([len(values) for values in whole])[:-1]
+    early = np.split(first, edges)
+    return {
+        "all": list(whole),
+        "first half": [np.where(e, v, 0.0) for e, v in zip(early, whole, strict=True)],
+        "second half": [np.where(e, 0.0, v) for e, v in zip(early, whole, strict=True)],
+    }
 
 
 def _about_mean(values: Array) -> Array:
@@ -94,7 +121,11 @@ def _about_mean(values: Array) -> Array:
 
 
 def _furthest(
-    output: str, name: str, pairs: Sequence[tuple[TimeHistory, Array, Array]]
+    output: str,
+    name: str,
+    part: Part,
+    pairs: Sequence[tuple[TimeHistory, Array, Array]],
+    noise: NoiseModel,
 ) -> InputCorrelation | None:
     """The correlation at the lag where it is largest; None where residual or input stand still."""
     step = max(record.step for record, _, _ in pairs)
@@ -104,7 +135,6 @@ def _furthest(
     size *= np.sqrt(sum(float(moved @ moved) for _, _, moved in pairs))
     if len(lags) < _FEWEST or not size > 0.0:
         return None
-    noise = autoregressive_noise([left for _, left, _ in pairs])
     products, covariance = np.zeros(len(lags)), np.zeros((2, 2))
     for record, left, moved in pairs:
         at = np.arange(len(moved)) * record.step
@@ -123,6 +153,7 @@ def _furthest(
         lag=float(lags[k]),
         bound=within * deviation / float(size),
         p_value=min(1.0, _exceeded(float(abs(products[k])) / deviation, crossings, tests)),
+        part=part,
     )
 
 

@@ -109,9 +109,13 @@ def _tail(fit: Fit) -> Iterator[str]:
     if fit.input_correlations:
         yield "[[residuals against inputs before them: largest correlation, 95 % bound]]"
     for each in fit.input_correlations:
-        outside = "" if abs(each.correlation) <= each.bound else f"  outside, p {each.p_value:.2g}"
+        inside = abs(each.correlation) <= each.bound
+        if inside and each.part != "all":
+            continue
+        outside = "" if inside else f"  outside, p {each.p_value:.2g}"
+        part = "" if each.part == "all" else f" ({each.part} of its motion)"
         yield (
-            f"    {each.output}, {each.input} {each.lag:.3g} s before:"
+            f"    {each.output}, {each.input}{part} {each.lag:.3g} s before:"
             f" {each.correlation:+.3f}, bound {each.bound:.3f}{outside}"
         )
     for title, lines in (("assumes", fit.assumes), ("notes", fit.notes)):

@@ -61,6 +61,7 @@ from aerodb.support import Array, Strict, parsed_toml, validated
 
 Row = list[float | str]
 
+_CHANGING = "parameters change during the records, or the response is not linear"
 #: Tables of which a model file has one.
 _DECLARED = {"state_space", "increment"}
 #: What residuals that are correlated with an input say.
@@ -196,7 +197,9 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
     found = input_correlations(fit.residuals, records)
     notes = [
         f"The residuals of {each.output} are correlated with {each.input} {each.lag:.3g} s before"
-        f" ({each.correlation:.2f}, 95 % bound {each.bound:.2f}): {_LACKING}."
+        f" ({each.correlation:.2f}, 95 % bound {each.bound:.2f}"
+        f"{'' if each.part == 'all' else f', {each.part} of its motion'}): "
+        f"{_LACKING if each.part == 'all' else _CHANGING}."
         for each in dependent(found)[:1]
     ]
     return replace(fit, input_correlations=found, notes=(*fit.notes, *notes))

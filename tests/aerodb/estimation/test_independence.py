@@ -24,7 +24,7 @@ def test_the_coefficient_is_scipys_and_the_bound_of_one_lag_the_normal_one() -> 
     rng = np.random.default_rng(3)
     moved = rng.standard_normal(4000)
     left = rng.standard_normal(4000) + 0.3 * np.roll(moved, 7)
-    (found,) = looked_at(left, moved)
+    found = looked_at(left, moved)[0]
     left, moved = left - left.mean(), moved - moved.mean()
     whole = correlate(left, moved) / np.sqrt((left @ left) * (moved @ moved))
     lags = correlation_lags(len(left), len(moved))
@@ -57,8 +57,19 @@ def test_several_records_of_two_rates_with_gaps_count_together() -> None:
         left[100:110] = np.nan
         records.append(TimeHistory(f"r{number}", time, {"da": moved}, {"p": left}))
         residuals[f"r{number}"] = {"p": left}
-    (found,) = dependent(input_correlations(residuals, records))
+    found = dependent(input_correlations(residuals, records))[0]
+    assert found.part == "all"
     assert found.lag == pytest.approx(0.4, abs=0.05)
+
+
+def test_an_effect_that_changes_sign_half_way_shows_in_the_halves_only() -> None:
+    time = STEP * np.arange(1000)
+    moved = 0.05 * np.sign(np.sin(2.0 * time))
+    left = moved * np.where(time < 10.0, 1.0, -1.0)
+    left = np.roll(left, 10) + 0.05 * np.random.default_rng(4).standard_normal(1000)
+    found = dependent(looked_at(left, moved))
+    assert {each.part for each in found} == {"first half", "second half"}
+    assert {np.sign(each.correlation) for each in found if each.lag < 0.5} == {-1.0, 1.0}
 
 
 def test_what_stands_still_has_no_correlation() -> None:
