@@ -25,8 +25,10 @@ from aerodb.support.identity import canonical_json
 from aerodb.tables.check_cases import make_check_cases
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tasks.steps.consistency import SUSPECTED
 from aerodb.tasks.steps.export import FORMS
 from aerodb.tasks.steps.release import promote, roll_back
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import V, add_version, h
 from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -43,6 +45,22 @@ def flown(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) ->
 def released(workspace: Path) -> str:
     label: str = asked(workspace, "version", "show", "released")["label"]
     return label
+
+
+def test_what_a_flight_is_only_suspected_of_is_said_at_release(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace, _ = shared.updated(tmp_path / "w")
+    access = access_workspace(str(workspace.root))
+    candidate = access.named(NAME, "candidate")
+    use = next(u for u in access.catalogue.version_flights(candidate) if u.role == "identified")
+    flight = access.catalogue.flight(use.flight)
+    said = f"{SUSPECTED}v0001: a mass looks so"
+    access.catalogue.judge_flight(flight.id, flight.verdict, [*flight.reasons, said])
+    done = asked(workspace.root, "version", "promote", "candidate", "--reason", "proved")
+    assert done["moved"]
+    name = access.name_of(flight)
+    assert f"only suspected, of {name}: beside version v0001: a mass looks so" in done["notes"]
 
 
 def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
