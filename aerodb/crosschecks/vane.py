@@ -18,9 +18,9 @@ from aerodb.flight import Flight
 
 #: Band of manoeuvres [Hz]: slower is drift and the air's own motion. Samples kept per period.
 SLOWEST, FASTEST, SAMPLES = 0.15, 1.5, 16.0
-#: Share by which a vane may differ: what booms ahead of a wing have without a correction (.05 to
-#: .15, Gracey, NACA TN 4351, 1958). Least standard errors beyond it, least share explained, least
-#: motion [rad, rms] and duration [s].
+#: Share by which a vane may differ: what a long boom leaves without a correction (position errors:
+#: Gracey, NACA TN 4351, 1958). Least standard errors beyond it, least share explained, least motion
+#: [rad, rms] and duration [s].
 UPWASH, ERRORS, EXPLAINED, SWING, SHORTEST = 0.15, 3.0, 0.9, 0.004, 8.0
 _NEEDED = ("alpha", "V", "q", "ax", "az", "theta")
 
