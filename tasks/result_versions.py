@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 6,
     "update": 8,
     "gram": 11,
-    "close_loop": 29,
+    "close_loop": 30,
 }
 
 #: Names of versions that the product itself moves.

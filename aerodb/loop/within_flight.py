@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import add_effects, envelopes_of, view_of
+from aerodb.effects import Hypothesis, add_effects, envelopes_of, view_of
 from aerodb.increments import AxisValidation, Update, keep_slope_signs, validate_by_leaving_one_out
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
@@ -84,6 +84,9 @@ def estimated_without(
 ) -> AeroDatabase:
     """Return the baseline with the named hypotheses, estimated beside the linear set without masked
     samples.
+
+    There each flight has a constant of its own on each axis: constant parts are then the mean of
+    what the other terms leave.
     """
     if not names:
         return baseline
@@ -103,12 +106,41 @@ def estimated_without(
     terms = list(
         dict.fromkeys([*linear, *(i for i, h in enumerate(library.hypotheses) if h.id in names)])
     )
-    joint = joint_fit(bands, terms, library.hypotheses, settings)
-    accepted = [library.hypotheses[i] for i in terms if library.hypotheses[i].id in names]
-    values = np.array([joint.value(i) for i in terms if library.hypotheses[i].id in names])
-    able = [view for view in views if all(view.has(hypothesis.needs) for hypothesis in accepted)]
-    envelopes = envelopes_of(accepted, able, baseline)
-    candidate = add_effects(
-        baseline, accepted, values, np.zeros((len(values), len(values))), envelopes, flights
-    )
+    constants = [i for i in terms if library.hypotheses[i].effect == "zero_offset"]
+    joint = joint_fit(bands, [i for i in terms if i not in constants], library.hypotheses, settings)
+    own = [i for i in terms if library.hypotheses[i].id in names and i not in constants]
+    able = [view for view in views if all(view.has(library.hypotheses[i].needs) for i in own)]
+
+    def added(
+        database: AeroDatabase, terms: Sequence[int], values: Sequence[float]
+    ) -> AeroDatabase:
+        if not terms:
+            return database
+        effects, none = [library.hypotheses[i] for i in terms], np.zeros((len(terms), len(terms)))
+        envelopes = envelopes_of(effects, able, baseline)
+        return add_effects(database, effects, np.array(values), none, envelopes, flights)
+
+    candidate = added(baseline, own, [joint.value(i) for i in own])
+    levels = [_level(source, library.hypotheses[i], candidate, flights, masks) for i in constants]
+    candidate = added(candidate, constants, levels)
     return keep_slope_signs(Update(candidate, (), flights), baseline).candidate
+
+
+def _level(
+    source: FlightSource,
+    constant: Hypothesis,
+    database: AeroDatabase,
+    flights: Sequence[str],
+    masks: Mapping[str, Mask],
+) -> float:
+    """The mean residual on the axis of a constant part, without masked samples."""
+    (axis,) = constant.written_on
+    left = []
+    for flight in flights:
+        compared = source.comparison(flight, database)[1]
+        if axis not in compared.usable:
+            continue
+        good = compared.usable[axis] & ~masks.get(flight, np.zeros(len(compared.time), dtype=bool))
+        left.append(compared.residual(axis)[good])
+    samples = np.concatenate([np.zeros(0), *left])
+    return float(samples.mean()) if len(samples) else 0.0

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "34db4e9a0e34f8de", "9ddddc1b635ef5d7"),
     "compare": (2, "896bbf711cbca3e5", "75ab953bf9aaf46f"),
     "gram": (11, "efed82491bde97c3", "d0b83ad7b0621ca0"),
-    "close_loop": (29, "eadde96e59352dba", "d3af299eab4e5a54"),
+    "close_loop": (30, "fac763d98e210311", "d3af299eab4e5a54"),
     "fly": (2, "ca9f307b83b2baa0", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (6, "d8655d3efb5546b6", "be09817f5df27dda"),
