@@ -1,10 +1,15 @@
 """Print conditioning findings of a flight: likely faults, repeats, segments, delays."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aerodb.flows.cli.output import Session
 
+if TYPE_CHECKING:
+    from aerodb.recording import Damage
+
+#: Largest number of damaged parts printed; `--json` lists them all.
+_PLACES = 10
 #: Largest number of segments printed; `--json` lists them all.
 _LISTED = 60
 
@@ -54,3 +59,20 @@ def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
             f"{d['channel']} is {1000 * d['seconds']:.0f} +- {1000 * d['standard_error']:.0f} ms"
             " late according to the kinematics"
         )
+
+
+def say_damage(session: Session, damage: Sequence["Damage"], heading: str) -> None:
+    """Print one line per damaged part of a log."""
+    for entry in damage[:_PLACES]:
+        session.say(f"{heading}: {_damage_text(entry)}")
+    if len(damage) > _PLACES:
+        session.say(
+            f"{heading}: and {len(damage) - _PLACES} more places (--json lists them)"
+        )
+
+
+def _damage_text(entry: "Damage") -> str:
+    where = f" in {entry.topic}" if entry.topic else ""
+    when = f" from {entry.start:.3f} s" if entry.start is not None else ""
+    until = f" to {entry.end:.3f} s" if entry.end is not None else ""
+    return f"{entry.kind.replace('_', ' ')}{where}{when}{until}: {entry.what}"
