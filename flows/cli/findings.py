@@ -66,9 +66,7 @@ def say_damage(session: Session, damage: Sequence["Damage"], heading: str) -> No
     for entry in damage[:_PLACES]:
         session.say(f"{heading}: {_damage_text(entry)}")
     if len(damage) > _PLACES:
-        session.say(
-            f"{heading}: and {len(damage) - _PLACES} more places (--json lists them)"
-        )
+        session.say(f"{heading}: and {len(damage) - _PLACES} more places (--json lists them)")
 
 
 def _damage_text(entry: "Damage") -> str:

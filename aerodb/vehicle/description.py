@@ -5,20 +5,17 @@ are in SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is 
 is an error that names the nearest known key.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
-from aerodb.flight import Flight
 from aerodb.nomenclature import channel, is_surface
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
-from aerodb.support import Array, Strict, validated, validated_toml
+from aerodb.support import Strict, validated, validated_toml
 from aerodb.units import quantity
 
 #: Channels of the mass [kg], CG [m, from the datum] and inertia [kg m2].
@@ -437,171 +434,3 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
     Raises InputError with the key, the reason and the nearest known key.
     """
     return validated_toml(Vehicle, text, where)
-
-
-def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
-    """Return the flight with ``delta_<name>`` of every combination whose two surfaces it has.
-
-    A sample is flagged where either surface is. Source: "Data Analysis of Phoenix Reusable Launch
-    Vehicle Demonstrator Flight Test", below eq. 6.
-    """
-    deflections: dict[str, Array] = {}
-    flags: dict[str, NDArray[np.uint8]] = {}
-    for name, combination in vehicle.combinations.items():
-        right, left = f"delta_{combination.right}", f"delta_{combination.left}"
-        if right in flight and left in flight:
-            sign = 1.0 if combination.kind == "symmetric" else -1.0
-            deflections[f"delta_{name}"] = 0.5 * (flight[right] + sign * flight[left])
-            bits = [flight.flags[side] for side in (right, left) if side in flight.flags]
-            if bits:
-                flags[f"delta_{name}"] = np.bitwise_or.reduce(bits)
-    return replace(flight.with_channels(deflections), flags={**flight.flags, **flags})
-
-
-def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
-    """Return mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample.
-
-    The keys are the channels mass, cg_x, cg_y, cg_z, Ixx, Iyy, Izz and Ixz; each (n,). Raises
-    InputError when the vehicle file expects logged values that the flight does not have.
-    """
-    properties, n = vehicle.mass, len(flight.time)
-    names = MASS_CHANNELS
-    if properties.source == "channels":
-        absent = [name for name in names if name not in flight]
-        if absent:
-            what = f"mass properties are not logged: {', '.join(absent)}"
-            raise InputError(
-                what, f"flight {flight.id}", "state constants in [mass] of the vehicle file"
-            )
-        return {name: flight[name] for name in names}
-    columns = np.column_stack(
-        [
-            np.atleast_1d(np.asarray(properties.mass, float)),
-            np.atleast_2d(np.asarray(properties.cg, float)),
-        ]
-        + [np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in names[4:]]
-    )
-    if properties.source == "constant":
-        return {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
-    if "fuel_mass" not in flight:
-        raise InputError(
-            "the fuel table needs channel fuel_mass, which is not logged",
-            f"flight {flight.id}",
-            "log fuel_mass, state in [fuel] of the vehicle file where what was used is logged, or"
-            " state constants in [mass]",
-        )
-    return {
-        name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k])
-        for k, name in enumerate(names)
-    }
-
-
-def with_mass_channels(flight: Flight, vehicle: Vehicle) -> Flight:
-    """Return the flight with mass [kg], CG [m] and inertia [kg m2] of the vehicle file where it has
-    no such channels: a database may depend on them.
-
-    Raises InputError as `mass_channels` does.
-    """
-    properties = mass_channels(flight, vehicle)
-    return flight.with_channels({k: v for k, v in properties.items() if k not in flight})
-
-
-def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
-    """Return the CG position at each sample, (n, 3) [m] in body axes from the datum.
-
-    Raises InputError as `mass_channels` does.
-    """
-    properties = mass_channels(flight, vehicle)
-    return np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
-
-
-def placeholders(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return what still is a template's value, where a whole group of them is: `vehicle_template`
-    has a wing of 1 m2 and 5 kg.
-
-    >>> placeholders(parse_vehicle(vehicle_template("my-glider")))[1]
-    'mass = 5 kg'
-    """
-    area, chord, span = (getattr(vehicle.reference, k) for k in ("area", "chord", "span"))
-    mass = vehicle.mass
-    inertia = (mass.Ixx, mass.Iyy, mass.Izz) == (0.4, 0.5, 0.8)
-    found = []
-    if (area, chord, span) == (1.0, 0.2, 2.0):
-        found.append("reference area = 1 m2, chord = 0.2 m, span = 2 m")
-    if mass.mass == 5.0 and (inertia or mass.cg == (-0.5, 0.0, 0.0)):
-        found.append("mass = 5 kg")
-    if inertia:
-        found.append("Ixx, Iyy, Izz = 0.4, 0.5, 0.8 kg m2")
-    return tuple(found)
-
-
-def vehicle_template(name: str) -> str:
-    """Return a commented vehicle file to fill in, for a vehicle called `name`.
-
-    >>> parse_vehicle(vehicle_template("my-glider")).name
-    'my-glider'
-    """
-    return _TEMPLATE.replace("NAME", name)
-
-
-_TEMPLATE = """\
-# Vehicle file of aerodb. Numbers are in SI; text with a unit ("6.5 ft", "-25 deg") is converted.
-# Positions are in body axes (x forward, y right, z down) from a datum of your choice.
-name = "NAME"
-description = ""
-
-[reference]
-area = "1.0 m^2"       # reference area of CX CY CZ
-chord = "0.2 m"        # reference length of Cm and q_hat
-span = "2.0 m"         # full span: reference length of Cl, Cn, p_hat, r_hat
-
-[points]
-datum_note = "nose"
-moment_reference = [-0.5, 0.0, 0.0]   # or "cg": moments about the moving CG
-imu = [-0.45, 0.0, 0.0]               # where the accelerometers are, or "cg"
-# air_data = [0.3, 0.0, 0.0]          # where V, alpha and beta are measured, when not at the CG
-# gps = [-0.2, 0.0, -0.1]             # point of the logged position and velocity: GPS antenna, or
-#                                     # the reference point of the navigation filter
-
-[mass]
-source = "constant"    # or "fuel_table" (lists over fuel_mass), or "channels" (logged)
-mass = "5.0 kg"
-cg = [-0.5, 0.0, 0.0]
-Ixx = 0.4              # kg m2
-Iyy = 0.5
-Izz = 0.8
-Ixz = 0.02
-
-# One block per surface. If the log holds commands, state scale, offset and lag:
-# deflection = offset + scale * command, then a first-order lag.
-[surfaces.elevator]
-limits = ["-25 deg", "25 deg"]
-scale = "25 deg"
-lag = "0.05 s"
-# log = {topic = "actuator_servos", field = "control[1]"}
-
-[thrust]
-source = "unknown"     # "none" for a glider, "channel" if thrust is logged
-# [thrust.engines.left]              # if each engine is logged: thrust_left, thrust_right
-# point = [-1.2, -2.0, -0.3]
-# direction = [1.0, 0.0, 0.0]
-
-# [sensors.p]          # standard deviation of the noise; estimated from the data if not stated
-# noise = "0.1 deg/s"
-
-# [air_data]           # installation of the air-data probe
-# orientation = ["0 deg", "0 deg", "0 deg"]   # roll, pitch, yaw of the boom
-# upwash = [0.0, 0.0]  # fraction by which alpha and beta at the probe exceed the free stream's
-# beta = "sideslip"    # or "flank", atan2(v, u), as measured by a free vane
-
-# [processing]
-# bandwidth = "5 Hz"   # of differentiated rates: about five times the short-period frequency
-
-# [measured]           # what was measured outside flight: one sigma, in m for the CG, else a share.
-# mass = {sigma = "0.2 %", by = "scales, 2026-03-01"}   # Tracing blames no error beyond three sigma
-# cg_x = {sigma = "3 mm", by = "weighed"}               # on it.
-# delta_elevator = {sigma = "0.5 %", by = "rig"}        # scale of the deflection
-
-# [configuration]      # channels that are not logged and were constant
-# delta_flap = 0.0
-"""

@@ -1,0 +1,14 @@
+"""Vehicles: what their files say, and what that adds to a flight.
+
+1. `parse_vehicle(text)` reads a vehicle file into a `Vehicle`; `with_measured` adds what was
+   measured outside flight. `vehicle_template` is a file to fill in, `placeholders` what of it is
+   still there.
+2. `add_combinations`, `with_mass_channels`, `mass_channels` and `cg_positions` give the channels of
+   a flight that follow from the file.
+
+Modules: `description` (the file), `on_flights`, `template`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,41 @@
+from .description import (
+    MASS_CHANNELS,
+    Accuracy,
+    AirData,
+    LogSource,
+    MassProperties,
+    Reference,
+    Sensor,
+    Surface,
+    Thrust,
+    ThrustLine,
+    Vehicle,
+    VerticalAir,
+    parse_vehicle,
+    with_measured,
+)
+from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
+from .template import placeholders, vehicle_template
+
+__all__ = [
+    "MASS_CHANNELS",
+    "Accuracy",
+    "AirData",
+    "LogSource",
+    "MassProperties",
+    "Reference",
+    "Sensor",
+    "Surface",
+    "Thrust",
+    "ThrustLine",
+    "Vehicle",
+    "VerticalAir",
+    "add_combinations",
+    "cg_positions",
+    "mass_channels",
+    "parse_vehicle",
+    "placeholders",
+    "vehicle_template",
+    "with_mass_channels",
+    "with_measured",
+]
