@@ -34,7 +34,7 @@ def exchanged_suspicions(axes: Mapping[str, AxisShares], flight: Flight) -> list
         return []
     likelier = sum(each[0] for each in told.values())
     ratio = max(told.values(), key=lambda each: each[0])[1]
-    if likelier < LIKELIER or not RATIOS[0] < ratio < RATIOS[1]:
+    if not (likelier > LIKELIER and RATIOS[0] < ratio < RATIOS[1]):
         return []
     aileron, rudder = _names(axes[next(iter(told))], flight)
     words = (

@@ -34,8 +34,8 @@ EXPLAINED, FACTOR, SCATTER, MOMENTS = 0.8, 1.1, 0.5, 2
 #: and yawing moment may differ, as a share of their mean.
 SHIFT, ERRORS, APART = 0.05, 4.0, 0.5
 #: Largest share of the database's drag that is too little: tunnels without trim, roughness and
-#: cooling measure less drag than flight does, seldom more.
-LITTLE = 0.5
+#: cooling measure less drag than flight does, seldom more. Share of it that is no thrust.
+LITTLE, NOTHING = 0.5, 0.01
 _POUND_FORCE, _NEAR = 4.4482, 0.3
 
 
@@ -95,12 +95,13 @@ def thrust_beside(
         for values in (measured["C_drag"], predicted["C_drag"], measured["C_lift"])
     )
     margin = abs(lift) * (ANGLE + ACCELERATION / GRAVITY)
-    if here > LITTLE * there or there - here < margin:
+    if not (here <= LITTLE * there and there - here >= margin):
         return []
     total = np.asarray(sum(flight[name] for name in lines))
     thrust = float(np.median(total[good] / (flight["qbar"][good] * area)))
-    factor = (thrust + there - here) / thrust if thrust != 0.0 else np.inf
-    if thrust == 0.0:
+    lost = abs(thrust) < NOTHING * there
+    factor = np.inf if lost else (thrust + there - here) / thrust
+    if lost:
         cause = "no thrust was recorded"
     elif abs(factor / _POUND_FORCE - 1.0) < _NEAR:
         cause = f"the thrust is {factor:.3g} times what is logged (lbf taken for N)"
@@ -139,9 +140,10 @@ def mass_beside(
     if here * there <= 0.0 or abs(np.log(here / there)) < (1.0 - SCATTER) * np.log(FACTOR):
         return []
     told = [force_ratio(measured[axis], predicted[axis], good[axis], step) for axis in good]
-    if any(each is None or each.explained < EXPLAINED or each.value <= 0.0 for each in told):
+    clear = [each for each in told if each and each.explained > EXPLAINED and each.value > 0.0]
+    if len(clear) < len(good):
         return []
-    side, normal = (each for each in told if each is not None)
+    side, normal = clear
     ratios = np.log([here / there, normal.value, side.value])
     errors = np.array([0.0, normal.error / normal.value, side.error / side.value])
     middle = float(np.median(ratios))
@@ -157,7 +159,8 @@ def mass_beside(
         f"all forces are {factor:.3g} times what the database has (level of the normal force"
         f" {here / there:.3g}, its change {normal.value:.3g} +- {normal.error:.2g}, side force"
         f" {side.value:.3g} +- {side.error:.2g}), and the moments are not: a mass"
-        f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} looks so"
+        f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} would"
+        " look like this"
     )
     evidence = {"factor": factor, "level": here / there, "normal": normal.value, "side": side.value}
     return [Suspicion("mass", POSSIBLE, words, evidence)]
@@ -186,8 +189,8 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: Reference) -> list[Susp
     words = (
         f"pitching and yawing moment differ from the database in proportion to normal and side"
         f" force: a CG assumed {abs(shift):.3g} m ({abs(shift) / reference.chord:.2g} chords) too"
-        f" far {'forward' if shift > 0.0 else 'aft'} looks so ({here:.3g} +- {error:.2g} m by Cm,"
-        f" {there:.3g} +- {other:.2g} m by Cn)"
+        f" far {'forward' if shift > 0.0 else 'aft'} would look like this ({here:.3g} +-"
+        f" {error:.2g} m by Cm, {there:.3g} +- {other:.2g} m by Cn)"
     )
     return [Suspicion("cg_x", POSSIBLE, words, {"shift": shift, "pitch": here, "yaw": there})]
 

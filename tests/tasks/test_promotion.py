@@ -55,12 +55,15 @@ def test_what_a_flight_is_only_suspected_of_is_said_at_release(
     candidate = access.named(NAME, "candidate")
     use = next(u for u in access.catalogue.version_flights(candidate) if u.role == "identified")
     flight = access.catalogue.flight(use.flight)
-    said = f"{SUSPECTED}v0001: a mass looks so"
+    said = f"{SUSPECTED}v0001: a mass would look like this"
     access.catalogue.judge_flight(flight.id, flight.verdict, [*flight.reasons, said])
     done = asked(workspace.root, "version", "promote", "candidate", "--reason", "proved")
     assert done["moved"]
     name = access.name_of(flight)
-    assert f"only suspected, of {name}: beside version v0001: a mass looks so" in done["notes"]
+    assert (
+        f"only suspected, of {name}: beside version v0001: a mass would look like this"
+        in done["notes"]
+    )
 
 
 def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
