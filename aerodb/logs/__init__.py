@@ -5,9 +5,10 @@ The way through:
 1. A reader of `aerodb.storage` gives a `Recording`; `describe` summarises its topics, rates and
    gaps (`inspection`).
 2. `parse_mapping` reads a mapping file, which says which logged field is which canonical channel
-   (`mapping_file`); `choose_mapping` picks the one that fits, `channels_found` says what it finds.
-3. `map_recording` makes the `Flight` (`mapping`): it cleans clocks, converts units, resamples,
-   derives channels (`derivations`), moves air data from the probe to the CG (`probe`), completes
+   (`mapping_file`); `choose_mapping` picks the one that fits, `channels_found` says what it finds
+   (`found_channels`).
+3. `map_recording` makes the `Flight` (`mapping`): it cleans clocks, converts units (`mapped_log`),
+   resamples (`time_grid`), derives channels (`derivations`), moves air data from the probe to the CG (`probe`), completes
    them (`air_data`) and flags captive flight (`captive`).
 4. `usable_flight` also flags unusable samples, and refuses a log that gives no coefficient
    (`usable_flight`).

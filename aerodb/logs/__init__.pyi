@@ -2,15 +2,9 @@ from .autopilot import Autopilot, wingless_sentence
 from .autopilots import read_autopilot
 from .columns import TIME, Columns, find_columns
 from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
+from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
 from .inspection import TopicSummary, describe, missing_by_topic
-from .mapping import (
-    channels_found,
-    choose_mapping,
-    empty_channels,
-    map_recording,
-    with_mapped_clock,
-    zero_channels,
-)
+from .mapping import choose_mapping, map_recording
 from .mapping_draft import MappingDraft, draft_mapping
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg

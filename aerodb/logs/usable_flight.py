@@ -9,7 +9,8 @@ from aerodb.flight import Flight
 from aerodb.logs.autopilot import wingless_sentence
 from aerodb.logs.autopilots import read_autopilot
 from aerodb.logs.completeness import airspeed_remedy
-from aerodb.logs.mapping import map_recording, with_mapped_clock
+from aerodb.logs.found_channels import with_mapped_clock
+from aerodb.logs.mapping import map_recording
 from aerodb.logs.mapping_file import Mapping
 from aerodb.recording import Recording
 from aerodb.vehicle import Vehicle
