@@ -8,8 +8,8 @@ The way through:
    (`mapping_file`); `choose_mapping` picks the one that fits, `channels_found` says what it finds
    (`found_channels`).
 3. `map_recording` makes the `Flight` (`mapping`): it cleans clocks, converts units (`mapped_log`),
-   resamples (`time_grid`), derives channels (`derivations`), moves air data from the probe to the CG (`probe`), completes
-   them (`air_data`) and flags captive flight (`captive`).
+   resamples (`time_grid`), derives channels (`derivations`), moves air data from the probe to the
+   CG (`probe`), completes them (`air_data`) and flags captive flight (`captive`).
 4. `usable_flight` also flags unusable samples, and refuses a log that gives no coefficient
    (`usable_flight`).
 5. `consequences_of_missing` says in words what the absent channels rule out (`completeness`).
