@@ -77,6 +77,8 @@ class Fit:
     degrees_of_freedom : independent samples less estimates, of Student's t; inf for the normal.
     log_likelihood : NaN for methods without one.
     tests : what a method tested -> probability of such data if it were not there.
+    histories : record -> parameter that changes with time -> (n, 2), smoothed values and standard
+        errors.
     input_correlations : of residuals with inputs before them; empty where nobody asked.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
@@ -96,6 +98,7 @@ class Fit:
     degrees_of_freedom: float = np.inf
     log_likelihood: float = np.nan
     tests: Mapping[str, float] = field(default_factory=dict)
+    histories: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     input_correlations: tuple[InputCorrelation, ...] = ()
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -1,26 +1,23 @@
 """Kalman filters whose state is augmented by the parameters: extended and unscented, with a
 fixed-interval smoother for the motion."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filter_error import checked_states, likely_noise
-from aerodb.estimation.filter_fit import covariances
 from aerodb.estimation.filter_kernels import predict
 from aerodb.estimation.filter_problem import Point
-from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
+from aerodb.estimation.fit import Fit
+from aerodb.estimation.kalman_fit import Track, constant, walked
 from aerodb.estimation.linearisation import advanced_everywhere
 from aerodb.estimation.one_step import around
 from aerodb.estimation.parameters import Parameter, bounds_of
 from aerodb.estimation.scoring import SINGULAR, Optimum, scored
-from aerodb.estimation.standing import standings
-from aerodb.estimation.statistics import theil
-from aerodb.estimation.time_history import TimeHistory, elapsed
-from aerodb.estimation.whiteness import ljung_box
+from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
 #: How a distribution is carried through the model: by derivatives, or by sigma points.
@@ -32,30 +29,13 @@ Linear = tuple[Array, Array, Array]
 
 #: Least standard deviation of a parameter without prior and bounds before the first sample.
 _UNKNOWN = 1.0
-_LOST = "the filter lost the motion: start closer, or state priors or bounds"
 #: Least variance that sigma points are spread with; passes about the smoothed motion at most, and
 #: the share of a standard error that ends them.
 _FLAT, _PASSES, _SMALL = 1e-14, 12, 0.02
 #: Most steps to the most likely parameters, each of at most one standard error.
 _CORRECTIONS = 12
-_COLOURED, _CORRELATED = 0.01, 0.2
-_ASSUMES = (
-    "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
-    "The parameters are constant, and the motion is close to linear within their uncertainty.",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class _Track:
-    """One record, filtered and smoothed: states (n, l) with covariances, innovations and their
-    share of the expected size (n,)."""
-
-    mean: Array
-    covariance: Array
-    predicted: Array
-    innovations: Array
-    sizes: Array
-    log_likelihood: float
+#: Shares of the process noise of constant parameters that are tried beside parameters that walk.
+_LEFT = (1.0, 0.3, 0.1, 0.03, 0.0)
 
 
 def extended_kalman(
@@ -74,7 +54,8 @@ def unscented_kalman(
     *,
     process_noise: Sequence[str] | None = None,
 ) -> Fit:
-    """Estimate parameters as constant states of an unscented Kalman filter.
+    """Estimate parameters as states of an unscented Kalman filter: constant, or walking at random
+    where they say so (`Parameter.random_walk`).
 
     The first covariance is that of the priors; a parameter without one has the variance of a
     uniform distribution within its bounds, or a standard deviation of its start value and at least
@@ -88,6 +69,10 @@ def unscented_kalman(
     error from the most likely parameters; steps by the score of the likelihood of the innovations
     lead there. Standard errors grow with the innovations where these are larger than the filter
     expects.
+
+    With parameters that walk, the estimates are those at the end of the last record, and their
+    smoothed histories are given; the process noise is the share of that of constant parameters
+    which makes the innovations most likely.
 
     Parameters
     ----------
@@ -113,20 +98,41 @@ def _estimated(
 ) -> Fit:
     disturbed = checked_states(model, records, process_noise)
     likely = likely_noise(model, records, disturbed)
-    noise = likely.point
     unknown = model.parameters.unknown
     first = np.array([_first_deviation(item) for item in unknown])
-    mean = np.array([item.value if item.prior is None else item.prior for item in unknown])
-    covariance = np.diag(first**2)
-    prior, tracks, s = mean, [], len(model.states)
+    prior = np.array([item.value if item.prior is None else item.prior for item in unknown])
+    if any(item.random_walk for item in unknown):
+        given = (model, records, likely, prior, first, transform)
+        tried = [_followed(*given, share) for share in _LEFT]
+        noise, tracks = max(tried, key=lambda each: sum(t.log_likelihood for t in each[1]))
+        return walked(method, model, records, noise, tracks, first)
+    noise, tracks = _followed(model, records, likely, prior, first, transform)
+    s, last = len(model.states), tracks[-1]
+    mean, covariance = last.mean[-1, s:], last.covariance[-1, s:, s:]
+    mean, reached = _most_likely(likely, mean, covariance, prior, first)
+    return constant(method, model, records, noise, mean, covariance, reached, tracks)
+
+
+def _followed(
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    likely: Optimum,
+    mean: Array,
+    deviation: Array,
+    transform: Transform,
+    share: float = 1.0,
+) -> tuple[Point, list[Track]]:
+    """The records one after another, from parameters (f,), with a share of the likely process
+    noise: constant parameters leave to it what the change of others explains."""
+    noise = replace(likely.point, process=share * likely.point.process)
+    covariance, tracks, s = np.diag(deviation**2), list[Track](), len(model.states)
     for record, passed in zip(records, likely.passes, strict=True):
         states = passed.states[:, :, 0]
         about = np.hstack([states, np.tile(noise.vector, (len(states), 1))])
         track = _tracked(model, record, noise, mean, covariance, transform, about)
         tracks.append(track)
         mean, covariance = track.mean[-1, s:], track.covariance[-1, s:, s:]
-    mean, reached = _most_likely(likely, mean, covariance, prior, first)
-    return _fit(method, model, records, noise, mean, covariance, reached, tracks)
+    return noise, tracks
 
 
 def _most_likely(
@@ -202,7 +208,7 @@ def _tracked(
     uncertainty: Array,
     transform: Transform,
     about: Array,
-) -> _Track:
+) -> Track:
     """Filter one record forwards, smooth it backwards, and repeat about the smoothed motion until
     the parameters stay; first about states with parameters (n, s + f)."""
     track = _passed(model, record, noise, parameters, uncertainty, "extended", about, None)
@@ -231,10 +237,12 @@ def _passed(
     transform: Transform,
     about: Array,
     spread: Array | None,
-) -> _Track:
+) -> Track:
     """One pass, linearised about states and parameters (n, s + f) with covariances."""
     s, measured = len(model.states), record.stacked(model.outputs)
     n, size = about.shape
+    walks = np.array([item.random_walk for item in model.parameters.unknown])
+    wandering = np.diag(walks**2 * record.step)
     if spread is None:
         spread = np.zeros((n, size, size))
 
@@ -287,6 +295,7 @@ def _passed(
                 mean = steps[i] @ mean + shifts[i, :size]
                 covariance = steps[i] @ covariance @ steps[i].T + rests[i, :size, :size]
                 covariance[:s, :s] += added[:, :, i]
+                covariance[s:, s:] += wandering
         pull, hold = np.zeros(size), np.zeros((size, size))
         for i in range(n - 1, -1, -1):
             means[i] += covariances[i] @ pull
@@ -296,91 +305,13 @@ def _passed(
                 pull = steps[i - 1].T @ pulls[i] + back.T @ pull
                 hold = steps[i - 1].T @ holds[i] @ steps[i - 1] + back.T @ hold @ back
     # constants have the estimate of the whole record at every sample
-    means[:, s:], covariances[:, s:, s:] = mean[s:], covariance[s:, s:]
-    return _Track(means, covariances, predicted, measured - predicted, sizes, float(total))
+    still_ones = s + np.flatnonzero(walks == 0.0)
+    block = np.ix_(still_ones, still_ones)
+    means[:, still_ones] = mean[still_ones]
+    covariances[(slice(None), *block)] = covariance[block]
+    return Track(means, covariances, predicted, measured - predicted, sizes, float(total))
 
 
-def _lost(
-    mean: Array, covariance: Array, measured: Array, predicted: Array, sizes: Array
-) -> _Track:
+def _lost(mean: Array, covariance: Array, measured: Array, predicted: Array, sizes: Array) -> Track:
     """The track of a filter that lost the motion."""
-    return _Track(mean, covariance * np.nan, predicted, measured - predicted, sizes, -np.inf)
-
-
-def _fit(
-    method: str,
-    model: DynamicModel,
-    records: Sequence[TimeHistory],
-    noise: Point,
-    mean: Array,
-    covariance: Array,
-    reached: Optimum | None,
-    tracks: Sequence[_Track],
-) -> Fit:
-    """The answer, with standard errors for innovations of the size and colour that they have."""
-    unknown, lost = model.parameters.unknown, reached is None
-    judged: Mapping[str, tuple[Standing, str]] = {
-        item.name: ("diverged", _LOST) for item in unknown
-    }
-    if reached is not None:
-        size = float(np.nanmean(np.concatenate([track.sizes for track in tracks])))
-        f = len(unknown)
-        white, coloured = (each[:f, :f] for each in covariances(reached.problem, reached))
-        judged = standings(unknown, mean, reached.information[:f, :f], white, SINGULAR)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.nan_to_num(np.diag(coloured) / np.diag(white), nan=1.0, posinf=1.0)
-        covariance = covariance * max(1.0, size) * np.sqrt(np.outer(ratio, ratio))
-    values = model.parameters.values(mean)
-    deviation = np.sqrt(np.diag(covariance))
-    number = {item.name: j for j, item in enumerate(unknown)}
-    estimates = []
-    for item in model.parameters.items:
-        source, factor = item.tied or (item.name, 1.0)
-        standing, reason = judged.get(source, ("estimated", ""))
-        if source not in number:
-            standing, reason = "fixed", "not estimated"
-        value, error = float(values[item.name]), np.nan
-        if standing in ("estimated", "prior"):
-            error = abs(factor) * float(deviation[number[source]])
-        elif standing not in ("fixed", "at bound"):
-            value = np.nan
-        if item.tied is not None and standing == "estimated":
-            standing, reason = "tied", f"{factor:g} times {source}"
-        estimates.append(ParameterEstimate(item.name, value, error, item.unit, standing, reason))
-    pairs = list(zip(records, tracks, strict=True))
-    residuals = {r.name: dict(zip(model.outputs, t.innovations.T, strict=True)) for r, t in pairs}
-    notes = [f"There is no estimate: {_LOST}."] if lost else []
-    tests, rows = {}, []
-    for name in model.outputs:
-        p_value, correlation = ljung_box([each[name] for each in residuals.values()])
-        tests[f"white innovations of {name}"] = p_value
-        if p_value < _COLOURED and abs(correlation) > _CORRELATED:
-            rows.append(f"{name} ({correlation:.2f})")
-    if rows and not lost:
-        notes.append(
-            f"The innovations of {', '.join(rows)} are correlated from sample to sample: the noise"
-            " is not white as assumed; standard errors count it, the estimates may be biased."
-        )
-    return Fit(
-        method=method,
-        estimates=tuple(estimates),
-        names=tuple(number),
-        covariance=covariance,
-        residuals=residuals,
-        fitted={r.name: dict(zip(model.outputs, t.predicted.T, strict=True)) for r, t in pairs},
-        times=elapsed([record for record, _ in pairs]),
-        noise=dict(zip(model.outputs, np.sqrt(np.diag(noise.measurement)).tolist(), strict=True)),
-        theil={
-            r.name: {
-                name: theil(t.predicted[seen, j], r.outputs[name][seen])
-                for j, name in enumerate(model.outputs)
-                if (seen := np.isfinite(t.innovations[:, j])).any()
-            }
-            for r, t in pairs
-        },
-        converged=not lost,
-        log_likelihood=float(sum(track.log_likelihood for track in tracks)),
-        tests=tests,
-        assumes=_ASSUMES,
-        notes=tuple(notes),
-    )
+    return Track(mean, covariance * np.nan, predicted, measured - predicted, sizes, -np.inf)

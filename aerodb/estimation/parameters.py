@@ -25,6 +25,8 @@ class Parameter:
     lower, upper : bounds.
     prior, prior_error : what is known beforehand, mean and standard deviation; None: nothing.
     tied : (other parameter, factor): the value is the factor times the other's.
+    random_walk : standard deviation of its change within a second, in its unit; with time it grows
+        by the root. 0: constant. Methods other than the Kalman filters take it as constant.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Parameter:
     prior: float | None = None
     prior_error: float | None = None
     tied: tuple[str, float] | None = None
+    random_walk: float = 0.0
 
 
 @dataclass(frozen=True)

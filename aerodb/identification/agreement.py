@@ -116,7 +116,8 @@ def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreeme
 
 def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, ...]]:
     """The method to believe, and why: of those that converged with most of their parameters
-    estimated, filter error where its likelihood ratio shows process noise, else one that flies the
+    estimated, one that follows parameters which were declared to change, filter error where its
+    likelihood ratio shows process noise, else one that flies the
     model and follows each output, because noise of the measured motion does not bias it; else the
     first."""
     reasons: list[str] = []
@@ -132,6 +133,10 @@ def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, 
             standing.append(method)
     if not standing:
         return None, (*reasons, "no method gives an answer to believe")
+    following = [method for method in standing if any(fit.histories for fit in fits[method])]
+    if following:
+        reasons.append(f"{following[0]} follows the parameters that were declared to change")
+        return following[0], tuple(reasons)
     if fits.get("output-error") and fits.get("filter-error"):
         turbulence = output_or_filter_error(fits["output-error"][0], fits["filter-error"][0])
         reasons.append(turbulence.reason)

@@ -20,7 +20,8 @@ Entries are numbers or sums of parameters, such as ``2*Lp - 0.1*Lr``; their unit
 ``[[parameter]]`` describes is free and starts at 0. `initial` names the states whose first value is
 unknown, `own` the parameters that every record has of its own. ``late_inputs = ["delta_aileron"]``
 and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, in s, which a
-``[[parameter]]`` may start elsewhere, fix or bound.
+``[[parameter]]`` may start elsewhere, fix or bound. ``random_walk`` of a ``[[parameter]]`` lets it
+change with time, by its standard deviation per root of a second, where `ekf` or `ukf` estimate it.
 
 Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll_rate [deg/s]"``,
 ``time = "t [ms]"`` (`aerodb.logs.find_columns`).
@@ -30,6 +31,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from pydantic import Field
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation import (
@@ -61,7 +63,10 @@ from aerodb.support import Array, Strict, parsed_toml, validated
 
 Row = list[float | str]
 
-_CHANGING = "parameters change during the records, or the response is not linear"
+_CHANGING = (
+    "parameters change during the records (ekf and ukf follow those with a random_walk), or the"
+    " response is not linear"
+)
 #: Tables of which a model file has one.
 _DECLARED = {"state_space", "increment"}
 #: What residuals that are correlated with an input say.
@@ -105,6 +110,7 @@ class ParameterTable(Strict):
     prior_error: float | None = None
     tied: str | None = None
     factor: float = 1.0
+    random_walk: float = Field(0.0, ge=0.0, allow_inf_nan=False)
 
 
 class StateSpaceFile(Strict):
@@ -202,6 +208,11 @@ def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateS
         f"{_LACKING if each.part == 'all' else _CHANGING}."
         for each in dependent(found)[:1]
     ]
+    walking = [each.name for each in file.parameter if each.random_walk]
+    if walking and not fit.histories:
+        notes.append(
+            f"Taken as constant: {', '.join(walking)}; the random walk is for ekf and ukf."
+        )
     return replace(fit, input_correlations=found, notes=(*fit.notes, *notes))
 
 
@@ -371,6 +382,7 @@ def _parameter(given: ParameterTable, end: str) -> Parameter:
         given.prior,
         given.prior_error,
         None if given.tied is None else (given.tied, given.factor),
+        given.random_walk,
     )
 
 

@@ -34,6 +34,8 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Longest piece in which a whole flight is flown [s].
 _PIECE = 60.0
+#: Most samples of a history in a document.
+_SHOWN = 200
 #: Share of the flights' time beyond which the manoeuvres are most of it.
 _MOST = 0.5
 
@@ -54,9 +56,9 @@ def estimate_by_methods(
     methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
-    iterations, log_likelihood, notes, estimates, correlations, input_correlations, report;
-    or reason where it gave none), parameters (parameter, estimates by method, spread, furthest,
-    agree), believe, reasons.
+    iterations, log_likelihood, notes, estimates, correlations, input_correlations,
+    histories of parameters that change, report; or reason where it gave none), parameters
+    (parameter, estimates by method, spread, furthest, agree), believe, reasons.
     """
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
@@ -199,7 +201,25 @@ def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
             for fit in fits
             for each in fit.input_correlations
         ],
+        "histories": [
+            _history(fit.times[record], record, name, history)
+            for fit in fits
+            for record, each in fit.histories.items()
+            for name, history in each.items()
+        ],
         "report": "\n".join(fit_report(fit) for fit in fits),
+    }
+
+
+def _history(time: Array, record: str, name: str, history: Array) -> dict[str, Any]:
+    """A parameter (n, 2: value, standard error) at no more than `_SHOWN` times (n,)."""
+    shown = np.unique(np.linspace(0, len(time) - 1, _SHOWN).astype(int))
+    return {
+        "record": record,
+        "parameter": name,
+        "time": time[shown].tolist(),
+        "value": history[shown, 0].tolist(),
+        "standard_error": history[shown, 1].tolist(),
     }
 
 

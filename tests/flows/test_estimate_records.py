@@ -210,6 +210,35 @@ def test_a_delay_that_the_model_lacks_is_a_reservation_and_goes_when_it_is_decla
     near(document, ROLL_TRUTH | {"delay_delta_aileron": 0.12})
 
 
+def test_a_parameter_that_changes_is_followed_where_it_may_walk(tmp_path) -> None:
+    time = np.arange(0.0, 20.0, 0.05)
+
+    def aileron(at):
+        return sum(doublet(at, 1.0 + 3.0 * k, 0.8, 0.06) for k in range(6))
+
+    def rates(t, x):
+        return -(2.1 if t < 10.0 else 1.0) * x - 11.0 * aileron(t)
+
+    (p,) = flown(rates, [0.0], time)
+    p = p + 0.003 * np.random.default_rng(6).standard_normal(len(time))
+    file = written(tmp_path / "roll.csv", "t,da,p", time, aileron(time), p)
+    given = ("estimate", "--record", file, "--method", "output-error", "--method", "ekf", "--model")
+    walking = '[[parameter]]\nname = "Lp"\nrandom_walk = 0.3\n'
+    document = asked(tmp_path / "w", *given, model(tmp_path, ROLL + walking))
+    plain, followed = document["methods"]
+    assert document["believe"] == "ekf"
+    assert "Taken as constant: Lp; the random walk is for ekf and ukf." in plain["notes"]
+    (history,) = followed["histories"]
+    assert (history["record"], history["parameter"], len(history["time"])) == ("roll", "Lp", 200)
+    values = np.interp([4.0, 16.0], history["time"], history["value"])
+    errors = np.interp([4.0, 16.0], history["time"], history["standard_error"])
+    assert np.all(np.abs(values - [-2.1, -1.0]) < 3.0 * errors)
+    assert np.all(errors < 0.4)
+    refused = aerodb(tmp_path / "w", *given, model(tmp_path, ROLL + walking.replace("0.3", "-0.3")))
+    assert refused.returncode == 3
+    assert "random_walk" in refused.stderr
+
+
 def test_a_bound_that_holds_an_estimate_off_is_a_reservation(tmp_path) -> None:
     time = np.arange(0.0, 12.0, 0.02)
     file = written(tmp_path / "roll.csv", "t,da,p", time, *roll(time))

@@ -73,6 +73,66 @@ def test_smoother_is_the_conditional_distribution(transform: str) -> None:
     assert track.log_likelihood == pytest.approx(density, abs=1e-6)
 
 
+@pytest.mark.parametrize("transform", ["extended", "unscented"])
+def test_a_parameter_that_walks_is_the_conditional_distribution(transform: str) -> None:
+    """The bias of an output walks: its history is its mean and variance given all measurements, by
+    their joint covariance; a constant slope beside it is estimated with it."""
+    rng = np.random.default_rng(4)
+    n, step, q, r = 40, 0.25, 0.6, 0.3
+    walk = np.concatenate([[0.0], np.cumsum(q * np.sqrt(step) * rng.normal(size=n - 1))])
+    drive = rng.normal(size=n)
+    y = walk + 1.5 * drive + r * rng.normal(size=n)
+    items = (Parameter("bias", 0.0, random_walk=q), Parameter("slope", 0.0))
+    model = state_space(
+        ("x",), ("u",), ("y",), Parameters((*items, Parameter("initial_x", 0.0, free=False))),
+        a=[[0.0]], b=[[0.0]], c=[[1.0]], d=[["slope"]], output_bias=["bias"],
+    )  # fmt: skip
+    record = TimeHistory("r", step * np.arange(n), {"u": drive}, {"y": y})
+    noise = Point(np.zeros(2), np.zeros(1), np.array([[r**2]]))
+    about = np.zeros((n, 3))
+    track = _tracked(model, record, noise, np.zeros(2), np.eye(2), transform, about)
+    order = np.arange(n)
+    prior = np.zeros((n + 1, n + 1))
+    prior[:n, :n] = 1.0 + q**2 * step * np.minimum.outer(order, order)
+    prior[n, n] = 1.0
+    seen = np.column_stack([np.eye(n), drive])
+    gain = prior @ seen.T @ np.linalg.inv(seen @ prior @ seen.T + r**2 * np.eye(n))
+    mean, covariance = gain @ y, prior - gain @ seen @ prior
+    np.testing.assert_allclose(track.mean[:, 1], mean[:n], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(track.covariance[:, 1, 1], np.diag(covariance)[:n], rtol=1e-6)
+    np.testing.assert_allclose(track.mean[:, 2], mean[n], rtol=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_damping_in_roll_that_drops_half_way_is_followed(method: Callable[..., Fit]) -> None:
+    """Simulated by the exact step of each half; within three standard errors away from the drop."""
+    step, n, rng = 0.05, 320, np.random.default_rng(5)
+    time = step * np.arange(n)
+    aileron = 0.05 * np.sign(np.sin(2.0 * time)) * (time > 1.0)
+    damping = np.where(time < 8.0, -2.1, -1.2)
+    p = np.zeros(n)
+    for i in range(n - 1):
+        decay = np.exp(damping[i] * step)
+        held = 0.5 * (aileron[i] + aileron[i + 1])
+        p[i + 1] = decay * p[i] + (decay - 1.0) / damping[i] * -11.0 * held
+    items = (Parameter("Lp", -1.5, random_walk=0.3), Parameter("Lda", -9.0), Parameter("Lx", -1.0))
+    model = state_space(
+        ("p",), ("da", "spare"), ("p",), Parameters((*items, Parameter("initial_p", 0.0, free=False))),
+        a=[["Lp"]], b=[["Lda", "Lx"]], c=[[1.0]],
+    )  # fmt: skip
+    inputs = {"da": aileron, "spare": np.zeros(n)}
+    record = TimeHistory("r", time, inputs, {"p": p + 0.004 * rng.standard_normal(n)})
+    fit = method(model, [record])
+    history = fit.histories["r"]["Lp"]
+    away = (np.abs(time - 8.0) > 2.0) & (time > 2.0)
+    assert np.mean(np.abs(history[away, 0] - damping[away]) < 3.0 * history[away, 1]) > 0.97
+    assert np.abs(history[away, 0] - damping[away]).max() < 0.35
+    assert (fit["Lp"].value, fit["Lp"].standard_error) == pytest.approx(tuple(history[-1]))
+    assert abs(fit["Lda"].value + 11.0) < 3.0 * fit["Lda"].standard_error < 3.0
+    assert fit["Lx"].standing == "not excited"
+    assert "Lp is" in fit.notes[-1]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_short_period_in_turbulence(method: Callable[..., Fit]) -> None:
     """Truth within two standard errors, from start values 40 % off."""
