@@ -306,9 +306,9 @@ def _passed(
                 hold = steps[i - 1].T @ holds[i] @ steps[i - 1] + back.T @ hold @ back
     # constants have the estimate of the whole record at every sample
     still_ones = s + np.flatnonzero(walks == 0.0)
-    block = np.ix_(still_ones, still_ones)
+    rows, columns = np.ix_(still_ones, still_ones)
     means[:, still_ones] = mean[still_ones]
-    covariances[(slice(None), *block)] = covariance[block]
+    covariances[:, rows, columns] = covariance[rows, columns]
     return Track(means, covariances, predicted, measured - predicted, sizes, float(total))
 
 
