@@ -8,8 +8,8 @@ differs between flights.
 
 Modules: `selection` (forward selection, `CrossFlightTests`), `explanation_sets`, `verdicts`,
 `next_flight`, `findings` (results and their JSON); `few_flights` and `joint_model`; `refinement`;
-`unexplained_residual`; `between_flights`; `shapes` and `functions`. The method:
-docs/method/tracing.md, sections 9 to 16, 25 and 26.
+`unexplained_residual` with `residual_records` and `ridge_model`; `between_flights`; `shapes` and
+`functions`. The method: docs/method/tracing.md, sections 9 to 16, 25 and 26.
 """
 
 import lazy_loader as lazy

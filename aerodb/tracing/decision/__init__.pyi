@@ -17,10 +17,10 @@ from .few_flights import (
 from .findings import ADDED, Finding, Traced, only_suspected
 from .joint_model import joint_bands, joint_fit
 from .refinement import Refined, downgraded_on_axes, refine
+from .residual_records import FlightResidual
 from .rotating_air import driven_by_rates, lost_in_rotating_air
 from .shapes import FEWEST_SHAPED, with_checked_shapes
 from .unexplained_residual import (
-    FlightResidual,
     UnexplainedResidual,
     model_errors,
     unexplained_by_axis,

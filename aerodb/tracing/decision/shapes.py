@@ -27,7 +27,7 @@ from aerodb.tracing.decision.functions import (
     functions_of,
     with_rates,
 )
-from aerodb.tracing.decision.unexplained_residual import FlightResidual
+from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.estimates import OFFSET, paired_p
 from aerodb.tracing.evidence import Evidence, normal_equations_of
 from aerodb.tracing.settings import TracingSettings

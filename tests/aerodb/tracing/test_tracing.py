@@ -12,9 +12,9 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.decision.selection import Decision
 from aerodb.tracing.decision.unexplained_residual import (
-    FlightResidual,
     unexplained_by_axis,
     without_state_noise,
 )
