@@ -134,6 +134,16 @@ def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | Sto
     return OverLimitError(ended, job.where, remedy)
 
 
+def _begun(control: int) -> "subprocess.Popen[bytes]":
+    """Start a server that takes its requests from this file descriptor. Its session is its own: an
+    interrupt at the terminal is this process' business."""
+    command = [sys.executable, "-P", "-m", "aerodb.tasks.confined_server", str(control)]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(
+        command, stdin=quiet, stdout=quiet, pass_fds=[control], start_new_session=True
+    )
+
+
 class _Server:
     """The process that forks workers, and the connection to it."""
 
@@ -141,16 +151,8 @@ class _Server:
         self.owner = os.getpid()
         self._lock = threading.Lock()
         ours, theirs = socket.socketpair()
-        command = [sys.executable, "-P", "-m", "aerodb.tasks.confined_server", str(theirs.fileno())]
         with theirs:
-            # A session of its own: an interrupt at the terminal is this process' business.
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno()],
-                start_new_session=True,
-            )
+            self._process = _begun(theirs.fileno())
         self._control = Connection(ours.detach())
 
     def fork(self) -> "_Worker":

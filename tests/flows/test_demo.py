@@ -26,6 +26,7 @@ from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
+from tests.support.command import aerodb
 
 AERODB = Path(sys.executable).parent / "aerodb"
 
@@ -227,20 +228,19 @@ def test_a_reversed_elevator_is_not_released(phoenix, tmp_path):
     (tmp_path / "model.toml").write_text(read_example("model.toml"), encoding="utf-8")
     logs = root / "demo-logs"
 
-    def aerodb(*words, ok=True):
-        command = [str(AERODB), "--workspace", str(tmp_path / "w"), *map(str, words)]
-        done = subprocess.run(command, capture_output=True, text=True)
+    def said(*words, ok=True):
+        done = aerodb(tmp_path / "w", *map(str, words))
         assert (done.returncode == 0) == ok, done.stderr
         return done
 
-    aerodb("vehicle", "add", tmp_path / "vehicle.toml")
-    aerodb("database", "import", logs / "preflight.toml", "--vehicle", "phoenix")
+    said("vehicle", "add", tmp_path / "vehicle.toml")
+    said("database", "import", logs / "preflight.toml", "--vehicle", "phoenix")
     first = sorted(logs.glob("*.ulg"))[:3]
-    aerodb("flight", "ingest", *first, "--vehicle", "phoenix", "--direct")
+    said("flight", "ingest", *first, "--vehicle", "phoenix", "--direct")
     model = ("--model", tmp_path / "model.toml", "--direct")
-    updated = aerodb("update", "--vehicle", "phoenix", *model)
+    updated = said("update", "--vehicle", "phoenix", *model)
     assert "The gate will refuse this version: Cm_delta_elevator" in updated.stdout
-    refused = aerodb("version", "promote", "candidate", "--reason", "fits", ok=False)
+    refused = said("version", "promote", "candidate", "--reason", "fits", ok=False)
     assert refused.returncode == 4
     for name in ("Cm_delta_elevator_inboard", "Cm_delta_elevator_outboard"):
         assert f"{name} goes from -0.1" in refused.stderr
@@ -293,8 +293,7 @@ def test_a_planted_error_is_seen_by_validate_and_gone_after_the_loop(tmp_path):
 
 
 def fly_command(root, *arguments):
-    command = [str(AERODB), "--workspace", str(root), "--json", "version", "fly", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return aerodb(root, "--json", "version", "fly", *arguments)
 
 
 def test_a_flight_is_flown_by_the_command(phoenix, tmp_path):
@@ -343,9 +342,7 @@ def test_what_cannot_be_flown_is_said(phoenix, more, said):
 
 
 def promote_command(root):
-    command = [str(AERODB), "--workspace", str(root), "version", "promote", "candidate"]
-    given = ["--reason", "flown"]
-    return subprocess.run([*command, *given], capture_output=True, text=True, check=False)
+    return aerodb(root, "version", "promote", "candidate", "--reason", "flown")
 
 
 def test_the_gate_demands_responses_where_the_settings_do(phoenix, tmp_path):
@@ -405,9 +402,8 @@ def test_a_described_manoeuvre_is_flown_from_trim(phoenix, tmp_path):
 def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
     root, document = phoenix
     page = tmp_path / "version.html"
-    command = [str(AERODB), "--workspace", str(root), "report", "version"]
-    given = [document["candidate"], "--output", str(page)]
-    subprocess.run([*command, *given], check=True, capture_output=True)
+    done = aerodb(root, "report", "version", document["candidate"], "--output", str(page))
+    assert done.returncode == 0, done.stderr
     text = page.read_text()
     assert "<h2>Responses</h2>" in text
     assert "short period: normal acceleration" in text

@@ -5,13 +5,15 @@ The command runs as after ``python -c "from aerodb.flows.cli import main; main()
 ``python -c`` with code of the caller's, to the real end of the interpreter: exit handlers, the
 traceback of an uncaught exception, exit code, and signals.
 It differs in what a process reads only when it starts: the hash seed, ``OPENBLAS_NUM_THREADS``,
-``LD_PRELOAD``, limits and umask are those of the server.
+``LD_PRELOAD``, limits and umask are those of the server; and the process that it starts to fork
+workers for flights (`aerodb.tasks.confined`) is such a command, too.
 """
 
 import atexit
 import gc
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -27,8 +29,11 @@ from typing import IO
 
 from tests.support.paths import ROOT
 
-#: What commands and flows import. Not Prefect: it starts threads, which a fork does not take along.
+#: What commands and flows import, and what forks workers for flights. Not Prefect: it starts
+#: threads, which a fork does not take along.
 IMPORTED = (
+    "aerodb.consistency.whole_flight",
+    "aerodb.exchange.native",
     "aerodb.flows.cli.main",
     "aerodb.flows.close_loop",
     "aerodb.flows.flight",
@@ -39,10 +44,15 @@ IMPORTED = (
     "aerodb.flows.web.server",
     "aerodb.report.update_page",
     "aerodb.storage.catalogue.catalogue",
+    "aerodb.tasks.confined_server",
+    "aerodb.tasks.steps.compare",
     "matplotlib.backends.backend_svg",
     "scipy.signal",
 )
 _START = "from tests.support.forking import serve; serve()"
+_FOR_FLIGHTS = "import os; os.setsid(); from aerodb.tasks.confined_server import main; main()"
+#: In a command: the connection by which it asks its server for further commands.
+_inherited: list[socket.socket] = []
 
 
 def run_forked(
@@ -67,7 +77,8 @@ def run_forked(
 
 
 class Forked:
-    """A command (or `code`) that runs; what it says goes into the files `output` and `errors`."""
+    """A command (or `code`) that runs; what it says goes into the files `output` and `errors`. With
+    a file descriptor `passed`, its only argument is the number that this has there."""
 
     def __init__(
         self,
@@ -77,6 +88,7 @@ class Forked:
         errors: IO[bytes],
         folder: Path | None = None,
         code: str = "",
+        passed: int | None = None,
     ) -> None:
         self._arguments = list(arguments)
         self._answers, theirs = socket.socketpair()
@@ -90,7 +102,8 @@ class Forked:
             given.write(json.dumps(request).encode())
             given.flush()
             files = [theirs.fileno(), *(file.fileno() for file in (given, output, errors))]
-            socket.send_fds(_server(), [b"."], files)
+            files += [] if passed is None else [passed]
+            socket.send_fds(server(), [b"."], files)
         self.pid = int(_line(self._answers))
         self.returncode: int | None = None
 
@@ -119,9 +132,14 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
+def server() -> socket.socket:
+    """The connection to this process's server, or in a command to that which forked it."""
+    return _inherited[0] if _inherited else _started()
+
+
 @cache
-def _server() -> socket.socket:
-    """The connection to this process's server, which ends with it."""
+def _started() -> socket.socket:
+    """The connection to a server that ends with this process."""
     ours, theirs = socket.socketpair()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
     with theirs:
@@ -170,8 +188,10 @@ def serve() -> None:
     for name in IMPORTED:
         import_module(name)
     gc.freeze()
+    inherited, of_commands = socket.socketpair()
     while True:
-        _, files, _, _ = socket.recv_fds(requests, 1, 4)
+        (ready, *_), _, _ = select.select([requests, of_commands], [], [])
+        _, files, _, _ = socket.recv_fds(ready, 1, 5)
         with suppress(ChildProcessError):  # those that have waited for a command
             while os.waitpid(-1, os.WNOHANG if files else 0)[0]:
                 pass
@@ -182,15 +202,45 @@ def serve() -> None:
         for file in files:
             os.close(file)
     requests.close()
+    of_commands.close()
     asking = socket.socket(fileno=files[0])
     command = _forked()
     if command:
+        inherited.close()
+        for file in files[1:]:
+            os.close(file)
         asking.sendall(f"{command}\n".encode())
         _, status = os.waitpid(command, 0)
-        asking.sendall(f"{os.waitstatus_to_exitcode(status)}\n".encode())
+        with suppress(OSError):  # a command that is gone asked for it
+            asking.sendall(f"{os.waitstatus_to_exitcode(status)}\n".encode())
         os._exit(0)
     asking.close()
+    _inherited.append(inherited)
     _become(*files[1:])
+
+
+def fork_for_flights() -> None:
+    """Let this process's server fork what `aerodb.tasks.confined` starts, instead of that importing
+    for two seconds what the server has imported."""
+    from aerodb.tasks import confined  # here: other tests need not wait for it
+
+    server()
+    confined._begun = _ForFlights
+
+
+class _ForFlights(Forked):
+    """The process that forks workers for flights, as `subprocess.Popen` gives one; `control` is its
+    end of the connection to it."""
+
+    def __init__(self, control: int) -> None:
+        with open(os.devnull, "r+b") as nothing:
+            super().__init__(
+                [], os.environ, nothing, nothing, Path("/"), _FOR_FLIGHTS, passed=control
+            )
+
+    def kill(self) -> None:
+        with suppress(ProcessLookupError):
+            super().kill()
 
 
 def _forked() -> int:
@@ -200,7 +250,7 @@ def _forked() -> int:
         return os.fork()
 
 
-def _become(given: int, output: int, errors: int) -> None:
+def _become(given: int, output: int, errors: int, *passed: int) -> None:
     """Take the place of the command that is asked for, and run it."""
     with open(given, "rb") as file:
         request = json.loads(_bytes(file))
@@ -211,5 +261,7 @@ def _become(given: int, output: int, errors: int) -> None:
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
     code = request["code"]
-    sys.argv = ["-c" if code else "aerodb", *request["arguments"]]
+    sys.argv = ["-c" if code else "aerodb", *request["arguments"], *map(str, passed)]
+    if os.environ.get("PYTHONPATH") == str(ROOT):  # else Python itself might start with more
+        fork_for_flights()
     exec(code or "from aerodb.flows.cli import main; main()", {"__name__": "__main__"})
