@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 2,
     "import": 2,
     "fly": 2,
-    "estimate": 6,
+    "estimate": 7,
     "update": 8,
     "gram": 11,
     "close_loop": 30,

@@ -102,7 +102,7 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
             " residuals of output error are nearly white, its estimates are those of filter error,"
             " and it assumes less.",
         )
-    if output_error.converged and (as_long or untouched):
+    if output_error.converged and memory >= _WHITE and (as_long or untouched):
         return Recommendation(
             output_error.method,
             f"Process noise is significant (p = {p_value:.2g}), but does not explain the record:"

@@ -65,6 +65,12 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
     )
     believe, reasons = _believe(fits)
     reasons += _reservations(fits.get(believe or "", ()))
+    plain = fits.get("output-error", ())
+    if believe and METHODS[believe].disturbed and not all(fit.converged for fit in plain):
+        reasons += (
+            "With reservation: without process noise the model does not follow the motion at all; if"
+            " the aircraft is stable, look for a wrong sign, unit or equation",
+        )
     apart = [each for each in parameters if not each.agree]
     if apart:
         worst = max(apart, key=lambda each: each.spread)

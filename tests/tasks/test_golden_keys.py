@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (30, "fac763d98e210311", "d3af299eab4e5a54"),
     "fly": (2, "ca9f307b83b2baa0", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (6, "d8655d3efb5546b6", "be09817f5df27dda"),
+    "estimate": (7, "66b7d59e45c51f89", "be09817f5df27dda"),
     "update": (8, "e94dfda8e9877e26", "6b1983884f9e9ae7"),
 }
 

@@ -71,6 +71,19 @@ def test_process_noise_that_does_not_explain_the_record_is_not_believed(left, be
     assert lacking == (believed == "output-error")
 
 
+def test_a_filter_beside_a_model_that_follows_nothing_is_believed_with_reservation() -> None:
+    for converged in (True, False):
+        fits = {
+            "output-error": [fit("output-error", {"Nb": (3.0, 0.1)}, converged=converged)],
+            "filter-error": [
+                fit("filter-error", {"Nb": (-2.9, 0.1)}, tests={"process noise": 1e-9})
+            ],
+        }
+        comparison = compare_methods(fits)
+        assert comparison.believe == "filter-error"
+        assert any("wrong sign" in why for why in comparison.reasons) is not converged
+
+
 def test_nothing_is_believed_where_nothing_is_determined() -> None:
     lost = ParameterEstimate("Cm_q", np.nan, np.nan, standing="not excited")
     none = Fit("regression", (lost,), (), np.zeros((0, 0)))
