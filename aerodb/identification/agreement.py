@@ -68,8 +68,8 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
     plain = fits.get("output-error", ())
     if believe and METHODS[believe].disturbed and not all(fit.converged for fit in plain):
         reasons += (
-            "With reservation: without process noise the model does not follow the motion at all; if"
-            " the aircraft is stable, look for a wrong sign, unit or equation",
+            "With reservation: without process noise the model does not follow the motion at all;"
+            " if the aircraft is stable, look for a wrong sign, unit or equation",
         )
     apart = [each for each in parameters if not each.agree]
     if apart:
