@@ -153,24 +153,29 @@ def test_no_descriptor_left_is_said_in_a_few_lines(workspace: Path, tmp_path: Pa
     assert 0 < size < 20_000
 
 
-@pytest.mark.parametrize("sent", HALF)
-def test_a_client_that_does_not_go_on_is_left(workspace: Path, sent: str) -> None:
-    """However it drips: the time is for the whole head, or the whole body."""
-    with running(workspace) as (_, address):
-        (connection,) = half_sent(address, 1, HALF[sent])
-        until, ended = time.monotonic() + 12 * HEAD_SECONDS, False
-        while not ended and time.monotonic() < until:
-            with suppress(TimeoutError, ConnectionError):
-                connection.settimeout(0.5)
-                if sent != "nothing":
-                    with suppress(BrokenPipeError):
-                        connection.send(b"x")
-                try:
-                    ended = connection.recv(4096) == b""
-                except ConnectionResetError:
-                    ended = True
-        connection.close()
-        assert ended
+def test_clients_that_do_not_go_on_are_left(workspace: Path) -> None:
+    """However they drip: the time is for the whole head, or the whole body."""
+    with running(workspace) as (_, address), ThreadPoolExecutor(len(HALF)) as threads:
+        left = threads.map(lambda sent: _is_left(address, sent), HALF)
+        assert dict(zip(HALF, left, strict=True)) == dict.fromkeys(HALF, True)
+
+
+def _is_left(address: str, sent: str) -> bool:
+    """Whether the console ends the connection of a client that drips, or says nothing."""
+    (connection,) = half_sent(address, 1, HALF[sent])
+    until, ended = time.monotonic() + 12 * HEAD_SECONDS, False
+    while not ended and time.monotonic() < until:
+        with suppress(TimeoutError, ConnectionError):
+            connection.settimeout(0.5)
+            if sent != "nothing":
+                with suppress(BrokenPipeError):
+                    connection.send(b"x")
+            try:
+                ended = connection.recv(4096) == b""
+            except ConnectionResetError:
+                ended = True
+    connection.close()
+    return ended
 
 
 def test_bad_requests_are_said_in_a_few_lines(workspace: Path, tmp_path: Path) -> None:
