@@ -28,7 +28,8 @@ from .replay import (
 from .sensors import Instrument, Signal, at_instruments, measure
 from .stabilisation import stabilising_feedback
 from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
-from .trim import Condition, NoTrimError, Trim, control_inputs, trim
+from .trim import NoTrimError, Trim, trim
+from .trim_problem import Condition, control_inputs
 from .turbulence import DrydenGusts
 
 __all__ = [

@@ -12,7 +12,8 @@ from aerodb.simulation.engine import FlightModel, Simulation, initial_state, sim
 from aerodb.simulation.layout import STATE, SURROUNDINGS
 from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.parameter_covariance import parameter_covariance
-from aerodb.simulation.trim import Trim, differences, is_force, load_factors, moved_points, varied
+from aerodb.simulation.trim import Trim, differences, moved_points, varied
+from aerodb.simulation.trim_problem import is_force, load_factors
 from aerodb.support import Array
 from aerodb.tables import Relay
 

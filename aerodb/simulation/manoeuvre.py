@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import CHANNELS
 from aerodb.simulation.inputs import SHAPES, Event
-from aerodb.simulation.trim import Condition
+from aerodb.simulation.trim_problem import Condition
 from aerodb.support import Array
 from aerodb.units import quantity
 

@@ -14,7 +14,8 @@ from aerodb.simulation.layout import SURROUNDINGS
 from aerodb.simulation.linear_model import linear_model
 from aerodb.simulation.modes import Mode, modes
 from aerodb.simulation.parameter_covariance import parameter_covariance
-from aerodb.simulation.trim import Condition, NoTrimError, Trim, differences, trim, varied
+from aerodb.simulation.trim import NoTrimError, Trim, differences, trim, varied
+from aerodb.simulation.trim_problem import Condition
 from aerodb.support import Array
 
 _CONDITION = frozenset(field.name for field in fields(Condition)) - {"pull_up"}

@@ -4,33 +4,32 @@ The accelerations are those of the engine (`simulate`); all perturbations of a J
 side.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.optimize import least_squares
 
-from aerodb.errors import InputError, nearest
-from aerodb.nomenclature import is_surface
+from aerodb.errors import InputError
 from aerodb.physics import GRAVITY
-from aerodb.simulation.engine import FlightModel, Simulation, simulate
-from aerodb.simulation.layout import FEEDBACK, SURROUNDINGS
+from aerodb.simulation.engine import FlightModel, Simulation
 from aerodb.simulation.parameter_covariance import parameter_covariance
+from aerodb.simulation.trim_problem import (
+    AXES,
+    BOUNDS,
+    Condition,
+    Control,
+    Problem,
+    is_force,
+    load_factors,
+    problem_of,
+)
 from aerodb.support import Array
 
 #: Steady flight: largest acceleration left, as a share of gravity (angular ones by the reference
 #: lengths).
 TOLERANCE: Final = 1e-7
-#: Step of central differences, in rad and in the scale of each unknown.
-STEP: Final = 1e-5
-_AXES: Final = ("roll", "pitch", "yaw")
-#: Bounds of the unknowns that are no deflections [rad, rad/s].
-_BOUNDS: Final = {
-    "alpha": (-1.0, 1.0), "beta": (-0.7, 0.7), "phi": (-1.55, 1.55), "climb": (-1.5, 1.5),
-    "turn_rate": (-3.0, 3.0),
-}  # fmt: skip
 #: Accelerations that a trim makes zero, with their units for messages.
 _RESIDUALS: Final = (
     ("along x", "m/s2"), ("along y", "m/s2"), ("along z", "m/s2"),
@@ -38,177 +37,9 @@ _RESIDUALS: Final = (
     ("of the load factor", "g"),
 )  # fmt: skip
 
-#: A control: each input that it moves, with its gain.
-Control = Mapping[str, float]
-
 
 class NoTrimError(InputError):
     """No steady flight at a condition."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """A steady flight in still air, SI.
-
-    Parameters
-    ----------
-    V : airspeed [m/s].
-    altitude : [m].
-    climb : flight-path angle [rad]; None: found, with the thrust as given (gliding flight).
-    bank, beta, turn_rate : bank angle, sideslip [rad] and rate of turn [rad/s]. Two of them
-        determine the third. One alone: `beta` without turn, the others without sideslip; none:
-        straight flight without sideslip.
-    load_factor : specific force normal to the flight path in the plane of symmetry, in g: of a turn
-        to the right, or with `pull_up` of a pull-up without turn (below 1: a push-over).
-    """
-
-    V: float
-    altitude: float
-    climb: float | None = 0.0
-    bank: float | None = None
-    beta: float | None = None
-    turn_rate: float | None = None
-    load_factor: float | None = None
-    pull_up: bool = False
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None and not np.isfinite(value):
-                raise InputError(f"{name} is not finite", "trim condition", "give a number")
-        if self.V <= 0:
-            raise InputError("no airspeed", "trim condition", "give V [m/s] above zero")
-        if self.pull_up and self.load_factor is None:
-            raise InputError("a pull-up without load factor", "trim condition", "give it in g")
-        stated = [name for name in ("bank", "beta", "turn_rate") if getattr(self, name) is not None]
-        turning = self.load_factor is not None and not self.pull_up
-        if (turning and {"bank", "turn_rate"} & set(stated)) or (
-            self.pull_up and "turn_rate" in stated
-        ):
-            raise InputError(
-                f"the load factor and {' and '.join(stated)} together",
-                "trim condition",
-                "a turn is given by bank, turn rate or load factor; a pull-up does not turn",
-            )
-        if len(stated) == 3:
-            raise InputError(
-                "bank, beta and turn_rate together", "trim condition", "give two: the third follows"
-            )
-
-    @property
-    def fixed(self) -> dict[str, float]:
-        """Those of bank (as phi), beta and turn rate that are not found."""
-        stated = {"phi": self.bank, "beta": self.beta, "turn_rate": self.turn_rate}
-        given = {name: value for name, value in stated.items() if value is not None}
-        if self.load_factor is not None and not self.pull_up:
-            return {"beta": 0.0, **given}
-        if self.pull_up:
-            return {"turn_rate": 0.0, **({} if given else {"beta": 0.0}), **given}
-        if not given:
-            return {"beta": 0.0, "turn_rate": 0.0}
-        if len(given) == 1:
-            return {"turn_rate": 0.0, **given} if "beta" in given else {"beta": 0.0, **given}
-        return given
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """The unknowns of a trim and the accelerations that they must make zero.
-
-    Parameters
-    ----------
-    inputs : every series of a run [SI].
-    controls : by name, the roll, pitch and yaw control.
-    thrust : name of the series that holds the airspeed; None: the path angle does.
-    unknowns, bounds, scales : names, (u, 2) and (u,) of what is found.
-    """
-
-    model: FlightModel
-    condition: Condition
-    inputs: Mapping[str, float]
-    controls: Mapping[str, Control]
-    thrust: str | None
-    unknowns: tuple[str, ...]
-    bounds: Array
-    scales: Array
-
-    def placed(self, z: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Start and series of runs at the unknowns z (u, k); rates of the start are (k,)."""
-        condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
-        at = {name: np.full(z.shape[1], value) for name, value in condition.fixed.items()} | found
-        alpha, beta, phi, turn = at["alpha"], at["beta"], at["phi"], at["turn_rate"]
-        climb = at["climb"] if condition.climb is None else np.full(z.shape[1], condition.climb)
-        # Pitch attitude from path angle: Stevens & Lewis (2003), eq. 3.6-3.
-        a = np.cos(alpha) * np.cos(beta)
-        b = np.sin(phi) * np.sin(beta) + np.cos(phi) * np.sin(alpha) * np.cos(beta)
-        s = np.sin(climb)
-        root = np.sqrt(np.maximum(a**2 - s**2 + b**2, 0.0))
-        theta = np.arctan2(a * b + s * root, a**2 - s**2)
-        pull = 0.0
-        if condition.pull_up and condition.load_factor is not None:
-            pull = GRAVITY * (condition.load_factor - np.cos(climb)) / condition.V
-        start = {
-            "V": np.full(z.shape[1], condition.V),
-            "altitude": np.full(z.shape[1], condition.altitude),
-            "alpha": alpha,
-            "beta": beta,
-            "phi": phi,
-            "theta": theta,
-            "p": -turn * np.sin(theta),
-            "q": turn * np.sin(phi) * np.cos(theta) + pull,
-            "r": turn * np.cos(phi) * np.cos(theta),
-        }
-        series = {name: np.full((1, z.shape[1]), value) for name, value in self.inputs.items()}
-        for name, control in self.controls.items():
-            for surface, gain in control.items():
-                series[surface] = series[surface] + gain * found[name]
-        if self.thrust is not None:
-            series[self.thrust] = found[self.thrust][None, :]
-        for name in FEEDBACK:
-            series[f"reference_{name}"] = start[name][None, :]
-        return start, series
-
-    def flown(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Simulation:
-        """The runs at z (u, k), one sample each."""
-        start, series = self.placed(z)
-        return simulate(self.model, np.zeros(1), start, series, parameters=parameters)
-
-    def accelerations(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Array:
-        """Accelerations (6, k) [m/s2, rad/s2], and the load factor's error [g] of a turn (7, k)."""
-        run = self.flown(z, parameters)
-        rows = run.rates[:6]
-        condition = self.condition
-        if condition.load_factor is None or condition.pull_up:
-            return rows
-        return np.vstack([rows, load_factors(run)[2] - condition.load_factor])
-
-    def residual(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Array:
-        """`accelerations` over gravity, angular ones by half span and chord."""
-        reference = self.model.database.reference
-        lengths = (reference.span, reference.chord, reference.span)
-        weights = np.array([1.0, 1.0, 1.0, *(0.5 * x for x in lengths), GRAVITY]) / GRAVITY
-        rows = self.accelerations(z, parameters)
-        # Outside the atmosphere nothing is finite: a large number turns the search back.
-        return np.nan_to_num(weights[: len(rows), None] * rows, nan=1e3, posinf=1e3, neginf=-1e3)
-
-    def jacobian(self, z: Array) -> Array:
-        """Derivative (r, u) of `residual` by central differences."""
-        u = len(z)
-        steps = STEP * self.scales
-        both = z[:, None] + np.hstack([np.diag(steps), -np.diag(steps)])
-        values = self.residual(both)
-        return np.asarray((values[:, :u] - values[:, u:]) / (2 * steps))
-
-
-def is_force(name: str) -> bool:
-    """Whether a series is in newton: of force_x, or a thrust."""
-    return name.startswith(("force", "thrust"))
-
-
-def load_factors(run: Simulation) -> Array:
-    """Specific force (3, k) at the CG over gravity: ny = ay/g and nz = -az/g in body axes, and
-    normal to the flight path in the plane of symmetry."""
-    ax, ay, az, alpha = (run.channels[name][-1] for name in ("ax", "ay", "az", "alpha"))
-    return np.array([ay, -az, ax * np.sin(alpha) - az * np.cos(alpha)]) / GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +93,7 @@ def trim(
 
     Raises NoTrimError with what limits the flight; InputError for unknown names.
     """
-    problem = _problem(model, condition, inputs, controls, limits or {}, thrust)
+    problem = problem_of(model, condition, inputs, controls, limits or {}, thrust)
     point, residual = _solved(problem, begin)
     _check(problem, point, residual, limits or {})
     run = problem.flown(point[:, None])
@@ -308,138 +139,6 @@ def _channels(problem: Problem, run: Simulation, z: Array) -> dict[str, Array]:
     channels["turn_rate"] = found.get("turn_rate", np.full(z.shape[1], turn))
     channels |= dict(zip(("ny", "nz", "load_factor"), load_factors(run), strict=True))
     return channels
-
-
-def control_inputs(
-    model: FlightModel, condition: Condition, inputs: Mapping[str, float], free: Sequence[str]
-) -> dict[str, Control]:
-    """Return the roll, pitch and yaw control among `free` inputs, from their moments.
-
-    Two surfaces of mirrored effect (equal in pitch, opposite in roll and yaw, or the reverse) are
-    moved together or against each other. The three controls whose moments span the largest volume
-    are taken; an axis that no input moves has no control.
-    """
-    if not free:
-        return {}
-    m = len(free)
-    lanes = np.hstack([np.eye(m), -np.eye(m)]) * 0.01
-    series: dict[str, Any] = {**inputs}
-    for k, name in enumerate(free):
-        series[name] = (inputs.get(name, 0.0) + lanes[k])[None, :]
-    start = {"V": condition.V, "altitude": condition.altitude, "alpha": 0.05}
-    run = simulate(model, np.zeros(1), start, series)
-    moments = np.array([run.channels[name][-1] for name in ("Cl", "Cm", "Cn")])
-    power = np.nan_to_num((moments[:, :m] - moments[:, m:]) / 0.02)
-    candidates: list[tuple[Control, Array]] = []
-    paired: set[int] = set()
-    mirror = np.array([-1.0, 1.0, -1.0])
-    for i, j in combinations(range(m), 2):
-        size = np.linalg.norm(power[:, i])
-        if {i, j} & paired or size < 1e-9:
-            continue
-        for sign in (1.0, -1.0):
-            if np.linalg.norm(power[:, j] - sign * mirror * power[:, i]) < 0.01 * size:
-                paired |= {i, j}
-                for way in (1.0, -1.0):
-                    gains = {free[i]: 1.0, free[j]: way}
-                    candidates.append((gains, power[:, i] + way * power[:, j]))
-                break
-    candidates += [({free[k]: 1.0}, power[:, k]) for k in range(m) if k not in paired]
-    effects = np.array([effect for _, effect in candidates]).T
-    largest = np.abs(effects).max(axis=1, keepdims=True)
-    axes = [a for a in range(3) if largest[a, 0] > 1e-9]
-    scaled = effects[axes] / largest[axes]
-    best: tuple[float, tuple[int, ...]] = (0.0, ())
-    for count in range(min(len(axes), len(candidates)), 0, -1):
-        for chosen in combinations(range(len(candidates)), count):
-            part = scaled[:, chosen]
-            volume = float(np.sqrt(max(np.linalg.det(part.T @ part), 0.0)))
-            if volume > max(best[0], 1e-6):
-                best = (volume, chosen)
-        if best[1]:
-            break
-    rows, columns = linear_sum_assignment(-np.abs(scaled[:, best[1]]))
-    return {
-        _AXES[axes[row]]: candidates[best[1][column]][0]
-        for row, column in zip(rows, columns, strict=True)
-    }
-
-
-def _problem(
-    model: FlightModel,
-    condition: Condition,
-    inputs: Mapping[str, float],
-    controls: Mapping[str, str | Control] | None,
-    limits: Mapping[str, tuple[float, float]],
-    thrust: str,
-) -> Problem:
-    where = f"trim of {model.database.name}"
-    if model.earth is not None:
-        raise InputError(
-            "its earth rotates", where, "make the model without earth: steady flight is over a flat"
-        )
-    known = {*SURROUNDINGS, *model.inputs}
-    for name in (*inputs, *limits, thrust):
-        if name not in known:
-            raise InputError(f"it has no input '{name}'", where, nearest(name, known))
-    if any(low >= high for low, high in limits.values()):
-        raise InputError("a lower limit that is not below the upper one", where, "swap them")
-    given = dict.fromkeys(model.inputs, 0.0) | dict(inputs)
-    chosen: dict[str, Control] = {}
-    for axis, named in (controls or {}).items():
-        if axis not in _AXES:
-            raise InputError(f"no control of '{axis}'", where, nearest(axis, _AXES))
-        chosen[axis] = {named: 1.0} if isinstance(named, str) else dict(named)
-        for name in chosen[axis]:
-            if name not in model.inputs:
-                raise InputError(f"it has no input '{name}'", where, nearest(name, model.inputs))
-    missing = [axis for axis in _AXES if axis not in chosen]
-    if missing:
-        taken = {name for control in chosen.values() for name in control}
-        free = [n for n in model.inputs if is_surface(n) and n not in inputs and n not in taken]
-        found = control_inputs(model, condition, given, free)
-        chosen |= {axis: found[axis] for axis in missing if axis in found}
-    named_controls = {_name_of(control): control for control in chosen.values()}
-    fixed = condition.fixed
-    unknowns = ["alpha"] + [name for name in ("beta", "phi", "turn_rate") if name not in fixed]
-    bounds = [_BOUNDS[name] for name in unknowns]
-    scales = [1.0] * len(unknowns)
-    for name, control in named_controls.items():
-        low, high = -np.inf, np.inf
-        for surface, gain in control.items():
-            ends = (np.array(limits.get(surface, (-np.inf, np.inf))) - given[surface]) / gain
-            low, high = max(low, ends.min()), min(high, ends.max())
-        unknowns.append(name)
-        bounds.append((low, high))
-        scales.append(1.0)
-    if condition.climb is None:
-        unknowns.append("climb")
-        bounds.append(_BOUNDS["climb"])
-        scales.append(1.0)
-    else:
-        unknowns.append(thrust)
-        bounds.append(limits.get(thrust, (0.0, np.inf)))
-        scales.append(given.get("mass", 1.0) * GRAVITY if is_force(thrust) else 1.0)
-    return Problem(
-        model,
-        condition,
-        given,
-        named_controls,
-        None if condition.climb is None else thrust,
-        tuple(unknowns),
-        np.array(bounds, dtype=np.float64),
-        np.array(scales),
-    )
-
-
-def _name_of(control: Control) -> str:
-    """``delta_elevator``, or ``delta_left - delta_right`` of a pair."""
-    text = ""
-    for name, gain in control.items():
-        size = "" if abs(gain) == 1.0 else f"{abs(gain):g} "
-        sign = ("-" if gain < 0 else "") if not text else (" - " if gain < 0 else " + ")
-        text += f"{sign}{size}{name}"
-    return text
 
 
 def _begins(problem: Problem, begin: Trim | None) -> Iterator[Array]:
@@ -551,7 +250,7 @@ def _check(
         if left_tables:
             reasons.append(f"table {' and '.join(left_tables)} is left, with its edge held")
         turning = np.abs(residual[3:6]).max() > np.abs(residual[:3]).max()
-        if len(problem.controls) < len(_AXES) and turning and not reasons:
+        if len(problem.controls) < len(AXES) and turning and not reasons:
             names = ", ".join(problem.controls) or "none"
             reasons.append(f"roll, pitch and yaw have too few controls: {names}")
     left = problem.accelerations(point[:, None])[:, 0]
@@ -571,7 +270,7 @@ def _check(
 def _shown_value(name: str, value: float) -> str:
     if is_force(name):
         return f"{value:.4g} N"
-    angle = name in _BOUNDS or "delta_" in name
+    angle = name in BOUNDS or "delta_" in name
     return f"{np.rad2deg(value):.4g} deg{'/s' * (name == 'turn_rate')}" if angle else f"{value:.4g}"
 
 
