@@ -21,9 +21,9 @@ DOCUMENTS = (
 PACKAGES = (
     *("logs", "conditioning", "crosschecks", "consistency", "coefficients", "tables"),
     *("increments", "effects", "tracing", "loop", "estimation", "identification", "simulation"),
-    *("exchange", "report", "physics", "support"),
+    *("exchange", "report", "physics", "support", "vehicle"),
 )
-MODULES = ("recording", "flight", "nomenclature", "units", "vehicle", "errors")
+MODULES = ("recording", "flight", "nomenclature", "units", "errors")
 
 
 def documents() -> list[Path]:
