@@ -190,13 +190,11 @@ class Count:
     def add(self, name: str, pair: Pair) -> None:
         with np.errstate(all="ignore"):
             found, place = noticed(pair), self.ingest
-            if not any(limits_flight(each) for each in found):
+            if not found:
                 try:
-                    beside = noticed_beside(pair)
+                    found, place = noticed_beside(pair), self.beside
                 except InputError:
                     return self.refused.append(name)
-                place = self.ingest if found and not beside else self.beside
-                found = (*found, *beside)
         (place if found else self.silent).append(name)
         if found and not any(limits_flight(each) for each in found):
             self.suspected.append(name)
