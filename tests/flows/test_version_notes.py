@@ -91,7 +91,7 @@ def test_a_failed_run_is_dismissed_once_and_not_retried(workspace: Path) -> None
     assert aerodb(workspace, "dismiss", run, "--reason", " ").returncode == 3
     assert asked(workspace, "dismiss", run[:8], "--reason", "disk replaced")["run"] == run
     assert asked(workspace, "status")["failed"] == []
-    assert asked(workspace, "retry", "all") == []
+    assert asked(workspace, "retry", "all", "--direct") == []
     assert aerodb(workspace, "dismiss", run, "--reason", "again").returncode == 2
 
 
