@@ -31,6 +31,7 @@ from tests.faults.killing import (
     picture,
     problems,
 )
+from tests.support.forking import fork_for_flights
 from tests.support.set_clock import set_clock
 
 _SIZE = 32_000_000
@@ -200,6 +201,7 @@ def trial(
 
 
 def main() -> None:
+    fork_for_flights()
     undisturbed, folder = Undisturbed.read(Path(sys.argv[1])), Path(sys.argv[2])
     generator, trials = np.random.default_rng(int(sys.argv[3])), int(sys.argv[4])
     logs, expected = undisturbed.logs, undisturbed.stages

@@ -28,13 +28,12 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
-from tests.support.forking import IMPORTED, fork_for_flights
+from tests.support.forking import IMPORTED
 from tests.support.glider_runs import prepared, rows, stored
 from tests.support.small_glider import MODEL, NAME, state_of, write_files
 
 for _name in IMPORTED:  # what runs import when they need it: here once, so that no fork does
     import_module(_name)
-fork_for_flights()
 #: What a kill may leave behind until the run is done again: nothing that anybody could take for the
 #: truth.
 HARMLESS = {"half-written", "orphan"}
