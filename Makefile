@@ -12,7 +12,7 @@ DOCS := .venv-docs
 # aerodb with flows, tasks and storage in it, as it is installed: what mypy, lint-imports and the site read.
 WHOLE := $(VENV)/whole
 
-.PHONY: install demo pictures test lint whole docs bench campaign pins release clean
+.PHONY: install demo pictures test check lint whole docs bench campaign pins release clean
 
 install: $(READY)
 
@@ -31,9 +31,13 @@ pictures: demo
 	$(BIN)/python -m tests.support.demo_pictures demo-workspace docs/pictures
 
 # What is imported is compiled once, not again by each of the hundreds of processes.
-test campaign: export PYTHONDONTWRITEBYTECODE =
+test check campaign: export PYTHONDONTWRITEBYTECODE =
 test: install
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+
+# What the change (against origin/main, or HEAD) reaches, the nearest first, for a minute and a half.
+check: install
+	files=`$(BIN)/python -m tests.support.reached`; test -z "$$files" || $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --within 90 $$files
 
 lint: install
 	$(BIN)/ruff check .

@@ -1,6 +1,7 @@
 """Where tests find measured flight data, and what they share."""
 
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,8 @@ from tests.support.order import ByFiles, long_first
 if TYPE_CHECKING:
     from tests.support.object_service import ObjectService
     from tests.support.shared_workspace import SharedWorkspaces
+
+_BEGUN = pytest.StashKey[float]()
 
 
 @pytest.fixture(scope="session")
@@ -38,6 +41,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy"
     )
+    parser.addoption(
+        "--within", type=float, help="begin no test later than this [s]; files as they are given"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -56,11 +62,23 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first; what only the campaign runs is skipped without it."""
-    long_first(items)
+    if config.getoption("--within") is None:
+        long_first(items)
     if not config.getoption("--full-campaign"):
         for item in items:
             if item.get_closest_marker("campaign"):
                 item.add_marker(pytest.mark.skip(reason="runs in `make campaign`"))
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    session.config.stash[_BEGUN] = time.monotonic()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """`make check` ends in time; `make test` runs all."""
+    within = item.config.getoption("--within")
+    if within is not None and time.monotonic() > item.config.stash[_BEGUN] + within:
+        pytest.skip("not in the time of `make check`; runs in `make test`")
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -12,7 +12,6 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -44,11 +43,10 @@ FAULTS = ["full", "read_only", "set_back"]
 @pytest.fixture(scope="module")
 def told(
     tmp_path_factory: pytest.TempPathFactory,
-    trials: Callable[[int, int], int],
     shared: SharedWorkspaces,
 ) -> list[dict[str, Any]]:
     """What became of each disturbed run."""
-    number, folder = trials(2, 60), tmp_path_factory.mktemp("faults")
+    number, folder = 60, tmp_path_factory.mktemp("faults")
     clock = Clock(folder / "clock").environment if can_be_set() else {}
     command = [
         sys.executable,
@@ -71,7 +69,7 @@ def told(
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-@pytest.mark.heavy
+@pytest.mark.campaign
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_same_run_again_ends_as_if_nothing_had_happened(
     fault: str, told: list[dict[str, Any]]
@@ -95,6 +93,9 @@ def test_the_same_run_again_ends_as_if_nothing_had_happened(
         assert {entry["code"] for entry in mine} == {0}, "no run needs the clock"
 
 
+@pytest.mark.parametrize(
+    "kept_in", ["sqlite", pytest.param("postgresql", marks=pytest.mark.campaign)], indirect=True
+)
 def test_a_clock_that_is_set_back_reorders_nothing(
     tmp_path: Path,
     kept_in: str,

@@ -9,7 +9,6 @@ import json
 import os
 import signal
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,13 +18,13 @@ from tests.support.forking import run_forked
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 
-pytestmark = [pytest.mark.heavy, pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")]
+pytestmark = [pytest.mark.campaign, pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")]
 
 
 def test_whatever_is_killed_is_whole_after_the_next_run(
-    trials: Callable[[int, int], int], shared: SharedWorkspaces, tmp_path: Path
+    shared: SharedWorkspaces, tmp_path: Path
 ) -> None:
-    number = trials(4, 300)
+    number = 300
     done = run_forked(
         [str(shared.undisturbed), str(tmp_path), "6", str(number)],
         environment(),

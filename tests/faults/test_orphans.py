@@ -90,6 +90,7 @@ def test_the_server_of_a_killed_command_asks_for_a_token_and_ends_at_the_next_st
     assert answered(port) == 0
 
 
+@pytest.mark.campaign
 def test_a_killed_service_takes_its_runs_along(tmp_path: Path, shared: SharedWorkspaces) -> None:
     """Server, runner and the process of a run that is under way."""
     workspace = shared.prepared(tmp_path / "w")
@@ -113,6 +114,7 @@ def test_a_killed_service_takes_its_runs_along(tmp_path: Path, shared: SharedWor
         end_service(process)
 
 
+@pytest.mark.campaign
 def test_two_services_on_one_port_are_told_apart(tmp_path: Path, shared: SharedWorkspaces) -> None:
     """Both started together: the port is free for both, until the first one's server listens."""
     port = free_port()

@@ -9,7 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -57,20 +57,15 @@ def _drop(workspace: Workspace, logs: list[Path]) -> None:
 
 
 @pytest.fixture(scope="module")
-def nights(trials: Callable[[int, int], int]) -> int:
-    return trials(1, 2)
-
-
-@pytest.fixture(scope="module")
 def undisturbed(
-    tmp_path_factory: pytest.TempPathFactory, nights: int
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[list[Path], Workspace]:
     """Six logs, and a workspace that has had three of them in each night."""
     folder = tmp_path_factory.mktemp("undisturbed")
     logs = write_files(folder / "logs", 6)
     workspace = _empty(folder / "w", logs)
     (workspace.root / "settings.toml").write_text(SETTINGS, encoding="utf-8")
-    for night in range(nights):
+    for night in range(2):
         _drop(workspace, logs[3 * night : 3 * night + 3])
         run_flow(nightly_flow, {}, workspace, "direct")
     return logs, workspace
@@ -115,15 +110,14 @@ def _labels(workspace: Workspace) -> list[str]:
         return [row.label for row in catalogue.versions(NAME)]
 
 
-@pytest.mark.heavy
+@pytest.mark.campaign
 def test_server_database_and_clock_fail_in_one_run(
     served: tuple[Served, list[str], Path],
     undisturbed: tuple[list[Path], Workspace],
     postgresql_server: Server,
-    nights: int,
 ) -> None:
-    """In the campaign the clock is set back once more, and nothing else ails: the server would wait
-    for the day that is gone."""
+    """In the end the clock is set back once more, and nothing else ails: the server would wait for the
+    day that is gone."""
     one, databases, clock = served
     workspace = one.workspace
     wait_until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
@@ -137,14 +131,13 @@ def test_server_database_and_clock_fail_in_one_run(
     set_clock(clock, -86_400)
     wait_until(lambda: "the clock was set back by 864" in one.said(), one, "the clock is noticed")
     wait_until(lambda: _labels(workspace) == ["v0001", "v0002"], one, "what was begun is done")
-    if nights > 1:
-        set_clock(clock, -2 * 86_400)
-        _drop(workspace, one.logs[3:])
-        wait_until(
-            lambda: _labels(workspace)[2:] == ["v0003"],
-            one,
-            "a night on the schedule, by the clock as it is now",
-        )
+    set_clock(clock, -2 * 86_400)
+    _drop(workspace, one.logs[3:])
+    wait_until(
+        lambda: _labels(workspace)[2:] == ["v0003"],
+        one,
+        "a night on the schedule, by the clock as it is now",
+    )
     wait_until(lambda: not _under_way(workspace), one, "it has ended")
     one.process.send_signal(signal.SIGTERM)
     assert one.process.wait(timeout=300) == 0, one.said()

@@ -192,6 +192,7 @@ def test_what_is_not_there_is_said_in_seconds(
     assert outcome["status"] == "stored"
 
 
+@pytest.mark.campaign
 def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(
     tmp_path: Path, shared: SharedWorkspaces
 ) -> None:

@@ -64,6 +64,7 @@ def served(
             postgresql_server.drop(name)
 
 
+@pytest.mark.campaign
 def test_logs_are_taken_in_with_everything_in_postgresql_and_through_cuts(
     served: tuple[Served, list[str]], postgresql_server: Server
 ) -> None:

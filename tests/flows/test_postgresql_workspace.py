@@ -273,16 +273,16 @@ def cutting(server: Server, database: str, generator: random.Random) -> Iterator
 
 @pytest.fixture(scope="module")
 def stages(
-    tmp_path_factory: pytest.TempPathFactory, postgresql_server: Server, trials: Any
+    tmp_path_factory: pytest.TempPathFactory, postgresql_server: Server
 ) -> Iterator[dict[str, tuple[Made, Any]]]:
     """Stage -> the workspace before it, and the picture after it, undisturbed."""
-    logs = write_files(tmp_path_factory.mktemp("logs"), flights=trials(2, 3))
+    logs = write_files(tmp_path_factory.mktemp("logs"), flights=3)
     folder = tmp_path_factory.mktemp("stages")
     copies, before = Copies(postgresql_server, folder), {}
     copies.databases.append(postgresql_server.catalogue())
     name_in_settings(folder / "w", postgresql_server.url(copies.databases[0]))
     workspace = prepared(folder / "w", logs[0].parent)
-    for name in ("per_flight", "update", "promotion")[: trials(1, 3)]:
+    for name in ("per_flight", "update", "promotion"):
         kept = copies.of(Made(workspace.root, copies.databases[0], logs), f"before-{name}")
         STAGES[name](workspace, logs)
         before[name] = Made(kept.root, copies.databases[-1], logs), picture(workspace)
@@ -291,12 +291,12 @@ def stages(
         postgresql_server.drop(database)
 
 
-@pytest.mark.heavy
+@pytest.mark.campaign
 def test_cut_at_random_moments_the_same_run_again_ends_as_if_nothing_had_happened(
-    stages: dict[str, Any], copies: Copies, postgresql_server: Server, trials: Any
+    stages: dict[str, Any], copies: Copies, postgresql_server: Server
 ) -> None:
     generator, outcomes = random.Random(1), []
-    for name, number in product(stages, range(trials(2, 30))):
+    for name, number in product(stages, range(30)):
         made, wanted = stages[name]
         workspace = copies.of(made, f"{name}-{number}")
         with cutting(postgresql_server, copies.databases[-1], generator):

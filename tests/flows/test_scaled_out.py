@@ -17,6 +17,7 @@ pytest.importorskip("distributed", reason="Dask is not installed (aerodb[dask])"
 pytest.importorskip("moto", reason="no object store to test with (moto)")
 
 
+@pytest.mark.campaign
 def test_all_three_together_store_the_same_though_a_worker_is_killed(
     tmp_path: Path, postgresql_server: Server, logs: list[Path], shared: SharedWorkspaces
 ) -> None:
