@@ -110,6 +110,7 @@ def closed(ingested, measured):
     return root, asked(root, *loop), asked(root, *loop, "--accept-suspected", "stall_hysteresis")
 
 
+@pytest.mark.campaign
 def test_hysteresis_is_suspected_and_added_when_asked_for(closed):
     _, found, accepted = closed
     assert found["candidate"] is None  # two flights confirm nothing
@@ -122,6 +123,7 @@ def test_hysteresis_is_suspected_and_added_when_asked_for(closed):
     assert "stall_hysteresis@C_lift" in accepted["added"]
 
 
+@pytest.mark.campaign
 def test_lift_in_the_stall_of_the_other_record_both_ways(closed):
     """At most the goals, and by about a third less than without the stall: published .61 (02) and
     .77 (01) of it."""

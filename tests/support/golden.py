@@ -2,18 +2,33 @@
 digits."""
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import pytest
 
-from aerodb.tracing import Finding
+if TYPE_CHECKING:
+    from aerodb.consistency.output_error.reconstruction import Estimate
+    from aerodb.tracing import Finding
 
 #: Half a unit of the third digit, at worst.
 THREE_DIGITS = 5e-3
 
 
-def told(findings: Iterable[Finding]) -> list[tuple[str, str, float, float, float]]:
+def told(findings: Iterable["Finding"]) -> list[tuple[str, str, float, float, float]]:
     """Hypothesis, verdict, value and 95 % interval (SI) of each finding."""
     return [(each.hypothesis, each.verdict, each.value, *each.ci95) for each in findings]
+
+
+def estimated(
+    estimates: Iterable["Estimate"], names: Iterable[str]
+) -> list[tuple[str, float, float]]:
+    """Value and standard error (SI) of the estimates of these parameters."""
+    wanted = set(names)
+    return [
+        (each.parameter.name, float(each.value), float(each.standard_error))
+        for each in estimates
+        if each.parameter.name in wanted
+    ]
 
 
 def same(found: Sequence[Sequence[object]], known: Sequence[Sequence[object]]) -> bool:

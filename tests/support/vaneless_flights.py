@@ -145,11 +145,9 @@ def _flown(flights: int, seed: int) -> Flown:
     return fly_glider(vehicle, read_native(handbook), read_native(steeper(handbook)), flights, seed)
 
 
-def fleet(
-    folder: Path, flights: int, seed: int, heave_bias: float = 0.01, taken: int | None = None
-) -> Fleet:
-    """Flies, writes logs into `folder`, and takes them (the first `taken`) in. heave_bias : of the
-    accelerometer along z, m/s^2."""
+def fleet(folder: Path, flights: int, seed: int, heave_bias: float = 0.01) -> Fleet:
+    """Flies, writes logs into `folder`, and takes them in. heave_bias : of the accelerometer along
+    z, m/s^2."""
     files = guide_files()
     handbook, flown = files["handbook.toml"], _flown(flights, seed)
     logs = write_logs(
@@ -157,7 +155,7 @@ def fleet(
         flown,
         instruments(parse_vehicle(files["my-glider.toml"]), heave_bias=heave_bias),
         seed,
-    )[:taken]
+    )
     workspace = Workspace.open(folder / "workspace")
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle(NAME, files["my-glider.toml"])

@@ -63,10 +63,9 @@ class Seen:
         return statistics.median(chosen)
 
 
-@pytest.mark.heavy
+@pytest.mark.campaign
 def test_memory_stays_as_it_was_and_queries_answer(
     tmp_path: Path,
-    trials: Callable[[int, int], int],
     monkeypatch: pytest.MonkeyPatch,
     record_property: Callable[[str, object], None],
 ) -> None:
@@ -75,7 +74,7 @@ def test_memory_stays_as_it_was_and_queries_answer(
     )
     workspace, number = (
         prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent),
-        trials(64, 1000),
+        1000,
     )
     (workspace.root / "settings.toml").write_text(QUICK, encoding="utf-8")
     (workspace.inbox / NAME).mkdir()

@@ -17,6 +17,7 @@ from aerodb.vehicle import Accuracy
 
 pytest.importorskip("jsbsim")
 
+from tests.support.golden import estimated, same
 from tests.support.jsbsim_records import NOISE, WIND, flown, measured_record  # needs jsbsim
 
 ERRORS = {
@@ -62,12 +63,11 @@ def test_every_planted_error_comes_back_without_noise(flight):
         assert entry.value == pytest.approx(PLANTED[name], **tolerance), name
 
 
-@pytest.mark.heavy
-def test_intervals_cover_the_truth(flight, trials):
+@pytest.mark.campaign
+def test_intervals_cover_the_truth(flight):
     """95 % intervals under white noise of all sensors, inertial ones included."""
-    runs = trials(4, 300)
     inside = []
-    for seed in range(runs):
+    for seed in range(300):
         found = _found(_solve(_record(flight, seed=5000 + seed)))
         inside.append(
             [
@@ -76,10 +76,33 @@ def test_intervals_cover_the_truth(flight, trials):
             ]
         )
     shares = np.mean(inside, axis=0)
-    # two standard errors of a share of few runs on top, as far as the estimates were independent
-    slack = 0.0 if runs >= 300 else 2 * np.sqrt(0.05 * 0.95 / (runs * len(PLANTED)))
-    assert 0.92 - slack <= shares.mean() <= 0.98 + slack
-    assert shares.min() >= (0.90 if runs >= 300 else 0.60)
+    assert 0.92 <= shares.mean() <= 0.98
+    assert shares.min() >= 0.90
+
+
+def test_one_noisy_flight_gives_what_it_always_gave(flight):
+    """Estimates and their standard errors under white noise of all sensors."""
+    result = _solve(_record(flight, seed=5000))
+    known = [
+        ("ax_bias", 0.0492, 0.000849),
+        ("ay_bias", -0.041, 0.00075),
+        ("az_bias", 0.0995, 0.000477),
+        ("p_bias", 0.00199, 1.18e-05),
+        ("q_bias", -0.000991, 1.19e-05),
+        ("r_bias", 0.0015, 1.1e-05),
+        ("alpha_scale", 0.0834, 0.00785),
+        ("alpha_bias", 0.00982, 0.000139),
+        ("alpha_delay", 0.0335, 0.00368),
+        ("beta_bias", -0.00823, 0.000195),
+        ("beta_scale", -0.0498, 0.00132),
+        ("beta_delay", 0.042, 0.00163),
+        ("V_scale", 0.0198, 0.000365),
+        ("qbar_scale", 0.102, 0.000764),
+        ("air_data_x", 0.299, 0.08),
+        ("wind_north", 5.01, 0.0133),
+        ("wind_east", -7.01, 0.015),
+    ]
+    assert same(estimated(result.estimates, PLANTED), known)
 
 
 def test_nothing_is_found_where_nothing_is_wrong(flight):
