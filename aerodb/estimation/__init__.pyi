@@ -1,14 +1,27 @@
-from .affine import AffineMatrix, affine_matrix
-from .delays import MOST_DELAY, DelayedStateSpace, delayed, with_delays
 from .dynamic_model import DynamicModel, Values
-from .filter_error import filter_error
+from .filters import (
+    Recommendation,
+    extended_kalman,
+    filter_error,
+    output_or_filter_error,
+    unscented_kalman,
+)
 from .fit import Fit, ParameterEstimate, Standing
-from .frequency_domain import frequency_domain_regression
-from .frequency_response import FrequencyResponse, frequency_responses
 from .independence import InputCorrelation, dependent, input_correlations
-from .kalman import extended_kalman, unscented_kalman
-from .linear_equation import EquationRecord, LinearEquation
-from .multiple_shooting import multiple_shooting
+from .linear_models import (
+    FROM_SUBSPACE,
+    MOST_DELAY,
+    AffineMatrix,
+    DelayedStateSpace,
+    StateSpace,
+    affine_matrix,
+    delayed,
+    has_start_values,
+    stabilised,
+    state_space,
+    with_delays,
+    with_start_values,
+)
 from .ordinary_least_squares import (
     Regression,
     coloured_sum,
@@ -17,22 +30,22 @@ from .ordinary_least_squares import (
     samples_per_independent,
     with_mean_constant,
 )
-from .output_error import output_error
+from .output_error import multiple_shooting, output_error
 from .parameters import Parameter, Parameters, bounds_of, priors_of
-from .process_noise import Recommendation, output_or_filter_error
-from .recursive import (
+from .regression import (
+    EquationRecord,
     FourierRegression,
+    LinearEquation,
     RecursiveLeastSquares,
+    frequency_domain_regression,
     normalised_recursive_least_squares,
     recursive_least_squares,
+    regression,
 )
-from .regression_fit import regression
+from .spectra import FrequencyResponse, TransferFunction, frequency_responses, transfer_function_fit
 from .splines import SplineKind, chosen_knots, piecewise_polynomials
-from .start_values import FROM_SUBSPACE, has_start_values, with_start_values
-from .state_space import StateSpace, stabilised, state_space
 from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
-from .transfer_function import TransferFunction, transfer_function_fit
 
 __all__ = [
     "FROM_SUBSPACE",

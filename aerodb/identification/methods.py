@@ -55,23 +55,25 @@ _METHODS = (
     Method(
         "principal-components",
         "equation error",
-        ("aerodb.estimation.principal_components", "principal_components"),
+        ("aerodb.estimation.regression", "principal_components"),
     ),
     Method(
         "total-least-squares",
         "equation error",
-        ("aerodb.estimation.total_least_squares", "total_least_squares"),
+        ("aerodb.estimation.regression", "total_least_squares"),
     ),
     Method(
         "instrumental-variables",
         "equation error",
-        ("aerodb.estimation.instrumental_variables", "instrumental_variables"),
+        ("aerodb.estimation.regression", "instrumental_variables"),
     ),
-    Method("stepwise", "equation error", ("aerodb.estimation.stepwise", "stepwise"), display=True),
+    Method(
+        "stepwise", "equation error", ("aerodb.estimation.regression", "stepwise"), display=True
+    ),
     Method(
         "orthogonal-functions",
         "equation error",
-        ("aerodb.estimation.stepwise", "orthogonal_functions"),
+        ("aerodb.estimation.regression", "orthogonal_functions"),
         display=True,
     ),
     Method("output-error", "dynamic", ("aerodb.estimation", "output_error")),

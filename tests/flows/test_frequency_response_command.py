@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.aerodb.estimation.test_frequency_response import SHORT_PERIOD, TRUTH, pitch_rate, sweep
+from tests.aerodb.estimation.spectra.test_frequency_response import (
+    SHORT_PERIOD,
+    TRUTH,
+    pitch_rate,
+    sweep,
+)
 from tests.support.command import aerodb, asked
 from tests.support.equations import coloured
 from tests.support.small_glider import NAME, RHO, VEHICLE, V, write_parquet

@@ -6,7 +6,7 @@ import pytest
 import scipy.interpolate
 
 from aerodb.errors import InputError
-from aerodb.estimation.regression_fit import regression
+from aerodb.estimation.regression.regression_fit import regression
 from aerodb.estimation.splines import chosen_knots, spline_basis
 from aerodb.estimation.statistics import theil
 from tests.support.caravan import (

@@ -1,0 +1,14 @@
+"""Output error: the parameters whose simulated outputs are most likely.
+
+1. `sensitivities` are the derivatives of the outputs, by the model itself or by runs side by side.
+2. `likelihood` weights them by the measurement noise, which is estimated too.
+3. `search` (`gauss_newton`) climbs the likelihood; `output_error` says what each estimate is worth.
+4. `instability` tells when an unstable motion needs `stabilised` models or `multiple_shooting`,
+   which gives each segment of a record its own initial state.
+
+Before: `aerodb.estimation.linear_models`. With turbulence: `aerodb.estimation.filters`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

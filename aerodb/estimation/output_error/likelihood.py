@@ -1,0 +1,231 @@
+"""Likelihood of measured outputs whose noise covariance is estimated with the parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from aerodb.estimation.coloured_noise import autoregressive_noise
+from aerodb.estimation.output_error.sensitivities import Response
+from aerodb.support import Array, Mask
+
+#: Whether the noise of different outputs is taken as uncorrelated.
+Covariance = Literal["diagonal", "full"]
+
+#: Smallest noise of an output, as a share of its rms: below, only rounding is left.
+_SMALLEST = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Outputs of one record (n, o), and which of them were measured (n, o); others are 0."""
+
+    values: Array
+    mask: Mask
+
+    def residual(self, outputs: Array) -> Array:
+        """Measured minus model, 0 where not measured."""
+        return np.where(self.mask, self.values - outputs, 0.0)
+
+
+def measured(values: Array) -> Measured:
+    """Outputs (n, o) of a record, NaN where they were not measured."""
+    mask = np.isfinite(values)
+    return Measured(np.where(mask, values, 0.0), mask)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Estimated measurement noise of o outputs.
+
+    Parameters
+    ----------
+    covariance : (o, o). count : (o,) samples of each output.
+    log_likelihood : of the residuals that it was estimated from, without priors.
+    """
+
+    covariance: Array
+    count: Array
+    log_likelihood: float
+
+
+def noise_of(records: Sequence[Measured], residuals: Sequence[Array], kind: Covariance) -> Noise:
+    """Covariance of the residuals, at which their likelihood is greatest for the parameters as they
+    are: the relaxation step of output error.
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification, 2016, eqs. 6.32 and 6.33.
+    """
+    squares = sum(residual.T @ residual for residual in residuals)
+    together = sum(record.mask.T.astype(float) @ record.mask for record in records)
+    count = np.diag(together).copy()
+    floor = np.array(sum(np.sum(record.values**2, axis=0) for record in records)) / np.maximum(
+        count, 1.0
+    )
+    floor = np.maximum(_SMALLEST**2 * floor, 1e-300)
+    covariance = np.asarray(squares) / np.maximum(together, 1.0)
+    variance = np.maximum(np.diag(covariance), floor)
+    if kind == "diagonal":
+        covariance = np.diag(variance)
+        return Noise(
+            covariance, count, -0.5 * float(count @ (np.log(2.0 * np.pi * variance) + 1.0))
+        )
+    deviation = np.sqrt(variance)
+    correlation = covariance / np.outer(deviation, deviation)
+    values, vectors = np.linalg.eigh(correlation)
+    correlation = (vectors * np.maximum(values, _SMALLEST)) @ vectors.T
+    noise = Noise(correlation * np.outer(deviation, deviation), count, 0.0)
+    logs = 0.0
+    for record, residual in zip(records, residuals, strict=True):
+        white, _ = whitened(record, residual, np.zeros((*residual.shape, 0)), noise)
+        logs -= 0.5 * float(np.sum(white**2)) + _log_determinants(record, noise)
+    return Noise(noise.covariance, count, logs)
+
+
+def _patterns(mask: Mask) -> list[tuple[Mask, Mask]]:
+    """Each set of outputs that was measured together, and its samples."""
+    return [(row, (mask == row).all(axis=1)) for row in np.unique(mask, axis=0) if row.any()]
+
+
+def _log_determinants(record: Measured, noise: Noise) -> float:
+    total = 0.0
+    for outputs, samples in _patterns(record.mask):
+        part = 2.0 * np.pi * noise.covariance[np.ix_(outputs, outputs)]
+        total += 0.5 * float(samples.sum()) * float(np.linalg.slogdet(part)[1])
+    return total
+
+
+def whitened(record: Measured, residual: Array, slopes: Array, noise: Noise) -> tuple[Array, Array]:
+    """Residual (n, o) and slopes (n, o, g) in units of the noise, uncorrelated between outputs; 0
+    where not measured."""
+    off = noise.covariance - np.diag(np.diag(noise.covariance))
+    if not off.any():
+        weight = 1.0 / np.sqrt(np.diag(noise.covariance))
+        if record.mask.all():
+            return residual * weight, slopes * weight[:, None]
+        scaled = record.mask * weight
+        return residual * weight, np.where(scaled[:, :, None] > 0, slopes, 0.0) * scaled[:, :, None]
+    white, out = np.zeros_like(residual), np.zeros_like(slopes)
+    for outputs, samples in _patterns(record.mask):
+        part = np.linalg.cholesky(noise.covariance[np.ix_(outputs, outputs)])
+        inverse = solve_triangular(part, np.eye(len(part)), lower=True)
+        at = np.ix_(samples, outputs)
+        white[at] = residual[at] @ inverse.T
+        out[at] = np.einsum("pq,nqg->npg", inverse, slopes[at])
+    return white, out
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of the f unknowns, without priors.
+
+    Parameters
+    ----------
+    information : (f, f), of Fisher. gradient : (f,), of the log-likelihood.
+    curvature : (f, f), information with what the estimate of the noise gives way when the
+        parameters move: Newton's matrix of the likelihood that is maximised over the noise.
+    gaps : (c,) of the constraints; gap_slopes (c, f) their derivatives.
+    """
+
+    information: Array
+    gradient: Array
+    curvature: Array
+    gaps: Array
+    gap_slopes: Array
+
+
+def no_equations(unknowns: int) -> Normal:
+    """Those of f unknowns without any record."""
+    square = np.zeros((unknowns, unknowns))
+    return Normal(square, np.zeros(unknowns), square, np.zeros(0), np.zeros((0, unknowns)))
+
+
+def normal_equations(
+    records: Sequence[Measured],
+    responses: Sequence[Response],
+    noise: Noise,
+    unknowns: int,
+    kind: Covariance,
+) -> Normal:
+    """Sums over all records, weighted by the noise.
+
+    The second term of the curvature is ``-1/(2 N) tr(S_a S_b)``, S_a being the derivative of the
+    sum of the squares of the whitened residuals: without it the noise and the parameters are
+    estimated in turn, which takes several times as many steps.
+    """
+    information, gradient = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    gaps, gap_slopes = list[Array](), list[Array]()
+    o = len(noise.covariance)
+    moved = np.zeros((o, o, unknowns))
+    for record, response in zip(records, responses, strict=True):
+        white, slopes = whitened(record, record.residual(response.outputs), response.slopes, noise)
+        flat = slopes.reshape(-1, slopes.shape[-1])
+        at = response.columns
+        information[np.ix_(at, at)] += flat.T @ flat
+        for j in range(o):
+            if kind == "full":
+                moved[:, j, at] += white.T @ slopes[:, j]
+            else:
+                moved[j, j, at] += white[:, j] @ slopes[:, j]
+        gaps.append(response.gaps)
+        wide = np.zeros((len(response.gaps), unknowns))
+        wide[:, at] = response.gap_slopes
+        gap_slopes.append(wide)
+    gradient = np.einsum("jjf->f", moved)
+    both = moved + np.swapaxes(moved, 0, 1)
+    both = both / np.sqrt(2.0 * np.maximum(noise.count, 1.0))[:, None, None]
+    both = both.reshape(-1, unknowns)
+    return Normal(
+        information,
+        gradient,
+        information - both.T @ both,
+        np.concatenate(gaps),
+        np.concatenate(gap_slopes),
+    )
+
+
+def coloured_information(
+    records: Sequence[Measured], responses: Sequence[Response], noise: Noise, unknowns: int
+) -> tuple[Array, float]:
+    """``sum_ij S_i' R^-1 Rvv(i-j) R^-1 S_j`` (f, f), with the autocorrelation Rvv of the residuals
+    v, which is the information where they are white; and how many independent samples the residuals
+    of all outputs count as.
+
+    The residuals are first made uncorrelated between outputs at each sample; the autocorrelation
+    of each is that of an autoregressive model (`coloured_noise`).
+
+    References
+    ----------
+    Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997, eq. 22.
+    """
+    total = np.zeros((unknowns, unknowns))
+    whites, slopes = list[Array](), list[Array]()
+    for record, response in zip(records, responses, strict=True):
+        white, slope = whitened(record, record.residual(response.outputs), response.slopes, noise)
+        whites.append(white)
+        slopes.append(slope)
+    squares = np.asarray(sum(white.T @ white for white in whites))
+    deviation = np.sqrt(np.maximum(np.diag(squares), 1e-300))
+    correlation = squares / np.outer(deviation, deviation)
+    np.fill_diagonal(correlation, 1.0)
+    values, vectors = np.linalg.eigh(correlation)
+    mix = np.linalg.cholesky((vectors * np.maximum(values, 1e-9)) @ vectors.T)
+    apart = np.linalg.inv(mix)
+    independent = 0.0
+    for j in range(len(mix)):
+        model = autoregressive_noise(
+            [
+                (white @ apart[j])[record.mask[:, j]]
+                for record, white in zip(records, whites, strict=True)
+                if record.mask[:, j].any()
+            ]
+        )
+        independent += model.independent
+        for slope, response in zip(slopes, responses, strict=True):
+            own = np.einsum("nog,o->ng", slope, mix[:, j])
+            at = response.columns
+            total[np.ix_(at, at)] += model.summed(own)
+    return total, independent
