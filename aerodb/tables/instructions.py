@@ -75,19 +75,6 @@ class Machine:
     outputs: tuple[int, ...]
     tables: tuple[str, ...]
 
-    def run(self, values: Mapping[str, Any]) -> Array:
-        """Evaluate at `values`, each (n,) or a number: (outputs, n). For tests and few points."""
-        from aerodb.tables.machine import execute  # loads the compiler
-
-        n = max((np.size(value) for value in values.values()), default=1)
-        slots = np.repeat(self.slots[:, None], n, axis=1)
-        for name, slot in self.inputs.items():
-            slots[slot] = values[name]
-        cells = np.zeros((len(self.instructions.modes), n), dtype=np.int64)
-        outside = np.zeros((len(self.tables), n), dtype=np.bool_)
-        execute(self.instructions, slots, cells, outside, n)
-        return slots[list(self.outputs)]
-
 
 def machine(program: Program, tables: Mapping[str, AnyTable]) -> Machine:
     """Return a compiled program as instructions.
