@@ -8,7 +8,7 @@ The only layer that reads and writes files, SQL databases and object stores; the
 2. `catalogue.Catalogue.open` gives the database of vehicles, logs, flights, results, versions and
    runs (SQLite file or PostgreSQL). `migrations` holds its schema changes.
 3. `inbox` finds logs that wait to be ingested and manages quarantine and notifications.
-4. `readers.parsed_log` parses a log in another process, under limits, into a `Recording`;
+4. `readers.read_log` parses a log into a `Recording`;
    `mappings.load_mapping` says which field of the log is which channel.
 5. `files` stores flights, recordings, results and documents, in the folder or in an object store.
 6. `writers` writes ULog files and PROV-JSON, and checks exports in JSBSim, in another process.

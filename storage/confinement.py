@@ -23,6 +23,7 @@ _PASSED: Final = (
     "TZ",
     "NUMBA_CACHE_DIR",
     "LD_LIBRARY_PATH",
+    "LD_PRELOAD",
     "SYSTEMROOT",
     "PYTHONPATH",
 )
@@ -35,40 +36,38 @@ def confined_environment() -> dict[str, str]:
 
 
 def subordinate() -> None:
-    """On Linux, let this process end with the thread that started it, and be the first to go where
-    the machine's memory runs out."""
+    """Let this process leave interrupts to the one that started it, and write no image of its
+    memory; on Linux, end with the thread that started it, and be the first to go where the
+    machine's memory runs out."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
         with suppress(OSError):
             Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
 
 
-def confine(limits: Limits) -> None:
-    """Set the limits of this process; the memory limit is in addition to what code and libraries
-    already use. On Linux it also ends with the thread that started it."""
-    subordinate()
-    most = _address_space() + limits.memory
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    seconds = max(int(limits.processor), 1)
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def confine_next(limits: Limits) -> None:
-    """Set the limits of the next job of a process that does one after another, in addition to the
-    memory that it has and the processor time that it has spent.
+def confine(limits: Limits, *, for_good: bool = False) -> None:
+    """Set the limits of the next job of this process, in addition to the memory that it has and the
+    processor time that it has spent; `for_good`, so that it cannot lift them again.
 
     The memory counted is what the process may write to (RLIMIT_DATA): threads reserve address space
     that they never use, and stored files are mapped.
     """
-    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    resource.setrlimit(resource.RLIMIT_DATA, (_at_most(_written() + limits.memory, hard), hard))
+    _limit(resource.RLIMIT_DATA, _written() + limits.memory, for_good)
     usage = resource.getrusage(resource.RUSAGE_SELF)
     spent = math.ceil(usage.ru_utime + usage.ru_stime)
-    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
-    seconds = max(int(limits.processor), 1)
-    resource.setrlimit(resource.RLIMIT_CPU, (_at_most(spent + seconds, hard), hard))
+    _limit(resource.RLIMIT_CPU, spent + max(int(limits.processor), 1), for_good, grace=5)
+
+
+def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
+    """Set a limit; `for_good`, also the hard one, which is `grace` above it."""
+    _, hard = resource.getrlimit(kind)
+    unlimited = hard == resource.RLIM_INFINITY
+    if for_good:
+        hard = most + grace if unlimited else min(most + grace, hard)
+        unlimited = False
+    resource.setrlimit(kind, (most if unlimited else min(most, hard), hard))
 
 
 def lift_memory_limit() -> None:
@@ -77,27 +76,12 @@ def lift_memory_limit() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
 
 
-def _at_most(limit: int, hard: int) -> int:
-    return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-
-
 def _written() -> int:
     """Memory of this process that it may write to [bytes], if the system tells."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         return 1024 * int(status.partition("VmData:")[2].split(maxsplit=1)[0])
     except (OSError, IndexError):
-        return 2_000_000_000  # what code and libraries take on Linux
-
-
-def _address_space() -> int:
-    """Address space already used by this process [bytes], if the system tells."""
-    try:
-        return (
-            int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-            * resource.getpagesize()
-        )
-    except OSError:
         return 2_000_000_000  # what code and libraries take on Linux
 
 

@@ -6,9 +6,9 @@ its result back.
 
 Modules: `workspace_access` opens the workspace folder and its catalogue, where every task starts;
 `stored_steps` derives the key of a result and stores its file; `result_versions` holds the version
-of what each step returns; `memory_cache` keeps flights and coefficients in memory; `loop_flights`
-gives the closed loop its flights; `references` resolves what a user names (a vehicle, a version, a
+of what each step returns; `references` resolves what a user names (a vehicle, a version, a
 point); `provenance` names the code version and the user.
 
-Packages: `steps` (what flows call) and `view` (read-only documents).
+Packages: `steps` (what flows call), `view` (read-only documents) and `workers` (processes for work
+on untrusted logs).
 """

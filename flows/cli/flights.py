@@ -52,12 +52,10 @@ def ingest(
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
-    from aerodb.storage.readers import start_reader
-    from aerodb.tasks.confined import start_confined
+    from aerodb.tasks.workers import start_workers
 
     # They get ready while this process imports the science.
-    start_reader({Path(name).suffix.lower() for name in log})
-    start_confined()
+    start_workers({Path(name).suffix.lower() for name in log})
     from aerodb.flows.flight import flight_flow
     from aerodb.vehicle import parse_vehicle, placeholders
 

@@ -14,7 +14,7 @@ from aerodb.flows.cli.output import Session, visible
 if TYPE_CHECKING:
     from aerodb.logs import TopicSummary
     from aerodb.recording import Recording
-    from aerodb.storage.readers import Parsed
+    from aerodb.tasks.workers import Parsed
 
 app = typer.Typer(name="log", cls=Commands, no_args_is_help=True, help="Raw logs.")
 
@@ -33,14 +33,13 @@ def inspect(
     Example: aerodb log inspect flight.ulg
     """
     # Imported here, and below, because a query must not wait for the science to import.
-    from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
-    from aerodb.tasks.confined import start_confined
+    from aerodb.tasks.workers import parsed_log, start_workers
 
     session: Session = context.obj
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
-    start_confined()
+    start_workers([log.suffix.lower()])
     limits = load_settings(session.root).limits
     with (
         tempfile.TemporaryDirectory() as folder,

@@ -30,8 +30,8 @@ def init(
     """
     from aerodb.logs import draft_mapping
     from aerodb.storage.mappings import builtin_mappings
-    from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
+    from aerodb.tasks.workers import parsed_log
 
     session: Session = context.obj
     if not log.is_file():

@@ -55,8 +55,8 @@ def init(
 def _from_log(session: Session, name: str, source: Path) -> tuple[str, dict[str, Any]]:
     """The text of a vehicle file from a log, and what was found in it."""
     from aerodb.logs import draft_vehicle, read_autopilot
-    from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
+    from aerodb.tasks.workers import parsed_log
 
     if not source.is_file():
         raise InputError("no such file", str(source), "check the path")

@@ -33,8 +33,8 @@ from aerodb.recording import Recording
 from aerodb.storage.files import read_recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.mappings import builtin_mappings, load_mapping
-from aerodb.storage.readers import parsed_log
 from aerodb.tables import AeroDatabase
+from aerodb.tasks.workers import parsed_log
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 if TYPE_CHECKING:

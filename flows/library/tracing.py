@@ -28,7 +28,7 @@ from aerodb.loop import (
     with_model_error,
 )
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.loop_flights import reconstruction_of
+from aerodb.tasks.steps import reconstruction_of
 from aerodb.tracing import (
     Finding,
     UnexplainedResidual,

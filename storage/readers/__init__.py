@@ -1,14 +1,12 @@
 """Log readers: a log file of any known format as a `Recording`, without interpreting its fields.
 
-`parsed_log` parses a log in another process, under resource limits, and gives its recording and the
-folder of its topics; `start_reader` starts that process in advance,
-`prepare_reader` compiles what it needs. Inside the process,
-`any_format.read_log` selects the reader: `ulog`, `mcap`, `dataflash`
-(ArduPilot), or `tabular` (CSV, MAT, Parquet, text).
+`read_log` selects the reader: `ulog`, `mcap`, `dataflash` (ArduPilot), or `tabular` (CSV, MAT,
+Parquet, text). Logs are untrusted: it is called in a process under limits
+(`aerodb.tasks.workers.parsed_log`), for which `prepare_reader` imports and compiles what it needs.
 Which field is which channel is decided afterwards by a mapping file (`aerodb.storage.mappings`).
 `UlogStream` reads a ULog while it is being written, of which `following` gives the bytes.
 
-Modules: `isolated` and `worker` (the other process); `ulog`, `ulog_framing`, `ulog_kernels`,
+Modules: `any_format`; `ulog`, `ulog_framing`, `ulog_kernels`,
 `ulog_definitions`, `ulog_topics`, `ulog_stream`; `mcap`, `mcap_framing`, `mcap_messages`,
 `mcap_protobuf`; `dataflash`, `dataflash_kernels`; `tabular`, `mat`, `text`.
 """

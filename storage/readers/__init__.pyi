@@ -1,5 +1,4 @@
-from .isolated import Parsed, parsed_log, start_reader
+from .any_format import prepare_reader, read_log
 from .ulog_stream import UlogStream, following
-from .worker import prepare_reader
 
-__all__ = ["Parsed", "UlogStream", "following", "parsed_log", "prepare_reader", "start_reader"]
+__all__ = ["UlogStream", "following", "prepare_reader", "read_log"]

@@ -3,28 +3,41 @@
 Readers are imported on demand, because each depends on a library of its own.
 """
 
+import tempfile
 from collections.abc import Collection
+from functools import cache
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from aerodb.errors import InputError
-from aerodb.recording import Recording
+from aerodb.recording import Recording, Topic
+from aerodb.storage.files import write_topics
+from aerodb.storage.writers import write_ulog
 
 _ULOG, _MCAP, _DATAFLASH = b"ULog", b"\x89MCAP", b"\xa3\x95"
-ULOG_SUFFIXES: Final = (".ulg", ".ulog")
+_ULOG_SUFFIXES: Final = (".ulg", ".ulog")
 _MCAP_SUFFIX: Final = ".mcap"
-DATAFLASH_SUFFIX: Final = ".bin"
+_DATAFLASH_SUFFIX: Final = ".bin"
 
 
-def import_reader(suffix: str) -> None:
-    """Import the reader of logs with this suffix (lower case), so that processes forked from this
-    one have it."""
-    if suffix in ULOG_SUFFIXES:
-        from aerodb.storage.readers import ulog  # noqa: F401
+@cache
+def prepare_reader(suffix: str) -> None:
+    """Import the reader of logs with this suffix (lower case), once, so that processes forked from
+    this one have it; for ULog and DataFlash, read a log of our own, which loads the compiled
+    loops."""
+    if suffix in _ULOG_SUFFIXES:
+        with tempfile.TemporaryDirectory() as folder:
+            log, time = Path(folder) / "own.ulg", np.arange(1, 50, dtype=np.float64) * 0.02
+            write_ulog(log, [Topic("own", time, {"x": time, "y": time.astype(np.float32)})])
+            write_topics(Path(folder) / "topics", read_log(log))
     elif suffix == _MCAP_SUFFIX:
         from aerodb.storage.readers import mcap  # noqa: F401
-    elif suffix == DATAFLASH_SUFFIX:
-        from aerodb.storage.readers import dataflash  # noqa: F401
+    elif suffix == _DATAFLASH_SUFFIX:
+        from aerodb.storage.readers.dataflash import framed
+
+        framed(np.zeros(4, dtype=np.uint8))
     else:
         from aerodb.storage.readers import tabular  # noqa: F401
 
@@ -47,7 +60,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     try:
         with path.open("rb") as handle:
             head = handle.read(8)
-        if head.startswith(_ULOG) or path.suffix.lower() in ULOG_SUFFIXES:
+        if head.startswith(_ULOG) or path.suffix.lower() in _ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog
 
             return read_ulog(path, topics)
@@ -55,7 +68,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
             from aerodb.storage.readers.mcap import read_mcap
 
             return read_mcap(path)
-        if head.startswith(_DATAFLASH) or path.suffix.lower() == DATAFLASH_SUFFIX:
+        if head.startswith(_DATAFLASH) or path.suffix.lower() == _DATAFLASH_SUFFIX:
             from aerodb.storage.readers.dataflash import read_dataflash
 
             return read_dataflash(path)

@@ -23,7 +23,12 @@ from aerodb.exchange import (
     input_properties,
     to_document,
 )
-from aerodb.storage.confinement import confine, confined_environment, how_it_ended
+from aerodb.storage.confinement import (
+    confine,
+    confined_environment,
+    how_it_ended,
+    subordinate,
+)
 from aerodb.storage.limits import Limits
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables import AeroDatabase, CheckCase
@@ -90,7 +95,8 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="ascii")
     os.dup2(2, 1)
     job = json.loads(sys.stdin.buffer.read())
-    confine(Limits(**job["limits"]))
+    subordinate()
+    confine(Limits(**job["limits"]), for_good=True)
     answers.write(json.dumps(_compared(job)) + "\n")
     answers.flush()
     # Without the end of the interpreter, in which JSBSim's logger would be called once more.

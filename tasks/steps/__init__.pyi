@@ -41,6 +41,7 @@ from .inbox import (
 from .ingest import store_log
 from .inputs import describe_inputs
 from .inspect_log import look_over
+from .loop_flights import reconstruction_of
 from .methods import estimate_by_methods
 from .notes import dismiss, note_version
 from .notify import deliver, tell
@@ -109,6 +110,7 @@ __all__ = [
     "read_tolerances",
     "reconstruct",
     "reconstructed_angles",
+    "reconstruction_of",
     "remaining_errors",
     "repeat_documents",
     "repeating",

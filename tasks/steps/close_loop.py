@@ -17,7 +17,7 @@ from aerodb.loop import (
 )
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.loop_flights import flights_of
+from aerodb.tasks.steps.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan, outside_envelopes
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual

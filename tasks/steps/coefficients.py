@@ -12,11 +12,9 @@ from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
-from aerodb.tasks.confined import confined
-from aerodb.tasks.freed_memory import return_freed_memory
-from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workers import cached, confined, file_key, return_freed_memory
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 

@@ -21,12 +21,11 @@ from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.confined import confined
-from aerodb.tasks.memory_cache import cached
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.steps.consistency import BESIDE, SUSPECTED, load_consistent, record_verdict
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workers import cached, confined
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle
 

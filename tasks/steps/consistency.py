@@ -24,12 +24,10 @@ from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
-from aerodb.tasks.confined import confined
-from aerodb.tasks.freed_memory import return_freed_memory
-from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workers import cached, confined, file_key, return_freed_memory
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: How a reason begins that comes from the comparison with a version.

@@ -17,8 +17,8 @@ from aerodb.identification import (
 )
 from aerodb.recording import Recording
 from aerodb.storage.limits import Limits
-from aerodb.storage.readers import parsed_log
 from aerodb.tasks.steps.methods import fits_document
+from aerodb.tasks.workers import parsed_log
 
 
 def estimate_records(

@@ -33,11 +33,7 @@ from aerodb.storage.files import (
 )
 from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.storage.readers import Parsed, parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
-from aerodb.tasks.confined import confined
-from aerodb.tasks.freed_memory import return_freed_memory
-from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.admission import inadmissible, usable_mapping
 from aerodb.tasks.steps.conditioning import (
     examined,
@@ -50,6 +46,7 @@ from aerodb.tasks.steps.conditioning import (
 from aerodb.tasks.steps.counting import WHOLE, repeat_documents
 from aerodb.tasks.steps.repeats import compare_with_stored, suspects_of
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workers import Parsed, cached, confined, file_key, parsed_log, return_freed_memory
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 

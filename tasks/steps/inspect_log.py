@@ -17,7 +17,7 @@ from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording, mapped_clock_suspicions, with_mapped_clock
 from aerodb.storage.files import open_recording
-from aerodb.tasks.confined import confined
+from aerodb.tasks.workers import confined
 from aerodb.vehicle import parse_vehicle
 
 #: Enough of a vehicle to map a log: sensors count as being at the CG, and commands are not used.

@@ -6,7 +6,7 @@ from aerodb.increments import Update
 from aerodb.loop import Library, SensorRival, sensor_rivals
 from aerodb.loop import freeze_library as frozen_library
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.loop_flights import flights_of
+from aerodb.tasks.steps.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import NormalEquations

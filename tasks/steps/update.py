@@ -31,9 +31,9 @@ from aerodb.increments import (
 from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
+from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import TracingSettings
 

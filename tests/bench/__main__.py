@@ -39,7 +39,7 @@ def peak(process):  # its own, or that of a process that works on a flight for i
     for thread in os.listdir(f"/proc/{{process}}/task"):
         with open(f"/proc/{{process}}/task/{{thread}}/children") as children:
             for child in children.read().split():
-                if "confined_server" in open(f"/proc/{{child}}/cmdline").read():
+                if "tasks.workers.server" in open(f"/proc/{{child}}/cmdline").read():
                     peaks.append(peak(child))
     return max(peaks)
 try:  # ru_maxrss also holds the peak of the process that started this one
@@ -112,12 +112,10 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.readers import start_reader
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.confined import confined, start_confined
+from aerodb.tasks.workers import confined, start_workers
 from aerodb.tasks.steps import check_consistency, compare_with_version, reconstruct, store_log
-start_reader([".ulg"])  # as the command line does: process start is not counted
-start_confined()
+start_workers([".ulg"])  # as the command line does: process start is not counted
 workspace = Workspace.open(Path({str(workspace)!r}))
 Catalogue.open(workspace.catalogue).add_vehicle({NAME!r}, {VEHICLE!r})
 handbook = workspace.root / "handbook.toml"

@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,12 @@ from aerodb.logs import choose_mapping
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.limits import Limits
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import Actor, acting_as, user
-from aerodb.tasks.confined import OverLimitError, confined
 from aerodb.tasks.steps import check_consistency, look_over, store_log
+from aerodb.tasks.workers import OverLimitError, confined, parsed_log
+from aerodb.tasks.workers.parsing import parsing
+from aerodb.tasks.workers.pool import done
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, VEHICLE, channels, write_files, write_parquet
 from tests.support.sweeps import QUICK, kinds, left
@@ -155,6 +157,32 @@ def test_worker_acts_as_its_caller(
     assert call(workspace, os.getcwd) == str(tmp_path)
 
 
+#: Names of all variables of a process, and those that it or the one that forked it began with.
+VARIABLES = "[*__import__('os').environ, open('/proc/self/environ').read()]"
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").is_file(), reason="no /proc")
+def test_process_that_parses_has_no_secrets(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Nor does the one that forks it; a worker for steps on flights has them, from its job."""
+    monkeypatch.setenv("AERODB_EXAMPLE", "secret")
+    psutil.Process(call(workspace, os.getppid)).kill()  # the next one starts with the secret here
+    job = parsing(tmp_path / "a.csv", tmp_path / "topics", Limits())
+    seen = done(replace(job, function=eval, arguments=(VARIABLES,)))
+    assert "PATH" in seen
+    assert "AERODB_EXAMPLE" not in " ".join(seen)
+    assert call(workspace, os.getenv, "AERODB_EXAMPLE") == "secret"
+
+
+def test_process_that_parses_does_nothing_else(workspace: Workspace, tmp_path: Path) -> None:
+    job = replace(parsing(tmp_path, tmp_path, Limits()), function=os.getpid, arguments=())
+    parsers = {done(job), done(job)}
+    assert len(parsers) == 2
+    assert call(workspace, os.getpid) not in parsers
+    assert not any(psutil.pid_exists(parser) for parser in parsers)
+
+
 def test_worker_that_died_while_it_waited_is_replaced(workspace: Workspace) -> None:
     worker = call(workspace, os.getpid)
     os.kill(worker, signal.SIGKILL)
@@ -165,7 +193,7 @@ def test_worker_that_died_while_it_waited_is_replaced(workspace: Workspace) -> N
 def test_end_of_all_workers_is_no_fault_of_a_log(workspace: Workspace) -> None:
     """Their server is killed while one works: the step may be tried again, and is done then."""
     server = psutil.Process(call(workspace, os.getppid))
-    assert "aerodb.tasks.confined_server" in server.cmdline()
+    assert "aerodb.tasks.workers.server" in server.cmdline()
     killer = threading.Timer(0.3, server.kill)
     killer.start()
     with pytest.raises(StoreBusyError, match="log a: the processes for flights end unexpectedly"):
@@ -300,7 +328,7 @@ def test_flight_whose_process_is_killed_is_rejected_and_the_others_complete(
                     own = process.parent()
                     if (
                         own is not None
-                        and "aerodb.tasks.confined_server" in own.cmdline()
+                        and "aerodb.tasks.workers.server" in own.cmdline()
                         and process.memory_info().rss > own.memory_info().rss + 150e6
                     ):
                         os.kill(process.pid, signal.SIGSEGV)

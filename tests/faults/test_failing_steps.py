@@ -16,10 +16,10 @@ from aerodb.flows.inbox import sweep_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks import memory_cache
 from aerodb.tasks.steps import ingest
 from aerodb.tasks.steps.inbox import in_quarantine
 from aerodb.tasks.view.status import status_of
+from aerodb.tasks.workers import memory_cache
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME

@@ -15,9 +15,9 @@ from aerodb.recording import Recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.dataflash import framed
-from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.readers.ulog_framing import survey
 from aerodb.storage.writers.ulog import write_ulog
+from aerodb.tasks.workers import parsed_log
 from tests.storage.readers.test_dataflash import written
 from tests.storage.readers.test_mcap import write_flight
 from tests.storage.readers.test_ulog import example_topics, messages

@@ -13,13 +13,13 @@ from google.protobuf.descriptor_pb2 import DescriptorProto, FileDescriptorProto,
 from aerodb.errors import InputError
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import read_log
-from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.readers.mcap_messages import (
     DEEPEST,
     LARGEST_MESSAGE,
     LARGEST_SCHEMA,
     MOST_NAMES,
 )
+from aerodb.tasks.workers import parsed_log
 from tests.faults.test_fuzz_readers import flip, scramble
 from tests.storage.readers.test_mcap_messages import (
     DESCRIPTORS,

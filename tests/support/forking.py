@@ -6,7 +6,7 @@ The command runs as after ``python -c "from aerodb.flows.cli import main; main()
 traceback of an uncaught exception, exit code, and signals.
 It differs in what a process reads only when it starts: the hash seed, ``OPENBLAS_NUM_THREADS``,
 ``LD_PRELOAD``, limits and umask are those of the server; and the process that it starts to fork
-workers for flights (`aerodb.tasks.confined`) is such a command, too.
+workers (`aerodb.tasks.workers`) is such a command, too.
 """
 
 import atexit
@@ -20,13 +20,14 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import IO
 
+from aerodb.storage.confinement import confined_environment
 from tests.support.paths import ROOT
 
 #: What commands and flows import, and what forks workers for flights. Not Prefect: it starts
@@ -44,13 +45,13 @@ IMPORTED = (
     "aerodb.flows.web.server",
     "aerodb.report.update_page",
     "aerodb.storage.catalogue.catalogue",
-    "aerodb.tasks.confined_server",
+    "aerodb.tasks.workers.server",
     "aerodb.tasks.steps.compare",
     "matplotlib.backends.backend_svg",
     "scipy.signal",
 )
 _START = "from tests.support.forking import serve; serve()"
-_FOR_FLIGHTS = "import os; os.setsid(); from aerodb.tasks.confined_server import main; main()"
+_FOR_FLIGHTS = "import os; os.setsid(); from aerodb.tasks.workers.server import main; main()"
 #: In a command: the connection by which it asks its server for further commands.
 _inherited: list[socket.socket] = []
 
@@ -78,7 +79,7 @@ def run_forked(
 
 class Forked:
     """A command (or `code`) that runs; what it says goes into the files `output` and `errors`. With
-    a file descriptor `passed`, its only argument is the number that this has there."""
+    a file descriptor `passed`, its last argument is the number that this has there."""
 
     def __init__(
         self,
@@ -220,22 +221,28 @@ def serve() -> None:
 
 
 def fork_for_flights() -> None:
-    """Let this process's server fork what `aerodb.tasks.confined` starts, instead of that importing
+    """Let this process's server fork what `aerodb.tasks.workers` starts, instead of that importing
     for two seconds what the server has imported."""
-    from aerodb.tasks import confined  # here: other tests need not wait for it
+    from aerodb.tasks.workers import pool  # here: other tests need not wait for it
 
     server()
-    confined._begun = _ForFlights
+    pool._begun = _ForFlights
 
 
 class _ForFlights(Forked):
     """The process that forks workers for flights, as `subprocess.Popen` gives one; `control` is its
     end of the connection to it."""
 
-    def __init__(self, control: int) -> None:
+    def __init__(self, control: int, needs: Collection[str]) -> None:
         with open(os.devnull, "r+b") as nothing:
             super().__init__(
-                [], os.environ, nothing, nothing, Path("/"), _FOR_FLIGHTS, passed=control
+                [*needs],
+                confined_environment(),
+                nothing,
+                nothing,
+                Path("/"),
+                _FOR_FLIGHTS,
+                passed=control,
             )
 
     def kill(self) -> None:

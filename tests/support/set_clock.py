@@ -15,7 +15,6 @@ _SOURCE = r"""
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <sys/mman.h>
 #include <sys/time.h>
 #include <time.h>
@@ -24,8 +23,7 @@ static int (*machine)(clockid_t, struct timespec *);
 static volatile int64_t *added;
 
 __attribute__((constructor)) static void begin(void) {
-    const char *path = getenv("AERODB_TEST_CLOCK");
-    int file = path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    int file = open(ADDED, O_RDONLY | O_CLOEXEC);
     void *page = file < 0 ? MAP_FAILED : mmap(0, 8, PROT_READ, MAP_SHARED, file, 0);
     machine = dlsym(RTLD_NEXT, "clock_gettime");
     if (page != MAP_FAILED) added = page;
@@ -64,12 +62,10 @@ class Clock:
         folder.mkdir(parents=True)
         library, source = folder / "clock.so", folder / "clock.c"
         source.write_text(_SOURCE, encoding="ascii")
-        subprocess.run(
-            ["cc", "-shared", "-fPIC", "-O2", "-o", library, source, "-ldl"],
-            check=True,
-            capture_output=True,
-        )
-        self.added = folder / "added"
+        self.added = (folder / "added").absolute()
+        # The path stands in the library: processes for logs get no environment.
+        command = ["cc", "-shared", "-fPIC", "-O2", f'-DADDED="{self.added}"']
+        subprocess.run([*command, "-o", library, source, "-ldl"], check=True, capture_output=True)
         self.added.write_bytes(bytes(8))
         self.environment = {"LD_PRELOAD": str(library), "AERODB_TEST_CLOCK": str(self.added)}
 

@@ -26,9 +26,9 @@ from aerodb.loop import Library, consider_parameters, noisier_flights
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.support import Array
-from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import load_consistent, noise_of
+from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.steps.trace import freeze_library, trace_flight
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace

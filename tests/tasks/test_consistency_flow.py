@@ -14,8 +14,8 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.storage.files.flights import read_results
-from aerodb.tasks import memory_cache
 from aerodb.tasks.steps.consistency import load_consistent
+from aerodb.tasks.workers import memory_cache
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked

@@ -23,7 +23,7 @@ from tests.support.sweeps import QUICK, swept
 
 #: Megabytes that may come beside those of the first logs.
 _GROWTH = 30.0
-#: Bytes that a process may keep at hand (`aerodb.tasks.memory_cache`): less than in use, so that
+#: Bytes that a process may keep at hand (`aerodb.tasks.workers.memory_cache`): less than in use, so that
 #: this is full after the first logs.
 _KEPT = 4_000_000
 
@@ -70,7 +70,8 @@ def test_memory_stays_as_it_was_and_queries_answer(
     record_property: Callable[[str, object], None],
 ) -> None:
     monkeypatch.setattr(
-        "aerodb.tasks.memory_cache._cache", LRUCache(_KEPT, getsizeof=lambda entry: entry[1])
+        "aerodb.tasks.workers.memory_cache._cache",
+        LRUCache(_KEPT, getsizeof=lambda entry: entry[1]),
     )
     workspace, number = (
         prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent),

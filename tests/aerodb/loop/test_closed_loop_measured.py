@@ -20,8 +20,8 @@ from aerodb.loop.manoeuvre_units import manoeuvre_spans
 from aerodb.loop.stall import added_stall, stall_flights
 from aerodb.loop.within_flight import estimated_without, parts_of
 from aerodb.tables.database import AeroDatabase
-from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compare_with_database
+from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.steps.trace import freeze_library
 from aerodb.tasks.steps.update import plan_update
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace

@@ -13,7 +13,7 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.increments import choose_hold_out
 from aerodb.loop import Accept, freeze_library, run_loop
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.tasks.loop_flights import flights_of
+from aerodb.tasks.steps.loop_flights import flights_of
 from tests.support.command import asked
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces

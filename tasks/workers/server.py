@@ -1,12 +1,15 @@
-"""The process that forks workers for per-flight steps: ``python -m aerodb.tasks.confined_server``.
+"""The process that forks workers: ``python -m aerodb.tasks.workers.server``.
 
-It imports the science once, has one thread and no connection to a catalogue, so that a fork is
-sound and cheap. A request is ``fork`` with the worker's end of a socket, answered by the worker's
-process id; or a process id, which ends that worker, answered by its exit code. It ends, and its
-workers with it, when the process that started it closes the connection or ends.
+It imports what jobs need once, has one thread, no connection to a catalogue and none of the secrets
+of the process that started it, and never reads a log, so that a fork is sound and cheap. A request
+is what the worker needs (names of modules, suffixes of logs), with the worker's end of a socket,
+answered by the worker's process id; or a process id, which ends that worker, answered by its exit
+code. What its arguments name it imports in advance, and serves requests in between. It ends, and
+its workers with it, when the process that started it closes the connection or ends.
 """
 
 import gc
+import json
 import os
 import pickle
 import signal
@@ -14,28 +17,21 @@ import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from multiprocessing.connection import Connection
-from typing import Any, Final, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
-from scipy.linalg import blas
 from threadpoolctl import threadpool_limits
 
 from aerodb.errors import CalculationError, failing_alone
-from aerodb.storage.confinement import confine_next, lift_memory_limit, subordinate
+from aerodb.storage.confinement import confine, lift_memory_limit, subordinate
+from aerodb.storage.readers import prepare_reader
 from aerodb.tasks.actors import acting_as
-from aerodb.tasks.confined import Job, become_worker
-from aerodb.tasks.freed_memory import return_freed_memory
-from aerodb.tasks.memory_cache import clear_cache
-
-#: What per-flight steps import, some of it at first use.
-_IMPORTED: Final = (
-    "aerodb.tasks.steps.compare",
-    "aerodb.consistency.whole_flight",
-    "aerodb.exchange.native",
-    "scipy.signal",
-)
+from aerodb.tasks.workers.freed_memory import return_freed_memory
+from aerodb.tasks.workers.memory_cache import clear_cache
+from aerodb.tasks.workers.pool import Job, become_worker
 
 
 def main() -> None:
@@ -44,50 +40,65 @@ def main() -> None:
     # for the cause.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    control = Connection(int(sys.argv[1]))
-    for name in _IMPORTED:
+    control = Connection(int(sys.argv[-1]))
+    with suppress(EOFError, OSError):
+        for name in sys.argv[1:-1]:
+            _prepare(name)
+            while control.poll():
+                _serve(control)
+        while True:
+            _serve(control)
+
+
+@cache
+def _prepare(name: str) -> None:
+    """Import a module, or the reader of logs with this suffix, once for all workers."""
+    if name[:1] in ("", "."):
+        prepare_reader(name)
+    else:
         import_module(name)
     gc.collect()
     gc.freeze()
-    while True:
-        try:
-            request = control.recv()
-            if request == "fork":
-                control.send(_forked(control))
-            else:
-                with suppress(ProcessLookupError):
-                    os.kill(request, signal.SIGKILL)
-                control.send(os.waitstatus_to_exitcode(os.waitpid(request, 0)[1]))
-        except (EOFError, OSError):
-            return
 
 
-def _forked(control: Connection) -> int:
-    """Fork a worker for the socket that comes with the request, and return its process id."""
+def _serve(control: Connection) -> None:
+    """Answer the next request; EOFError or OSError if the connection is closed."""
+    request = control.recv()
+    if isinstance(request, int):
+        with suppress(ProcessLookupError):
+            os.kill(request, signal.SIGKILL)
+        control.send(os.waitstatus_to_exitcode(os.waitpid(request, 0)[1]))
+        return
     with socket.socket(fileno=os.dup(control.fileno())) as carrier:
         _, descriptors, _, _ = socket.recv_fds(carrier, 1, 1)
+    for name in request:
+        _prepare(name)
     child = os.fork()
     if child == 0:
         control.close()
         _work(Connection(descriptors[0]))
     os.close(descriptors[0])
-    return child
+    control.send(child)
 
 
 def _work(connection: Connection) -> NoReturn:
-    """The worker: do jobs until the connection is closed, and exit without returning."""
+    """The worker: do one job, or jobs until the connection is closed; exit without returning."""
     try:
         subordinate()
         become_worker()
-        _give_blas_its_memory()
-        last = ""
+        job: Job = connection.recv()
+        if not job.once:
+            _give_blas_its_memory()
+        last = job.flight
         while True:
-            job: Job = connection.recv()
             if job.flight != last:
                 clear_cache()
             last = job.flight
             connection.send_bytes(_answer(job))
+            if job.once:
+                os._exit(0)
             return_freed_memory()
+            job = connection.recv()
     except (EOFError, OSError):
         os._exit(0)
     finally:
@@ -97,6 +108,8 @@ def _work(connection: Connection) -> NoReturn:
 def _give_blas_its_memory() -> None:
     """Let the BLAS of numpy and of scipy take their buffers before memory is limited: one that gets
     none ends its process instead of raising an error."""
+    from scipy.linalg import blas  # here: parsing does without
+
     square = np.ones((300, 300))
     with threadpool_limits(1, user_api="blas"):
         square @ square
@@ -105,13 +118,15 @@ def _give_blas_its_memory() -> None:
 
 def _answer(job: Job) -> bytes:
     """Do a job; return its answer as bytes: kind, and result or exception."""
-    confine_next(job.limits)
+    confine(job.limits, for_good=job.once)
     try:
         with _as_in_caller(job), failing_alone(job.what, job.where, memory=True):
             answer: tuple[str, Any] = ("done", job.function(*job.arguments))
     except Exception as error:
         lift_memory_limit()
         answer = ("memory", None) if _lacks_memory(error) else ("failed", error)
+    if job.once:
+        return json.dumps(answer).encode("ascii")
     try:
         content = pickle.dumps(answer)
         pickle.loads(content)

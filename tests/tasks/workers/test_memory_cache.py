@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.tasks import memory_cache as module
-from aerodb.tasks.memory_cache import cached, file_key
+from aerodb.tasks.workers import cached, file_key
+from aerodb.tasks.workers import memory_cache as module
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,18 @@
-"""Work on an untrusted log in a process of its own, under the limits of the workspace.
+"""Worker processes for jobs on untrusted logs, and the jobs.
 
-What a log contains decides how much memory and time each step on it takes, also after it was
-parsed. So each per-flight step runs its part in one of a few worker processes, one per concurrent
-caller. They are forked from a process that has imported the science and has no threads
-(`aerodb.tasks.confined_server`), stay for further steps, and get new limits with each. What breaks
-a limit is lost alone; its worker is replaced by a fork.
+Workers are forked from a process that has imported what they need and has no threads
+(`aerodb.tasks.workers.server`). A worker stays for further jobs and gets new limits with each, or
+does one job only. What breaks a limit is lost alone; its worker is replaced by a fork.
 """
 
+import json
 import os
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_alone
-from aerodb.storage.confinement import how_it_ended
+from aerodb.storage.confinement import confined_environment, how_it_ended
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import Actor, acting
@@ -30,6 +29,15 @@ Result = TypeVar("Result")
 
 #: Interval [s] at which a waiting caller looks for interrupts and time limits.
 _TICK: Final = 1.0
+#: Longest answer of a process that has parsed a log [bytes].
+_LONGEST_ANSWER: Final = 1 << 20
+#: What per-flight steps import, some of it at first use.
+_SCIENCE: Final = (
+    "scipy.signal",
+    "aerodb.consistency.whole_flight",
+    "aerodb.exchange.native",
+    "aerodb.tasks.steps.compare",
+)
 #: Whether this process is a worker: work within work needs no further process.
 _inside = False
 
@@ -44,8 +52,11 @@ def become_worker() -> None:
 class Job:
     """Work for a worker: `function` and its arguments, which pickle takes, and its limits.
 
-    flight : id of the flight that a worker may remember. what, where : the work and the log or
-    flight, for errors. actor, environment, folder : as in the calling process.
+    flight : id of the flight that a worker may remember. what, where, program, again : the work,
+    the log or flight, what runs, and what to do with higher limits, for errors. actor,
+    environment, folder : as in the calling process. needs : modules, or suffixes of logs, that are
+    imported before the fork. once : the worker does nothing before or after it, and its answer is
+    JSON, which can do no harm here.
     """
 
     function: Callable[..., Any]
@@ -54,9 +65,13 @@ class Job:
     flight: str
     what: str
     where: str
+    program: str = "its process"
+    again: str = "run it again"
     actor: Actor | None = field(default_factory=acting)
     environment: dict[str, str] = field(default_factory=lambda: dict(os.environ))
     folder: str = field(default_factory=os.getcwd)
+    needs: tuple[str, ...] = _SCIENCE
+    once: bool = False
 
 
 class OverLimitError(CalculationError):
@@ -84,7 +99,16 @@ def confined(
     if _inside or not settings.work.confined or not hasattr(os, "fork"):
         with failing_alone(what, where, memory=True):
             return function(*arguments)
-    job = Job(function, arguments, settings.limits, flight, what, where)
+    result: Result = done(Job(function, arguments, settings.limits, flight, what, where))
+    return result
+
+
+def done(job: Job) -> Any:
+    """Return what the function of a job returns, run in a worker.
+
+    Raises what the function raises, and OverLimitError when it breaks a limit or takes its process
+    down; StoreBusyError when all workers end.
+    """
     for _ in range(2):
         worker = _take(job)
         try:
@@ -96,15 +120,16 @@ def confined(
             worker.end()
             continue
         kind, content = answer
-        if kind in ("done", "failed"):
+        if job.once or kind not in ("done", "failed"):
+            code = worker.end()
+        else:
             _give_back(worker)
         if kind == "failed":
             raise content
         if kind == "done":
-            result: Result = content
-            return result
-        raise _broken_limit(worker.end(), kind, job)
-    raise _ended(where)
+            return content
+        raise _broken_limit(code, kind, job)
+    raise _ended(job.where)
 
 
 def _ended(where: str) -> StoreBusyError:
@@ -127,39 +152,43 @@ def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | Sto
     if kind == "memory":
         ended = f"{job.what} needs more than {job.limits.memory / 1e6:.0f} MB of memory"
     else:
-        ended = how_it_ended(code, kind == "late", job.limits, job.what, "its process")
-    remedy = (
-        "check the log at its source, or raise [limits] in the workspace settings and run it again"
-    )
-    return OverLimitError(ended, job.where, remedy)
+        ended = how_it_ended(code, kind == "late", job.limits, job.what, job.program)
+    remedy = "check the log at its source, or raise [limits] in the workspace settings and"
+    return OverLimitError(ended, job.where, f"{remedy} {job.again}")
 
 
-def _begun(control: int) -> "subprocess.Popen[bytes]":
-    """Start a server that takes its requests from this file descriptor. Its session is its own: an
-    interrupt at the terminal is this process' business."""
-    command = [sys.executable, "-P", "-m", "aerodb.tasks.confined_server", str(control)]
+def _begun(control: int, needs: Collection[str]) -> "subprocess.Popen[bytes]":
+    """Start a server that takes its requests from this file descriptor, and imports what jobs will
+    need. Its session is its own: an interrupt at the terminal is this process' business."""
+    command = [sys.executable, "-P", "-m", "aerodb.tasks.workers.server", *needs, str(control)]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(
-        command, stdin=quiet, stdout=quiet, pass_fds=[control], start_new_session=True
+        command,
+        stdin=quiet,
+        stdout=quiet,
+        env=confined_environment(),
+        pass_fds=[control],
+        start_new_session=True,
     )
 
 
 class _Server:
     """The process that forks workers, and the connection to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, needs: Collection[str]) -> None:
         self.owner = os.getpid()
         self._lock = threading.Lock()
         ours, theirs = socket.socketpair()
         with theirs:
-            self._process = _begun(theirs.fileno())
+            self._process = _begun(theirs.fileno(), needs)
         self._control = Connection(ours.detach())
 
-    def fork(self) -> "_Worker":
-        """Return a new worker; OSError or EOFError if this server has ended."""
+    def fork(self, needs: tuple[str, ...]) -> "_Worker":
+        """Return a new worker that has imported what it `needs`; OSError or EOFError if this
+        server has ended."""
         ours, theirs = socket.socketpair()
         with theirs, self._lock:
-            self._control.send("fork")
+            self._control.send(needs)
             with socket.socket(fileno=os.dup(self._control.fileno())) as carrier:
                 socket.send_fds(carrier, [b"."], [theirs.fileno()])
             pid = self._control.recv()
@@ -202,10 +231,13 @@ class _Worker:
             while not self._connection.poll(max(0.0, min(_TICK, until - time.monotonic()))):
                 if time.monotonic() >= until:
                     return "late", None
-            answer: tuple[str, Any] = self._connection.recv()
+            if job.once:
+                kind, content = json.loads(self._connection.recv_bytes(_LONGEST_ANSWER))
+            else:
+                kind, content = self._connection.recv()
         except (OSError, EOFError):
             return "dead", None
-        return answer
+        return kind, content
 
     def end(self) -> int | None:
         """End the worker, and return its exit code; None if its server has ended."""
@@ -218,41 +250,41 @@ _idle: Final[list[_Worker]] = []
 _servers: Final[list[_Server]] = []
 
 
-def start_confined() -> None:
+def start_workers(suffixes: Collection[str]) -> None:
     """Start the process that forks workers in the background, so that it is ready when the first
-    log comes; nothing if there is one."""
+    log with one of these suffixes (lower case) comes; nothing if there is one."""
     with _lock:
-        _server()
+        _server((*suffixes, *_SCIENCE))
 
 
-def _server() -> _Server:
+def _server(needs: Collection[str] = ()) -> _Server:
     """Return the server of this process, a new one if there is none; call it with the lock."""
     for server in _servers:
         if server.owner == os.getpid():
             return server
-    _servers.append(_Server())
+    _servers.append(_Server(needs))
     return _servers[-1]
 
 
 def _take(job: Job) -> _Worker:
     """Return an idle worker of this process, if possible the one that remembers this flight; or a
-    new one."""
+    new one, always for a job that is done `once`."""
     with _lock:
-        mine = [worker for worker in _idle if worker.server.owner == os.getpid()]
+        mine = [w for w in _idle if w.server.owner == os.getpid() and not job.once]
         mine.sort(key=lambda worker: worker.last == job.flight)
         if mine:
             _idle.remove(mine[-1])
             return mine[-1]
         server = _server()
     with suppress(OSError, EOFError):
-        return server.fork()
+        return server.fork(job.needs)
     with _lock:  # it was ended from outside: once more with another
         if server in _servers:
             _servers.remove(server)
             server.close()
         server = _server()
     try:
-        return server.fork()
+        return server.fork(job.needs)
     except (OSError, EOFError) as error:
         raise StoreError(
             f"no process for flights can be started: {error}",

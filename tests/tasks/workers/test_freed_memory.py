@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.tasks.freed_memory import return_freed_memory
+from aerodb.tasks.workers import return_freed_memory
 
 
 def _resident() -> float:

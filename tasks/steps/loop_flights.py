@@ -12,19 +12,18 @@ from aerodb.flight import Flight
 from aerodb.loop import Library, Reconstruction, evidence_beside
 from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.memory_cache import cached
-from aerodb.tasks.steps import (
-    FlightCoefficients,
+from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
+from aerodb.tasks.steps.compare import compare_loaded
+from aerodb.tasks.steps.consistency import (
     applied_errors,
-    compare_loaded,
-    load_coefficients,
     load_consistent,
     noise_of,
     reconstructed_angles,
     remaining_errors,
-    segments_of,
 )
+from aerodb.tasks.steps.segments import segments_of
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workers import cached
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import NormalEquations, normal_equations_of, thinned
 from aerodb.vehicle import Vehicle
