@@ -28,7 +28,7 @@ pytestmark = pytest.mark.heavy
 
 @pytest.fixture(scope="module")
 def count(trials: Callable[[int, int], int]) -> int:
-    return trials(150, 3000)
+    return trials(60, 3000)
 
 
 def outcome(path: Path, data: bytes) -> Recording | None:
@@ -66,7 +66,7 @@ def scramble(data: bytes, rng: np.random.Generator) -> bytes:
 @pytest.fixture(scope="module")
 def damages(ulog: bytes, count: int, trials: Callable[[int, int], int]) -> int:
     """How often a ULog is damaged: in the suite less often where it is long."""
-    return count if len(ulog) < 100_000 else trials(30, 3000)
+    return count if len(ulog) < 100_000 else trials(15, 3000)
 
 
 @pytest.fixture(scope="module", params=["generated", "measured"])
@@ -258,7 +258,7 @@ def test_damaged_tables_are_read_or_refused(
     table = pd.DataFrame({"time": time, **{name: rng.normal(size=400) for name in "abcd"}})
     path = tmp_path / f"flight{suffix}"
     write(path, table)
-    data, refused, count = path.read_bytes(), list[InputError](), trials(40, 1500)
+    data, refused, count = path.read_bytes(), list[InputError](), trials(20, 1500)
     damaged = 0
     limits = Limits(memory=1_000_000_000, processor=20.0, wall=40.0)
     for _ in range(count):

@@ -219,7 +219,7 @@ def test_random_damage_inside_messages_and_schemas_is_read_or_said(
     }
     good = as_json(*({"x": k} for k in range(5)))
     read = refused = 0
-    for k in range(trials(60, 1500)):
+    for k in range(trials(30, 1500)):
         schema = ("t.Imu", "protobuf", change(DESCRIPTORS, rng) if k % 3 == 0 else DESCRIPTORS)
         encoding = "json" if k % 3 == 1 else "protobuf"
         messages = [change(row, rng) if rng.random() < 0.5 else row for row in rows[encoding]]

@@ -399,6 +399,23 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path, shared: SharedWorks
         end_service(process)
 
 
+def test_the_token_is_the_users_or_a_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace = Workspace.open(tmp_path / "w")
+    (workspace.root / "settings.toml").write_text("[serve]\nport = 0\n", encoding="utf-8")
+    lock = take(workspace.lock("serve"))
+    assert lock is not None
+    monkeypatch.delenv("AERODB_TOKEN", raising=False)
+    made = [Server(workspace, lock, str)._secret["token"] for _ in range(2)]
+    assert made[0] != made[1]
+    assert len(made[0]) >= 32
+    monkeypatch.setenv("AERODB_TOKEN", TOKEN)
+    assert Server(workspace, lock, str)._secret == {}
+    lock.release()
+
+
+@pytest.mark.campaign
 def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: SharedWorkspaces
 ) -> None:

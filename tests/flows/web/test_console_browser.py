@@ -247,20 +247,14 @@ def _sections(workspace: Workspace) -> list[str]:
     return [*paths, f"/versions/{last}/promote", f"/rollback?vehicle={vehicle}"]
 
 
-@pytest.mark.heavy
-def test_every_page_of_the_demo(browser: Any, tmp_path: Path, trials: Any) -> None:
-    if trials(0, 1) == 0:
-        pytest.skip("the demo takes minutes: --full-campaign")
+@pytest.mark.campaign
+def test_every_page_of_the_demo(browser: Any, tmp_path: Path) -> None:
     asked(tmp_path / "demo", "demo", "--seed", "5", "--direct")
     _sound(browser, Workspace.open(tmp_path / "demo"))
 
 
-@pytest.mark.heavy
-def test_every_page_of_a_measured_aircraft(
-    browser: Any, tmp_path: Path, measured: Any, trials: Any
-) -> None:
-    if trials(0, 1) == 0:
-        pytest.skip("the Twin Otter takes minutes: --full-campaign")
+@pytest.mark.campaign
+def test_every_page_of_a_measured_aircraft(browser: Any, tmp_path: Path, measured: Any) -> None:
     workspace = tmp_path / "otter"
     asked(workspace, "vehicle", "add", str(VEHICLES / "twin_otter.toml"))
     file = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"

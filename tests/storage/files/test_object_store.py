@@ -248,18 +248,15 @@ def test_a_store_that_is_away_costs_a_run_but_loses_nothing(
     assert checked(workspace, fetch=True).problems == []
 
 
-@pytest.mark.heavy
+@pytest.mark.campaign
 def test_a_store_that_is_away_for_a_while_is_waited_for_under_prefect(
     logs: list[Path],
     tmp_path: Path,
     service: ObjectService,
     plain: tuple[Workspace, dict[str, Any]],
-    trials: Any,
 ) -> None:
     """It comes back after the first file was to be put: the steps that could not do so are tried
     again by themselves."""
-    if trials(0, 1) == 0:
-        pytest.skip("Prefect starts and waits for half a minute: --full-campaign")
     root = tmp_path / "w"
     settings(root, f"s3://{service.bucket()}/for-a-while")
     workspace = prepared(root, logs[0].parent)
