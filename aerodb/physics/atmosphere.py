@@ -5,7 +5,7 @@ missing channel of a flight is decided in `aerodb.logs.air_data`.
 """
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,8 @@ TOP: Final = 71000.0
 
 
 class _Layer(NamedTuple):
-    """A layer from `bottom` to `top` [m], and the state of the air at its `base_altitude`.
+    """A layer from `bottom` to `top` [m], its `gradient` [K/m], and the state of the air at its
+    `base_altitude` [m]: temperature [K] and pressure [Pa].
 
     The base is the bottom; that of the lowest layer is sea level.
     """
@@ -69,14 +70,9 @@ def _layers() -> tuple[_Layer, ...]:
 
 
 _LAYERS: Final = _layers()
-#: The layers as rows for compiled loops: bottom, top [m], gradient [K/m], altitude [m], temperature
-#: [K] and pressure [Pa] of the base.
-STANDARD_LAYERS: Final = np.array(
-    [
-        (a.bottom, a.top, a.gradient, a.base_altitude, a.base_temperature, a.base_pressure)
-        for a in _LAYERS
-    ]
-)
+#: The layers as rows for compiled loops, and the column of each field in them.
+STANDARD_LAYERS: Final = np.array(_LAYERS)
+LAYER: Final[Any] = _Layer(*range(len(_Layer._fields)))
 
 
 @dataclass(frozen=True)

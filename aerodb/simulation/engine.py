@@ -16,7 +16,9 @@ from aerodb.simulation.layout import (
     MOTION,
     STATE,
     SURROUNDINGS,
+    EarthNumbers,
     Numbers,
+    ReferenceNumbers,
 )
 from aerodb.simulation.motion import quaternion_from_euler, to_body
 from aerodb.support import Array, in_threads
@@ -167,10 +169,11 @@ def flight_model(
         actuated=np.array([inputs.index(name) for name in actuated], dtype=np.int64),
         actuators=np.array(moved, dtype=np.float64).reshape(-1, 4),
         gains=gains,
-        reference=np.array(
-            (reference.area, reference.chord, reference.span, *reference.moment_reference)
+        reference=ReferenceNumbers(
+            *map(float, (reference.area, reference.chord, reference.span)),
+            *map(float, reference.moment_reference),
         ),
-        earth=np.array((0.0 if earth is None else 1.0, GRAVITY, *place)),
+        earth=EarthNumbers(earth is not None, GRAVITY, *map(float, place)),
         layers=STANDARD_LAYERS,
     )
     return FlightModel(database, total, numbers, inputs, actuated, earth)

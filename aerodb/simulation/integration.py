@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from aerodb.simulation.kernel import evaluate
-from aerodb.simulation.layout import Numbers
+from aerodb.simulation.layout import CHAN, EXTRA, INPUTS, LAW, WORK, Numbers, X
 from aerodb.support import Array, Integers
 
 #: Velocity beyond which a run counts as lost [m/s].
@@ -26,22 +26,22 @@ def _between(series: Array, share: float, i: int, lanes: int, h: Array) -> None:
 def _keep(model: Numbers, x: Array, k: int, chan: Array, alive: bool) -> bool:
     """Normalise the quaternion of a run and switch its relays; whether its motion is within bounds.
     A run that has ended stands still, so that its numbers stay finite."""
-    length = np.sqrt(x[6, k] ** 2 + x[7, k] ** 2 + x[8, k] ** 2 + x[9, k] ** 2)
-    for j in range(6, 10):
+    length = np.sqrt(x[X.e0, k] ** 2 + x[X.e1, k] ** 2 + x[X.e2, k] ** 2 + x[X.e3, k] ** 2)
+    for j in range(X.e0, X.e3 + 1):
         x[j, k] /= length
     for j in range(model.states.shape[0]):
-        if model.laws[j, 0] <= 0.0:
-            apart = model.laws[j, 3]
-            if chan[1, k] > model.laws[j, 2]:
-                x[13 + j, k] = apart
-            elif chan[1, k] < model.laws[j, 1]:
-                x[13 + j, k] = 1.0 - apart
-    alive = alive and abs(x[0, k]) + abs(x[1, k]) + abs(x[2, k]) < _FASTEST
+        if model.laws[j, LAW.relaxation] <= 0.0:
+            apart = model.laws[j, LAW.separated]
+            if chan[CHAN.alpha, k] > model.laws[j, LAW.high]:
+                x[EXTRA + j, k] = apart
+            elif chan[CHAN.alpha, k] < model.laws[j, LAW.low]:
+                x[EXTRA + j, k] = 1.0 - apart
+    alive = alive and abs(x[X.u, k]) + abs(x[X.v, k]) + abs(x[X.w, k]) < _FASTEST
     for j in range(x.shape[0]):
         alive = alive and np.isfinite(x[j, k])
     if not alive:
         for j in range(x.shape[0]):
-            x[j, k] = 1.0 if j in (0, 6) else 0.0
+            x[j, k] = 1.0 if j in (X.u, X.e0) else 0.0
     return alive
 
 
@@ -59,10 +59,10 @@ def integrate(
     interval : between samples [s], integrated in `parts` steps.
     method : 4 for the classical Runge-Kutta rule, 2 for Adams and Bashforth's second-order rule,
         which evaluates once per step.
-    x : (13 + m + a, k) initial states; ends as those of the last sample.
+    x : rows `X` and further states (k), initial states; ends as those of the last sample.
     slots : (s, k), constants and parameters given.
-    recorded : (n, 35, k), MOTION and LOADS at each sample, written; NaN once a run has ended.
-    kept : (n, 13 + m + a + i, k), states and inputs as they acted, written.
+    recorded : (n, rows `CHAN`, k), at each sample, written; NaN once a run has ended.
+    kept : (n, rows of x and inputs, k), states and inputs as they acted, written.
     ended : (k,) number of samples of each run, written.
     left : (t, k) sample at which a table was first left, written; -1 where it was not.
     rates : as x, time derivatives at the last sample, written.
@@ -71,9 +71,9 @@ def integrate(
     size, inputs = x.shape[0], model.inputs.shape[0]
     step = interval / parts
     h, dh = np.empty((rows, lanes)), np.empty((rows, lanes))
-    chan, work = np.zeros((recorded.shape[1], lanes)), np.zeros((30, lanes))
+    chan, work = np.zeros((recorded.shape[1], lanes)), np.zeros((len(WORK), lanes))
     for k in range(lanes):
-        work[24, k], work[25, k] = -1.0, -1.0
+        work[WORK.slope, k], work[WORK.slope_slip, k] = -1.0, -1.0
     cells = np.zeros((model.program.modes.shape[0], lanes), np.int64)
     outside = np.zeros((left.shape[0], lanes), np.bool_)
     total, stage, former = np.empty_like(x), np.empty_like(x), np.zeros_like(x)
@@ -83,7 +83,6 @@ def integrate(
         for t in range(left.shape[0]):
             left[t, k] = -1
     unresolved, begun = 0, False
-    surroundings = rows - inputs - 8
     for i in range(samples):
         following = min(i + 1, samples - 1)
         for j in range(rows):
@@ -116,7 +115,7 @@ def integrate(
                         for j in range(size):
                             kept[i, j, k] = x[j, k] if alive[k] else np.nan
                         for j in range(inputs):
-                            kept[i, size + j, k] = h[surroundings + j, k] if alive[k] else np.nan
+                            kept[i, size + j, k] = h[INPUTS + j, k] if alive[k] else np.nan
                         for t in range(left.shape[0]):
                             if outside[t, k] and left[t, k] < 0 and alive[k]:
                                 left[t, k] = i

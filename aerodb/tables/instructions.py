@@ -19,21 +19,63 @@ from aerodb.tables.program import AnyTable, Program
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 
-#: Operations in the order of their codes, which `aerodb.tables.machine` uses.
-CODES: Final = (
-    "add", "subtract", "multiply", "divide", "power", "negative", "abs", "min", "max", "sqrt",
-    "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sign", "step", "log10",
-    "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "floor", "ceil", "rem", "root", "lt", "le",
-    "gt", "ge", "eq", "ne", "select", "lookup", "scattered",
-)  # fmt: skip
-_CODE: Final = {name: number for number, name in enumerate(CODES)}
+
+class _Codes(NamedTuple):
+    """Operations, in the order of their codes: from `rem` to `ne` those of two operands that are
+    rare or slow."""
+
+    add: int
+    subtract: int
+    multiply: int
+    divide: int
+    power: int
+    negative: int
+    abs: int
+    min: int
+    max: int
+    sqrt: int
+    exp: int
+    log: int
+    sin: int
+    cos: int
+    tan: int
+    asin: int
+    acos: int
+    atan: int
+    atan2: int
+    sign: int
+    step: int
+    log10: int
+    sinh: int
+    cosh: int
+    tanh: int
+    asinh: int
+    acosh: int
+    atanh: int
+    floor: int
+    ceil: int
+    rem: int
+    root: int
+    lt: int
+    le: int
+    gt: int
+    ge: int
+    eq: int
+    ne: int
+    select: int
+    lookup: int
+    scattered: int
+
+
+#: The code of each operation by its name: ``CODE.add``, a constant in compiled functions.
+CODE: Final = _Codes(*range(len(_Codes._fields)))
 _SYMBOLS: Final = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide", "^": "power"}
 
 
 class Instructions(NamedTuple):
     """A program in numbers; s slots, o instructions, t tables, a table axes.
 
-    code : (o, 5), operation (index in `CODES`), slot written, and three operands: slots; for a
+    code : (o, 5), operation (of `CODE`), slot written, and three operands: slots; for a
         lookup the number of the table and the first of its arguments in `arguments`.
     arguments : slots of the arguments of all lookups, one after another.
     first_axis : (t + 1,), the axes of table k are ``first_axis[k]:first_axis[k + 1]``.
@@ -117,7 +159,7 @@ class _Lowering:
 
     def _emit(self, name: str, slot: int, *operands: int) -> int:
         a, b, c = (*operands, 0, 0, 0)[:3]
-        self._code.append((_CODE[name], slot, a, b, c))
+        self._code.append((getattr(CODE, name), slot, a, b, c))
         return slot
 
     def _chain(self, name: str, slot: int, arguments: Iterable[int]) -> int:

@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from aerodb.support import Array, Integers
-from aerodb.tables.instructions import Instructions
+from aerodb.tables.instructions import CODE, Instructions
 from aerodb.tables.kernel import locate
 
 
@@ -67,43 +67,43 @@ def _scattered(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _unary(kind: int, x: float) -> float:
     """Operations of one operand that are rare or slow enough not to need a loop of their own."""
-    if kind == 9:
+    if kind == CODE.sqrt:
         return math.sqrt(x) if x >= 0.0 else np.nan
-    if kind == 10:
+    if kind == CODE.exp:
         return np.exp(x)
-    if kind == 11:
+    if kind == CODE.log:
         return np.log(x)
-    if kind == 12:
+    if kind == CODE.sin:
         return np.sin(x)
-    if kind == 13:
+    if kind == CODE.cos:
         return np.cos(x)
-    if kind == 14:
+    if kind == CODE.tan:
         return np.tan(x)
-    if kind == 15:
+    if kind == CODE.asin:
         return np.arcsin(x)
-    if kind == 16:
+    if kind == CODE.acos:
         return np.arccos(x)
-    if kind == 17:
+    if kind == CODE.atan:
         return np.arctan(x)
-    if kind == 19:
+    if kind == CODE.sign:
         return np.nan if np.isnan(x) else (1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0))
-    if kind == 20:
+    if kind == CODE.step:
         return 1.0 if x > 0.0 else 0.0
-    if kind == 21:
+    if kind == CODE.log10:
         return np.log10(x)
-    if kind == 22:
+    if kind == CODE.sinh:
         return np.sinh(x)
-    if kind == 23:
+    if kind == CODE.cosh:
         return np.cosh(x)
-    if kind == 24:
+    if kind == CODE.tanh:
         return np.tanh(x)
-    if kind == 25:
+    if kind == CODE.asinh:
         return np.arcsinh(x)
-    if kind == 26:
+    if kind == CODE.acosh:
         return np.arccosh(x)
-    if kind == 27:
+    if kind == CODE.atanh:
         return np.arctanh(x)
-    if kind == 28:
+    if kind == CODE.floor:
         return np.floor(x)
     return np.ceil(x)
 
@@ -111,28 +111,28 @@ def _unary(kind: int, x: float) -> float:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _binary(kind: int, x: float, y: float) -> float:
     """Operations of two operands that are rare or slow."""
-    if kind == 4:
+    if kind == CODE.power:
         return np.power(x, y)
-    if kind == 18:
+    if kind == CODE.atan2:
         return np.arctan2(x, y)
-    if kind == 30:
+    if kind == CODE.rem:
         return np.fmod(x, y)
-    if kind == 31:
+    if kind == CODE.root:
         size = np.power(abs(x), 1.0 / y)
         if x < 0.0:
             return -size if np.fmod(abs(y), 2.0) == 1.0 else np.nan
         return size
     if np.isnan(x) or np.isnan(y):
         return np.nan
-    if kind == 32:
+    if kind == CODE.lt:
         holds = x < y
-    elif kind == 33:
+    elif kind == CODE.le:
         holds = x <= y
-    elif kind == 34:
+    elif kind == CODE.gt:
         holds = x > y
-    elif kind == 35:
+    elif kind == CODE.ge:
         holds = x >= y
-    elif kind == 36:
+    elif kind == CODE.eq:
         holds = x == y
     else:
         holds = x != y
@@ -160,13 +160,13 @@ def execute(
     for number in range(code.shape[0]):
         kind, to = code[number, 0], code[number, 1]
         a, b, c = code[number, 2], code[number, 3], code[number, 4]
-        if kind == 2:
+        if kind == CODE.multiply:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] * slots[b, k]
-        elif kind == 0:
+        elif kind == CODE.add:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] + slots[b, k]
-        elif kind == 39:
+        elif kind == CODE.lookup:
             # Multilinear interpolation, written out here: a call would count references to every
             # array, which takes longer than the interpolation itself.
             begin, base = first_axis[a], first_value[a]
@@ -201,37 +201,37 @@ def execute(
                     if product != 0.0:
                         total += product * values[index]
                 slots[to, k] = total
-        elif kind == 1:
+        elif kind == CODE.subtract:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] - slots[b, k]
-        elif kind == 3:
+        elif kind == CODE.divide:
             for k in range(lanes):
                 slots[to, k] = slots[a, k] / slots[b, k]
-        elif kind == 5:
+        elif kind == CODE.negative:
             for k in range(lanes):
                 slots[to, k] = -slots[a, k]
-        elif kind == 6:
+        elif kind == CODE.abs:
             for k in range(lanes):
                 slots[to, k] = abs(slots[a, k])
-        elif kind == 7:
+        elif kind == CODE.min:
             for k in range(lanes):
                 left, right = slots[a, k], slots[b, k]
                 slots[to, k] = left if left < right or np.isnan(left) else right
-        elif kind == 8:
+        elif kind == CODE.max:
             for k in range(lanes):
                 left, right = slots[a, k], slots[b, k]
                 slots[to, k] = left if left > right or np.isnan(left) else right
-        elif kind == 38:
+        elif kind == CODE.select:
             for k in range(lanes):
                 holds = slots[a, k]
                 if np.isnan(holds):
                     slots[to, k] = np.nan
                 else:
                     slots[to, k] = slots[b, k] if holds != 0.0 else slots[c, k]
-        elif kind == 40:
+        elif kind == CODE.scattered:
             for k in range(lanes):
                 slots[to, k] = _scattered(program, a, b, slots, k, outside, point, weight)
-        elif kind == 4 or kind == 18 or kind >= 30:
+        elif kind == CODE.power or kind == CODE.atan2 or kind >= CODE.rem:
             for k in range(lanes):
                 slots[to, k] = _binary(kind, slots[a, k], slots[b, k])
         else:
