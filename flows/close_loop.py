@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.loop import Accept, until_all_gain
 from aerodb.tasks.steps import (
     compare_with_version,
@@ -20,6 +20,7 @@ from aerodb.tasks.steps import (
 from aerodb.tasks.workspace_access import access_workspace
 
 
+@requires("ingest")
 def close_loop_flow(
     steps: Steps,
     *,

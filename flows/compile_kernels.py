@@ -3,7 +3,8 @@ install``.
 
 Numba compiles a kernel at its first call and keeps the code beside the source file. For reading
 logs, flight-path reconstruction, tables, simulation and filters that takes about 40 s of processor
-time, which every process would spend that starts before the code is there.
+time, which every process would spend that starts before the code is there. The same holds for
+Prefect's empty database, which a new workspace gets as a copy.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from aerodb.estimation import Parameter, Parameters, TimeHistory, filter_error, 
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
+from aerodb.flows.ephemeral_server import make_template
 from aerodb.identification import flight_dynamics
 from aerodb.simulation import Stretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
@@ -74,3 +76,4 @@ def _flight(vehicle: str) -> Flight:
 
 if __name__ == "__main__":
     compile_kernels()
+    make_template()

@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import estimate_by_methods, estimates_page
 
 
+@requires("ingest")
 def estimate_flow(
     steps: Steps,
     *,

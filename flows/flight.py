@@ -3,11 +3,12 @@ database."""
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import check_consistency, compare_with_version, reconstruct, store_log
 from aerodb.tasks.workspace_access import access_workspace
 
 
+@requires("ingest")
 def flight_flow(
     steps: Steps,
     *,
@@ -38,6 +39,7 @@ def flight_flow(
     ]
 
 
+@requires("ingest")
 def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[str, Any]:
     """Repeat the per-flight steps on a stored flight (its id); only missing results are
     computed."""
@@ -46,6 +48,7 @@ def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[s
     return {"flight": flight, **{name: step.get(flight) for name, step in documents.items()}}
 
 
+@requires("ingest")
 def compare_flow(
     steps: Steps, *, workspace: str, run: str, flight: str, version: str
 ) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import fly_manoeuvre, fly_version, response_page, summarise_responses
 
 
+@requires("read")
 def fly_flow(
     steps: Steps,
     *,
@@ -27,6 +28,7 @@ def fly_flow(
     return document
 
 
+@requires("read")
 def manoeuvre_flow(
     steps: Steps, *, workspace: str, run: str, version: str, **options: Any
 ) -> dict[str, Any]:
@@ -37,6 +39,7 @@ def manoeuvre_flow(
     return document
 
 
+@requires("read")
 def validate_flow(
     steps: Steps,
     *,

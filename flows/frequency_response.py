@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import respond
 
 
+@requires("ingest")
 def frequency_response_flow(
     steps: Steps, *, workspace: str, run: str, flight: str, **asked: Any
 ) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import describe_inputs, import_database
 
 
+@requires("release")
 def import_flow(
     steps: Steps,
     *,
@@ -35,6 +36,7 @@ def import_flow(
     return result
 
 
+@requires("read")
 def inputs_flow(
     steps: Steps, *, workspace: str, run: str, version: str, vehicle: str
 ) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from aerodb.errors import StoreBusyError, StoreError, is_of_machinery
 from aerodb.flows.flight import flight_flow
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.storage.inbox import InboxFile
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
@@ -32,6 +32,7 @@ BATCH: Final = 32
 _NAMED: Final = 20
 
 
+@requires("ingest")
 def sweep_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, file: str | None = None
 ) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.inbox import sweep_flow
-from aerodb.flows.run import Steps, run_part
+from aerodb.flows.run import Steps, requires, run_part
 from aerodb.flows.update import update_flow
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import SettingsError, load_settings
@@ -29,6 +29,7 @@ def night_lock(workspace: Workspace, vehicle: str | None) -> Path:
     return workspace.lock(f"nightly-{vehicle}" if vehicle else "nightly")
 
 
+@requires("ingest")
 def nightly_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, scheduled: bool = False
 ) -> dict[str, Any]:

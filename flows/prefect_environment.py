@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+from aerodb.flows.ephemeral_server import running_server, start_server
 from aerodb.flows.processes import end_orphans, owner_of
 from aerodb.storage.locks import note_of
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization
@@ -78,7 +79,7 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         "PREFECT_HOME": str(home),
         "PREFECT_LOGGING_LEVEL": "CRITICAL",
         "PREFECT_SERVER_LOGGING_LEVEL": "CRITICAL",
-        "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "90",
+        "PREFECT_API_REQUEST_TIMEOUT": "120",  # the first request waits for the server
         "PYTHONSAFEPATH": "1",  # its server does not import what lies in the present folder
     }
     for name, value in quiet.items():
@@ -90,19 +91,18 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
         if token := os.environ.get(TOKEN_VARIABLE) or serving.get("token"):
             os.environ["PREFECT_API_AUTH_STRING"] = authorization(token)
     url = os.environ.get("PREFECT_API_URL", "")
-    served = bool(url) and _answers(url)
+    served = bool(url) and url != running_server() and _answers(url)
     # A server that lasts keeps what runs say; nobody reads it in one that ends with the run.
     os.environ.setdefault("PREFECT_LOGGING_TO_API_ENABLED", "true" if served else "false")
     if served:
         return "server"
-    os.environ.pop("PREFECT_API_URL", None)
     # Its server listens on a port of this machine: only this process knows the token.
     known = os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
     secret = known or authorization(secrets.token_urlsafe(32))
     os.environ["PREFECT_API_AUTH_STRING"] = os.environ["PREFECT_SERVER_API_AUTH_STRING"] = secret
     end_orphans(root)
     os.environ |= owner_of(root)
-    os.environ["PREFECT_SERVER_ALLOW_EPHEMERAL_MODE"] = "true"
+    os.environ["PREFECT_API_URL"] = running_server() or start_server(home)
     return "ephemeral"
 
 

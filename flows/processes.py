@@ -34,7 +34,7 @@ _PR_SET_PDEATHSIG: Final = 1
 #: Environment variable of child processes: process, its start, and the workspace folder.
 _OWNER: Final = "AERODB_OWNER"
 #: Arguments of the processes that Prefect, and `aerodb serve` for it, start.
-_OURS: Final = (b"prefect", b"from aerodb.flows.deployments")
+_OURS: Final = (b"prefect", b"from aerodb.flows.deployments", b"aerodb.flows.ephemeral_server")
 
 
 def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:

@@ -4,11 +4,12 @@ them."""
 from typing import Any
 
 from aerodb.flows.flight import reconstructed
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import bind, calibrate, check_consistency, compare_with_version
 from aerodb.tasks.workspace_access import access_workspace
 
 
+@requires("ingest")
 def recalibrate_flow(
     steps: Steps,
     *,

@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import promote, roll_back
 
 
+@requires("release")
 def promote_flow(
     steps: Steps,
     *,
@@ -29,6 +30,7 @@ def promote_flow(
     return result
 
 
+@requires("release")
 def roll_back_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str, name: str, reason: str
 ) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import flight_page, update_page, version_page
 
 _PAGES: Final[dict[str, Callable[..., str]]] = {
@@ -13,6 +13,7 @@ _PAGES: Final[dict[str, Callable[..., str]]] = {
 }
 
 
+@requires("read")
 def report_flow(
     steps: Steps, *, workspace: str, run: str, kind: str, about: str, **options: Any
 ) -> str:

@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -34,6 +34,7 @@ from aerodb.tasks.provenance import code_version
 
 How = Literal["auto", "direct"]
 Way = Literal["server", "ephemeral", "direct"]
+Body = TypeVar("Body", bound=Callable[..., Any])
 
 
 class Steps(Protocol):
@@ -130,7 +131,7 @@ class PrefectSteps:
             timeout_seconds=load_settings(Path(workspace)).limits.step,
         )(_run_call)
         results = []
-        labels = labels_of_items(items or [""], keywords, workspace)
+        labels = labels_of_items(items, keywords, workspace)
         with threadpool_limits(1 if len(calls) > 1 else None, user_api="blas"):  # tasks are threads
             given = [_Opaque(call) for call in calls]
             futures = [
@@ -217,11 +218,12 @@ def run_flow(
     """
     _check_text(parameters)
     _require_role(body, workspace)
-    _freeze_imports()
     orchestrated = "" if how == "direct" else _present_flow_run()
     if how == "auto" and not orchestrated:
-        with prefect_environment(workspace.root) as way:
+        with prefect_environment(workspace.root) as way:  # its server starts beside what follows
+            _freeze_imports()
             return _run(body, parameters, workspace, way, progress)
+    _freeze_imports()
     given: Way = "server" if orchestrated else "direct"
     return _run(body, parameters, workspace, given, progress, orchestrated)
 
@@ -249,23 +251,19 @@ def _run(
     return _recorded(body, call, parameters, workspace, way, orchestrated)
 
 
-#: Roles that flows require, where it is not `ingest`.
-_ROLES: Final[dict[str, UserRole]] = {
-    "promote_flow": "release",
-    "roll_back_flow": "release",
-    "import_flow": "release",
-    "report_flow": "read",
-    "fly_flow": "read",
-    "manoeuvre_flow": "read",
-    "validate_flow": "read",
-    "inputs_flow": "read",
-}
+def requires(role: UserRole) -> Callable[[Body], Body]:
+    """Decorator of a flow body: the role that a user needs to start it."""
+
+    def marked(body: Body) -> Body:
+        body.role = role  # type: ignore[attr-defined]
+        return body
+
+    return marked
 
 
-def _require_role(body: Callable[..., Any], workspace: Workspace) -> None:
-    name = body.__name__
+def _require_role(body: Any, workspace: Workspace) -> None:
     with Catalogue.open(workspace.catalogue) as catalogue:
-        require_role(workspace, catalogue, _ROLES.get(name, "ingest"), name.replace("_", " "))
+        require_role(workspace, catalogue, body.role, body.__name__.replace("_", " "))
 
 
 @lru_cache(maxsize=1)

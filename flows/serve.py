@@ -19,6 +19,7 @@ from typing import Any, Final
 from urllib.error import HTTPError
 
 from aerodb.errors import AeroError, StoreError
+from aerodb.flows.ephemeral_server import place_database
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
 from aerodb.flows.processes import Child, claimed, end_orphans, environment_of, free_port
 from aerodb.storage.inbox import InboxFile, rescan_inbox
@@ -102,6 +103,7 @@ class Server:
             self._stop()
 
     def _start(self, stopping: threading.Event) -> None:
+        place_database(self._workspace.prefect / "prefect.db")
         self._server.start()
         until = time.monotonic() + _START_SECONDS
         while not self.client.healthy():

@@ -3,7 +3,7 @@ after."""
 
 from typing import Any
 
-from aerodb.flows.run import Steps
+from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import (
     compare_with_version,
     estimate,
@@ -18,6 +18,7 @@ from aerodb.tasks.steps import (
 from aerodb.tasks.workspace_access import access_workspace
 
 
+@requires("ingest")
 def update_flow(
     steps: Steps,
     *,

@@ -302,7 +302,8 @@ def _oscillations(
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
     """Oscillations of the rates and the airspeed once the controls rest, where the flight has
     them."""
-    inputs = np.stack([stretch.series[name] for name in model.inputs], axis=1)
+    inputs = np.array([stretch.series[name] for name in model.inputs])
+    inputs = inputs.reshape(len(model.inputs), len(stretch.time)).T  # a version may have none
     rest = slice(at_rest_from(stretch.time, inputs), None)
     found = {}
     for name in "pqrV":

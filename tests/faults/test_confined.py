@@ -17,7 +17,7 @@ import pytest
 from aerodb.errors import CalculationError, InputError, StoreBusyError
 from aerodb.flows.flight import again_flow, flight_flow
 from aerodb.flows.inbox import sweep_flow
-from aerodb.flows.run import How, Steps, run_flow
+from aerodb.flows.run import How, Steps, requires, run_flow
 from aerodb.logs import choose_mapping
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.limits import Limits
@@ -28,7 +28,6 @@ from aerodb.tasks.steps import check_consistency, look_over, store_log
 from aerodb.tasks.workers import OverLimitError, confined, parsed_log
 from aerodb.tasks.workers.parsing import parsing
 from aerodb.tasks.workers.pool import done
-from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, VEHICLE, channels, write_files, write_parquet
 from tests.support.sweeps import QUICK, kinds, left
 
@@ -229,10 +228,8 @@ def check_batch(outcomes: list[dict[str, Any]], said: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("how", ["direct", pytest.param("auto", marks=pytest.mark.campaign)])
 def test_log_whose_flight_takes_too_much_memory_is_refused_and_the_others_complete(
-    workspace: Workspace, tmp_path: Path, shared: SharedWorkspaces, how: How
+    workspace: Workspace, tmp_path: Path, how: How
 ) -> None:
-    if how == "auto":
-        shared.add_prefect_database(workspace.prefect)
     in_workspace(workspace, LITTLE)
     files = write_files(tmp_path / "files", 2)
     logs = [str(files[0]), str(sparse(tmp_path / HOSTILE)), str(files[1])]
@@ -277,10 +274,12 @@ def test_log_that_is_only_inspected_is_held_to_the_limits(
     assert document["suspicions"] == []
 
 
+@requires("ingest")
 def store_flow(steps: Steps, *, workspace: str, run: str, logs: list[str]) -> Any:
     return steps.map(store_log, logs, workspace=workspace, run=run, vehicle=NAME)
 
 
+@requires("ingest")
 def check_flow(steps: Steps, *, workspace: str, run: str, flights: list[str]) -> Any:
     return steps.map(check_consistency, flights, workspace=workspace, run=run)
 

@@ -17,7 +17,7 @@ import pytest
 
 from aerodb.errors import InputError, StoreError
 from aerodb.flows.flight import flight_flow
-from aerodb.flows.run import run_flow
+from aerodb.flows.run import requires, run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.sqlite import open_sqlite
@@ -27,7 +27,6 @@ from aerodb.storage.workspace import Workspace, write_atomically
 from tests.support.command import aerodb
 from tests.support.glider_runs import prepared, stored
 from tests.support.paths import ROOT
-from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, state_of, write_files
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="no mounts, no limits")
@@ -265,15 +264,13 @@ TRIED: list[str] = []
 REFUSED, LET_GO = threading.Event(), threading.Event()
 
 
-def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(
-    tmp_path: Path, shared: SharedWorkspaces
-) -> None:
+def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(tmp_path: Path) -> None:
     """Under Prefect: a step meets a catalogue that another process holds, a refusal, and a step
     that never ends."""
     workspace = Workspace.open(tmp_path / "w")
     Catalogue.open(workspace.catalogue).close()
-    shared.add_prefect_database(workspace.prefect)
 
+    @requires("ingest")
     def held_flow(steps: Any, *, workspace: str, run: str) -> int:
         holder = sqlite3.connect(
             Path(workspace) / "catalogue.sqlite", isolation_level=None, check_same_thread=False
@@ -290,9 +287,11 @@ def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(
         answer: int = steps(_locked_for_a_while, "a", workspace=workspace, run=run)
         return answer
 
+    @requires("ingest")
     def refused_flow(steps: Any, *, workspace: str, run: str) -> None:
         steps(_refused, "b", workspace=workspace, run=run)
 
+    @requires("ingest")
     def endless_flow(steps: Any, *, workspace: str, run: str) -> None:
         steps(_endless, "c", workspace=workspace, run=run)
 

@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from aerodb.flows.deadline import OutOfTimeError, at_most
-from aerodb.flows.run import Steps, run_flow
+from aerodb.flows.run import Steps, requires, run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support.clusters import noting, slow
 
 
+@requires("read")
 def hanging(steps: Steps, *, workspace: str, run: str) -> None:
     """A flow that deals with every error of its steps, as the sweep does with those of logs."""
     where: dict[str, Any] = {"workspace": workspace, "run": run}

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.main import app
 from aerodb.flows.flight import flight_flow
-from aerodb.flows.run import run_flow
+from aerodb.flows.run import requires, run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.verification import verify
@@ -333,6 +333,7 @@ def _cut_inside(item: str, *, workspace: str, run: str) -> int:
 def test_a_step_whose_connection_is_cut_costs_a_retry_and_nothing_else(
     workspace: Workspace,
 ) -> None:
+    @requires("ingest")
     def cut_flow(steps: Any, *, workspace: str, run: str) -> int:
         answer: int = steps(_cut_inside, "another", workspace=workspace, run=run)
         return answer

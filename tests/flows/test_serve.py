@@ -146,7 +146,6 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def served(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Iterator[Served]:
     folder, logs = tmp_path_factory.mktemp("served"), shared.logs
     workspace = _workspace(folder / "w", shared)
-    shared.add_prefect_database(workspace.prefect)
     shutil.copy(logs[0], workspace.inbox / NAME / "missed.csv")  # whoever told of it told nobody
     (folder / "home").mkdir()
     one = Served(

@@ -5,8 +5,6 @@ import json
 import os
 import shutil
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -79,13 +77,6 @@ class SharedWorkspaces:
         """The folder with vehicle (``my-glider.toml``), handbook and one PX4 log (``flight-1.ulg``)
         of the guide "PX4 without vanes"; not to be changed."""
         return self._built("guide-flight", _fly_guide)
-
-    def add_prefect_database(self, root: Path) -> None:
-        """Put Prefect's database, migrated and empty, into the folder `root`: Prefect's own
-        migrations of a new one take ten seconds of processor time."""
-        file = self._built("prefect-database", _migrate) / "prefect.db"
-        root.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(file, root / "prefect.db")
 
     def copy(self, name: str, build: Build, root: Path) -> tuple[Workspace, Any]:
         """A copy in `root` of the workspace of this name, and its document; paths in it are those
@@ -160,13 +151,3 @@ def _run_undisturbed(place: Path) -> None:
     code = "import pathlib, sys; from tests.faults.killing import make_undisturbed;"
     code += " make_undisturbed(pathlib.Path(sys.argv[1]))"
     run_forked([str(place)], environment(), ROOT, code=code).check_returncode()
-
-
-def _migrate(place: Path) -> None:
-    settings = {
-        "PREFECT_HOME": str(place),
-        "DO_NOT_TRACK": "1",
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-    }
-    command = [sys.executable, "-m", "prefect", "server", "database", "upgrade", "--yes"]
-    subprocess.run(command, env=environment(**settings), check=True, capture_output=True)
