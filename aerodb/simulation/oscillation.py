@@ -1,6 +1,7 @@
 """Period and damping of a free oscillation in a response, flown or simulated."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -98,10 +99,11 @@ def _fitted(t: Array, y: Array, s: float, w: float) -> tuple[Array, Array] | Non
         return None
 
 
-def at_rest_from(time: Array, inputs: Array, margin: float = 0.2) -> int:
-    """Sample from which all inputs (n, m) stay within `margin` of the widest range of any about
-    their last values; n where none moves."""
-    widest = float(np.ptp(inputs, axis=0).max(initial=0.0))
-    moved = np.abs(inputs - inputs[-1]) > margin * widest
-    last = np.flatnonzero(moved.any(axis=1))
+def at_rest_from(time: Array, inputs: Sequence[Array], margin: float = 0.2) -> int:
+    """Sample from which all inputs (n,) stay within `margin` of the widest range of any about
+    their last values; n where none moves, or there are none."""
+    rows = np.array(inputs).reshape(len(inputs), len(time))
+    widest = float(np.ptp(rows, axis=1).max(initial=0.0))
+    moved = np.abs(rows - rows[:, -1:]) > margin * widest
+    last = np.flatnonzero(moved.any(axis=0))
     return int(last[-1]) + 1 if last.size else len(time)

@@ -302,8 +302,7 @@ def _oscillations(
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
     """Oscillations of the rates and the airspeed once the controls rest, where the flight has
     them."""
-    inputs = np.array([stretch.series[name] for name in model.inputs])
-    inputs = inputs.reshape(len(model.inputs), len(stretch.time)).T  # a version may have none
+    inputs = [stretch.series[name] for name in model.inputs]
     rest = slice(at_rest_from(stretch.time, inputs), None)
     found = {}
     for name in "pqrV":
