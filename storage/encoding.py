@@ -3,12 +3,14 @@
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
+from aerodb.remarks import Remark
+from aerodb.remarks import from_document as remark_from
 from aerodb.support import canonical_json
 
 VEHICLE_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
@@ -74,6 +76,17 @@ def damage_to_json(damage: Iterable[Damage]) -> str:
 def damage_from_json(text: str) -> tuple[Damage, ...]:
     """Damage reports from their JSON."""
     return tuple(Damage(**d) for d in json.loads(text))
+
+
+def remarks_to_json(remarks: Iterable[Remark]) -> str:
+    """Remarks as canonical JSON."""
+    plain = (replace(remark, text=plain_text(remark.text)) for remark in remarks)
+    return to_json([remark.document() for remark in plain])
+
+
+def remarks_from_json(text: str) -> tuple[Remark, ...]:
+    """Remarks from their JSON."""
+    return tuple(remark_from(each) for each in json.loads(text))
 
 
 def now() -> datetime:

@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
     "conditioning": 7,
-    "consistency": 17,
+    "consistency": 18,
     "coefficients": 4,
     "compare": 2,
     "import": 2,

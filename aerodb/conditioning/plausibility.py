@@ -21,6 +21,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.physics import GRAVITY
 from aerodb.recording import Recording
+from aerodb.remarks import Remark
 from aerodb.support import Array
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
@@ -64,6 +65,12 @@ class Suspicion:
     kind: str
     sentence: str
     evidence: Mapping[str, float]
+
+    @property
+    def remark(self) -> Remark:
+        """The suspicion as a reason of a flight's verdict."""
+        values = {name: (float(value), "SI") for name, value in self.evidence.items()}
+        return Remark(f"suspicion_{self.kind}", (self.channel,), values, self.sentence)
 
 
 def suspicions(

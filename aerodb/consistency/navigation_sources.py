@@ -23,6 +23,7 @@ from aerodb.consistency.sensors import MAX_DELAY, predict_outputs
 from aerodb.consistency.verdict import navigation_limits
 from aerodb.flight import Flight
 from aerodb.nomenclature import NAVIGATION
+from aerodb.remarks import SOLUTION, Remark
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -69,10 +70,21 @@ class NavigationCheck:
         return {**asdict(self), "delay": None if np.isnan(self.delay) else self.delay}
 
     @property
+    def remark(self) -> Remark:
+        """What is wrong, as data and in words."""
+        values = {"rms": (self.rms, self._unit), "limit": (self.limit, self._unit)}
+        subjects = (self.source, self.channel, self.against)
+        return Remark(SOLUTION, subjects, values, self.sentence)
+
+    @property
+    def _unit(self) -> str:
+        return "m/s" if self.channel.startswith("velocity") or self.against == OWN else "m"
+
+    @property
     def sentence(self) -> str:
         """What is wrong, where, and what to look at."""
         what = f"navigation: {self.channel} of {_named(self.source)}"
-        unit = "m/s" if self.channel.startswith("velocity") or self.against == OWN else "m"
+        unit = self._unit
         figure = f"{self.rms:.2g} {unit} rms; limit {self.limit:g} {unit}"
         if self.against == OWN:
             return f"{what} is not the integral of its velocity ({figure}): look at the filter"

@@ -25,6 +25,21 @@ from aerodb.consistency.sensors import (
     process_noise,
     residual_noise,
 )
+from aerodb.remarks import (
+    DEPARTURE,
+    FAULT,
+    FLOW_AGAINST_VELOCITY,
+    KNOWN_SENSOR_ERROR,
+    MOVING_AIR,
+    NOT_CHECKED,
+    NOT_CONVERGED,
+    POSITION_AGAINST_VELOCITY,
+    RATES_AGAINST_ATTITUDE,
+    RESIDUAL,
+    SENSOR_ERROR,
+    Remark,
+    sentences,
+)
 from aerodb.vehicle import Accuracy
 
 VerdictWord = Literal["good", "limited", "rejected"]
@@ -52,21 +67,26 @@ class ChannelCheck:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on a flight: `word`, reasons (none when good), one check per channel, and the
-    gusts found."""
+    """The verdict on a flight: `word`, the remarks that are its reasons (none when good), one check
+    per channel, and the gusts found."""
 
     word: VerdictWord
-    reasons: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     channels: tuple[ChannelCheck, ...]
     process_noise: ProcessNoise | None = None
 
-    def with_first(self, word: VerdictWord, reason: str) -> "Verdict":
-        """The verdict with one more reason, before the others."""
-        return replace(self, word=_worst([self.word, word]), reasons=(reason, *self.reasons))
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The reasons in words."""
+        return tuple(sentences(self.remarks))
 
-    def with_last(self, word: VerdictWord, reason: str) -> "Verdict":
+    def with_first(self, word: VerdictWord, remark: Remark) -> "Verdict":
+        """The verdict with one more reason, before the others."""
+        return replace(self, word=_worst([self.word, word]), remarks=(remark, *self.remarks))
+
+    def with_last(self, word: VerdictWord, remark: Remark) -> "Verdict":
         """The verdict with one more reason, after the others."""
-        return replace(self, word=_worst([self.word, word]), reasons=(*self.reasons, reason))
+        return replace(self, word=_worst([self.word, word]), remarks=(*self.remarks, remark))
 
 
 def judge(
@@ -97,7 +117,7 @@ def judge(
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
     noise = moving_air(paths, left_out)
-    checks, reasons = [], []
+    checks, remarks = [], list[Remark]()
     words: list[VerdictWord] = []
     for name in dict.fromkeys(name for path in paths for name in path.residuals):
         before, after = (
@@ -108,14 +128,14 @@ def judge(
         if name in left_out:
             checks.append(ChannelCheck(name, before, left_out[name], limit, "limited"))
             words.append("limited")
-            reasons.append(_departure(checks[-1]))
+            remarks.append(_remark(DEPARTURE, checks[-1]))
             continue
         rest = [_judged_rms(path, name, noise.matters) for path in _with(name, paths)]
         check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
         checks.append(check)
         if check.verdict != "good":
             words.append(check.verdict)
-            reasons.append(_reason(check))
+            remarks.append(_remark(RESIDUAL, check))
     gross = [
         check.channel
         for check in checks
@@ -123,10 +143,7 @@ def judge(
     ]
     if len(gross) > 1:  # one angle alone is an error of its own sensor: a compass, a vertical gyro
         words.append("rejected")
-        reasons.append(
-            f"the rates do not belong to the attitude: {' and '.join(gross)} disagree with them"
-            " together"
-        )
+        remarks.append(Remark(RATES_AGAINST_ATTITUDE, tuple(gross)))
     bound = [estimate.parameter.name for estimate in result.estimates if estimate.at_bound]
     for estimate in result.estimates:
         item = estimate.parameter
@@ -145,24 +162,21 @@ def judge(
             )
             # another parameter at its bound distorts this one: that does not prove a broken sensor
             words.append("rejected" if gross_bias and not bound else "limited")
-            beside = f", with {' and '.join(bound)} at a bound" if bound else ""
-            beside += ", and known from its calibration" if item.name in calibrated else ""
-            reasons.append(
-                f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor"
-                f" ({item.size:g}){beside}"
-            )
+            sizes = {"value": float(estimate.value), "serviceable": item.size}
+            values = {name: (size, "SI") for name, size in sizes.items()}
+            kind = KNOWN_SENSOR_ERROR if item.name in calibrated else SENSOR_ERROR
+            remarks.append(Remark(kind, (item.label, *bound), values))
     for fault in faults:
         words.append("rejected")
-        reasons.append(fault.sentence)
+        remarks.append(Remark(FAULT, fault.channels, text=fault.sentence))
     if not result.converged:
         words.append("limited")
-        reasons.append(
-            "the reconstruction did not converge: the channels do not quite belong to one motion"
-        )
+        remarks.append(Remark(NOT_CONVERGED))
     if noise.matters:
         words.append("limited")
-        reasons.append(noise.because)
-    return Verdict(_worst(words), tuple(reasons), tuple(checks), noise)
+        gusts = {name: (float(size), "m/s") for name, size in noise.gusts.items()}
+        remarks.append(Remark(MOVING_AIR, tuple(noise.gusts), gusts, noise.because))
+    return Verdict(_worst(words), tuple(remarks), tuple(checks), noise)
 
 
 def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = ()) -> ProcessNoise:
@@ -218,16 +232,18 @@ def _moving(path: ReconstructedPath) -> ProcessNoise:
 
 def unchecked(because: str) -> Verdict:
     """The verdict on a flight whose kinematics cannot be checked: its channels stay as measured."""
-    return Verdict("limited", (f"kinematics not checked: {because}",), ())
+    return Verdict("limited", (Remark(NOT_CHECKED, text=because),), ())
 
 
 def as_document(verdict: Verdict) -> dict[str, Any]:
-    """As a JSON document: verdict, reasons, channels, process_noise."""
+    """As a JSON document: verdict, reasons (words), verdict_remarks (data), channels,
+    process_noise."""
     noise = None if verdict.process_noise is None else asdict(verdict.process_noise)
     channels = [asdict(check) for check in verdict.channels]
     return {
         "verdict": verdict.word,
         "reasons": list(verdict.reasons),
+        "verdict_remarks": [remark.document() for remark in verdict.remarks],
         "channels": channels,
         "process_noise": noise,
     }
@@ -238,19 +254,16 @@ def judge_navigation(
 ) -> Verdict:
     """The verdict without logged accelerations, from checks of the navigation solution alone."""
     words: list[VerdictWord] = []
-    reasons, checks = [], []
+    remarks, checks = list[Remark](), []
     if velocity is not None:
         worst = max(velocity.rms.values())
         word: VerdictWord = "good" if worst <= accuracy.horizontal_velocity else "rejected"
         checks.append(ChannelCheck("position", worst, worst, accuracy.horizontal_velocity, word))
         if word != "good":
             words.append(word)
-            figures = ", ".join(f"{size:.1f}" for size in velocity.rms.values())
-            reasons.append(
-                f"position is not the integral of velocity: off by {figures} m/s rms (north, east,"
-                f" down), jumps to {velocity.jump:.0f} m/s; limit"
-                f" {accuracy.horizontal_velocity:g} m/s"
-            )
+            sizes = {**velocity.rms, "jump": velocity.jump, "limit": accuracy.horizontal_velocity}
+            values = {name: (size, "m/s") for name, size in sizes.items()}
+            remarks.append(Remark(POSITION_AGAINST_VELOCITY, tuple(velocity.rms), values))
     if flow is not None:
         word = (
             "good"
@@ -262,12 +275,10 @@ def judge_navigation(
         checks.append(ChannelCheck("alpha", flow.rms, flow.rms, accuracy.flow_angle, word))
         if word != "good":
             words.append(word)
-            mean, deviation, limit = np.rad2deg([flow.mean, flow.deviation, accuracy.flow_angle])
-            reasons.append(
-                f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean,"
-                f" {deviation:.1f} deg std; limit {limit:.1f} deg"
-            )
-    return Verdict(_worst(words), tuple(reasons), tuple(checks))
+            sizes = {"mean": flow.mean, "deviation": flow.deviation, "limit": accuracy.flow_angle}
+            values = {name: (float(size), "rad") for name, size in sizes.items()}
+            remarks.append(Remark(FLOW_AGAINST_VELOCITY, ("alpha",), values))
+    return Verdict(_worst(words), tuple(remarks), tuple(checks))
 
 
 def _worst(words: Iterable[VerdictWord]) -> VerdictWord:
@@ -333,23 +344,10 @@ def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:
     return "rejected" if failed and float(np.median(rest)) > worst else "limited"
 
 
-def _reason(check: ChannelCheck) -> str:
-    size, limit = _figures(check)
-    return f"{check.channel} remains {size} from the reconstructed motion; limit {limit}"
-
-
-def _departure(check: ChannelCheck) -> str:
-    size, limit = _figures(check)
-    return (
-        f"{check.channel} has left the estimate: it disagrees with the motion that the other"
-        f" channels show by {size} (rms; limit {limit}); the rest is judged without it"
-    )
-
-
-def _figures(check: ChannelCheck) -> tuple[str, str]:
-    """What remains of a channel and its limit, with units."""
+def _remark(kind: str, check: ChannelCheck) -> Remark:
+    """What is left of a channel's residual, and its limit."""
     angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
     metres = dict.fromkeys(("north", "east", "altitude"), "m")
-    unit = "deg" if angle else {"qbar": "Pa", **metres}.get(check.channel, "m/s")
-    size, limit = (np.rad2deg(value) if angle else value for value in (check.after, check.limit))
-    return f"{size:.2g} {unit}", f"{limit:.2g} {unit}"
+    unit = "rad" if angle else {"qbar": "Pa", **metres}.get(check.channel, "m/s")
+    values = {"rms": (float(check.after), unit), "limit": (float(check.limit), unit)}
+    return Remark(kind, (check.channel,), values)

@@ -38,6 +38,7 @@ from aerodb.consistency.sensors import (
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
+from aerodb.remarks import MISPLACED, Remark, said
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -86,7 +87,7 @@ def make_consistent(
             return _checked(flight, vehicle, calibration)
     except CalculationError as error:
         document = unreadable_document(str(error))
-        return Consistent(flight, {}, (), document, Verdict("rejected", (str(error),), ()))
+        return Consistent(flight, {}, (), document, Verdict("rejected", (said(str(error)),), ()))
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
 
@@ -111,7 +112,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         () if calibration is None else calibration.names,
     )
     if plan.misplaced:
-        verdict = verdict.with_first("limited", plan.misplaced)
+        verdict = verdict.with_first("limited", Remark(MISPLACED, text=plan.misplaced))
     doubtful = (*biases_that_may_be_air(known, vehicle.accuracy), *plan.doubtful)
     values = applied_corrections(known.sensors, plan, calibration, doubtful)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
@@ -120,8 +121,8 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     navigation = check_navigation(flight, vehicle, corrected.result)
     wrong = [check for check in navigation if not check.good]
     for check in (check for check in wrong if check.source == MAPPED and check.against == OWN):
-        verdict = verdict.with_last("limited", check.sentence)
-    said = [check.sentence for check in wrong if check.sentence not in verdict.reasons]
+        verdict = verdict.with_last("limited", check.remark)
+    beside = [check.sentence for check in wrong if check.remark not in verdict.remarks]
     wanted = applied_corrections(known.sensors, plan, calibration)
     withheld = [
         f"{name} {value:.2g} +- {error:.2g} (SI) is not applied: only a channel that disagrees with"
@@ -129,7 +130,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         for name, (value, error) in known.sensors.by_name.items()
         if name in plan.doubtful and name in wanted and name not in values
     ]
-    plan = plan.without((), (*air_remarks(known, values), *withheld, *said))
+    plan = plan.without((), (*air_remarks(known, values), *withheld, *beside))
     document = _document(
         verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy, navigation
     )
@@ -150,7 +151,7 @@ def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
 
 def unreadable_document(because: str) -> dict[str, Any]:
     """The document of a flight that cannot be read: rejected, with the reason."""
-    verdict = Verdict("rejected", (because,), ())
+    verdict = Verdict("rejected", (said(because),), ())
     return {**as_document(verdict), "checked": False, "because": because, "notes": []}
 
 

@@ -15,6 +15,7 @@ from aerodb.crosschecks.surfaces import size_suspicions
 from aerodb.crosschecks.vane import vane_suspicions
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
+from aerodb.remarks import Remark, sentences
 from aerodb.vehicle import Vehicle
 
 #: Channels from which lift and moments follow: with one of them wrong, nothing more is concluded.
@@ -73,13 +74,22 @@ def examined_beside(
     return replace(found, suspicions=(*found.suspicions, *more))
 
 
-def limited_document(document: Mapping[str, Any], sentences: Sequence[str]) -> dict[str, Any]:
+def limited_document(document: Mapping[str, Any], remarks: Sequence[Remark]) -> dict[str, Any]:
     """Return the document of a consistent flight with what its reconstruction cannot judge as
     reasons: a good flight becomes limited.
 
-    sentences : of suspicions for which `limits_flight` holds.
+    remarks : what contradicts its vehicle or a version, such as suspicions for which
+        `limits_flight` holds.
     """
-    if not sentences:
+    if not remarks:
         return dict(document)
     word = "limited" if document["verdict"] == "good" else document["verdict"]
-    return {**document, "verdict": word, "reasons": [*document["reasons"], *sentences]}
+    return {
+        **document,
+        "verdict": word,
+        "reasons": [*document["reasons"], *sentences(remarks)],
+        "verdict_remarks": [
+            *document["verdict_remarks"],
+            *(remark.document() for remark in remarks),
+        ],
+    }

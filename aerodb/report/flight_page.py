@@ -11,6 +11,7 @@ from aerodb.conditioning import Segment, Suspicion
 from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description
+from aerodb.remarks import SUSPECTED, Remark
 from aerodb.report.flight_figures import (
     channel_figure,
     coefficient_figure,
@@ -61,7 +62,7 @@ class FlightStory:
     log: str
     start_utc: datetime | None
     verdict: str
-    reasons: Sequence[str]
+    remarks: Sequence[Remark]
     retracted: str
     consistency: Mapping[str, Any] | None
     measured: Flight
@@ -110,7 +111,7 @@ def flight_report(story: FlightStory) -> str:
         title=f"Flight {story.label}",
         head=story.head,
         story=story,
-        says=verdict_sentence(story.verdict, story.reasons, story.consistency),
+        says=verdict_sentence(story.verdict, story.remarks, story.consistency),
         activity=_activity(story),
         segments=_listed(story.segments),
         more_segments=max(0, len(story.segments) - _MOST_SEGMENTS),
@@ -126,14 +127,14 @@ def flight_report(story: FlightStory) -> str:
 
 
 def verdict_sentence(
-    verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None
+    verdict: str, remarks: Sequence[Remark], consistency: Mapping[str, Any] | None
 ) -> str:
     """Summarize the verdict: what the flight can be used for, why not for more, its consistency.
 
     What is only suspected takes nothing away from it.
     """
-    limiting = (reason for reason in reasons if not reason.startswith("suspected beside version "))
-    why = "; ".join(dict.fromkeys(_short(reason) for reason in limiting))
+    limiting = (remark for remark in remarks if remark.kind != SUSPECTED)
+    why = "; ".join(dict.fromkeys(remark.clause for remark in limiting))
     sentence = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
     checked = [
@@ -157,13 +158,6 @@ def verdict_sentence(
         f"{sentence} {count} with the reconstructed motion; {closest['channel']} is closest to its"
         f" limit ({after} of {limit} {unit}{gusts})."
     )
-
-
-def _short(reason: str) -> str:
-    """The part of a reason before its colon, as a clause of the verdict."""
-    start = reason.partition(":")[0]
-    version = start.removeprefix("beside version ")
-    return start if version == start else f"it contradicts version {version}"
 
 
 def _activity(story: FlightStory) -> Picture | None:

@@ -203,7 +203,7 @@ def reconstruct(log: Log) -> ReconstructedFlight:
     (`aerodb.consistency.make_consistent`).
     """
     made = make_consistent(log.flight, log.vehicle, log.calibration)
-    suspected = [each.sentence for each in log.conditioning.suspicions if limits_flight(each)]
+    suspected = [each.remark for each in log.conditioning.suspicions if limits_flight(each)]
     return ReconstructedFlight(
         log, made.flight, made.sigma, limited_document(made.document, suspected)
     )

@@ -7,6 +7,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.remarks import Remark
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.flight_pages import FlightFilter, FlightPage, page_of_ids
@@ -106,15 +107,24 @@ class FlightLedger(Ledger):
             raise InputError(what, f"flight {identity['id']}", "choose another name")
         return True
 
-    def judge_flight(self, id: str, verdict: Verdict, reasons: Iterable[str] = ()) -> None:
+    def judge_flight(self, id: str, verdict: Verdict, remarks: Iterable[Remark] = ()) -> None:
         """Record the verdict on a flight (its id). The newest verdict counts; the same verdict
         again changes nothing."""
+        remarks = tuple(remarks)
         with self._database.writing() as connection:
             self._require_flight(connection, id)
-            text = enc.to_json([enc.plain_text(r) for r in reasons])
+            text = enc.to_json([enc.plain_text(remark.sentence) for remark in remarks])
+            data = enc.remarks_to_json(remarks)
             row = _rows(connection, s.flights.c.id == id)[0]
-            if (row.verdict, enc.to_json(list(row.reasons))) != (verdict, text):
-                self._add_event(connection, id, kind="verdict", verdict=verdict, reasons=text)
+            known = (row.verdict, enc.to_json(list(row.reasons)), enc.remarks_to_json(row.remarks))
+            if known != (verdict, text, data):
+                event = self._add_event(
+                    connection, id, kind="verdict", verdict=verdict, reasons=text
+                )
+                if remarks:
+                    connection.execute(
+                        sa.insert(s.verdict_remarks).values(event=event, remarks=data)
+                    )
 
     def retract_flight(self, id: str, reason: str, *, user: str = "") -> FlightRow:
         """Retract a flight (its id) for a reason: every version that depends on it becomes stale. A
@@ -137,12 +147,10 @@ class FlightLedger(Ledger):
             return _rows(connection, s.flights.c.id == id)[0]
 
     @staticmethod
-    def _add_event(connection: sa.Connection, flight: str, **values: str | None) -> None:
-        connection.execute(
-            sa.insert(s.flight_events).values(
-                {"flight": flight, "at_utc": enc.time_text(enc.now()), **values}
-            )
-        )
+    def _add_event(connection: sa.Connection, flight: str, **values: str | None) -> int:
+        event = {"flight": flight, "at_utc": enc.time_text(enc.now()), **values}
+        added = connection.execute(sa.insert(s.flight_events).values(event))
+        return int(added.inserted_primary_key[0])
 
     def flight(self, ref: str, vehicle: str | None = None) -> FlightRow:
         """The flight referred to by `ref`: an exact id, a name (of `vehicle`, when given), or a
@@ -280,6 +288,7 @@ def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Flig
             *(r.c[k] for k in ("mapping", "start_utc", "duration", "samples", "step")),
             verdicts.c.verdict,
             verdicts.c.reasons,
+            s.verdict_remarks.c.remarks,
             retractions.c.at_utc.label("retracted_utc"),
             retractions.c.reasons.label("retract_reasons"),
             retractions.c.user.label("retracted_by"),
@@ -288,6 +297,7 @@ def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Flig
         .join(r, r.c.sequence == record.c.sequence)
         .outerjoin(verdict, verdict.c.flight == f.c.id)
         .outerjoin(verdicts, verdicts.c.sequence == verdict.c.sequence)
+        .outerjoin(s.verdict_remarks, s.verdict_remarks.c.event == verdict.c.sequence)
         .outerjoin(retraction, retraction.c.flight == f.c.id)
         .outerjoin(retractions, retractions.c.sequence == retraction.c.sequence)
         .where(where)
@@ -302,4 +312,5 @@ def _flight(values: dict[str, Any]) -> FlightRow:
     values["retracted_by"] = values["retracted_by"] or ""
     values["verdict"] = values["verdict"] or "unchecked"
     values["reasons"] = tuple(enc.from_json(values["reasons"] or "[]"))
+    values["remarks"] = enc.remarks_from_json(values["remarks"] or "[]")
     return FlightRow(**values, retract_reason=enc.from_json(retracted)[0] if retracted else "")

@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import Any, Literal
 
 from aerodb.recording import Damage
+from aerodb.remarks import Remark
 
 LogStatus = Literal["stored", "damaged", "quarantined"]
 Verdict = Literal["good", "limited", "rejected", "unchecked"]
@@ -45,7 +46,8 @@ class LogRow:
 @dataclass(frozen=True)
 class FlightRow:
     """A flight as last processed, with its latest verdict; `duration` and `step` in s. Retracted
-    when `retracted_utc` is set."""
+    when `retracted_utc` is set. `reasons` are the words of the verdict, `remarks` the same as
+    data."""
 
     id: str
     vehicle: str
@@ -58,6 +60,7 @@ class FlightRow:
     step: float
     verdict: Verdict
     reasons: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     retracted_utc: datetime | None
     retract_reason: str
     retracted_by: str

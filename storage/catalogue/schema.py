@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only
 #: where they differ.
-HEAD: Final = "r0010"
+HEAD: Final = "r0011"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -124,6 +124,19 @@ flight_events = _table(
     _text("user", nullable=True),  # who retracted; verdicts are the program's
     _one_of("kind", FLIGHT_EVENTS),
     _one_of("verdict", VERDICTS),
+)
+
+# The reasons of a verdict as data, one for each of its sentences.
+verdict_remarks = _table(
+    "verdict_remarks",
+    sa.Column(
+        "event",
+        sa.Integer,
+        sa.ForeignKey("flight_events.sequence"),
+        primary_key=True,
+        autoincrement=False,
+    ),
+    _text("remarks"),
 )
 
 # Marks of what flights measured: a new record looks up its own, however many flights there are.

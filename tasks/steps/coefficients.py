@@ -10,6 +10,7 @@ import numpy as np
 from aerodb.coefficients import Coefficients, bandwidth_of, thrust_share, total_coefficients
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
+from aerodb.remarks import said
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.tasks.steps.consistency import load_consistent
@@ -49,8 +50,8 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
             where=access.name_of(row),
         )
     except InputError as error:
-        if isinstance(error, CalculationError) and str(error) not in row.reasons:
-            access.catalogue.judge_flight(row.id, "rejected", [*row.reasons, str(error)])
+        if isinstance(error, CalculationError) and said(str(error)) not in row.remarks:
+            access.catalogue.judge_flight(row.id, "rejected", [*row.remarks, said(str(error))])
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
 
 

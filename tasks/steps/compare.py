@@ -18,12 +18,13 @@ from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
-from aerodb.tasks.steps.consistency import BESIDE, SUSPECTED, load_consistent, record_verdict
+from aerodb.tasks.steps.consistency import load_consistent, record_verdict
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workers import cached, confined
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -120,7 +121,13 @@ def _judge(
         return
     label = access.catalogue.version_of_id(version).label
     more = [
-        f"{BESIDE if limits_flight(each) else SUSPECTED}{label}: {each.sentence}" for each in found
+        Remark(
+            CONTRADICTS if limits_flight(each) else SUSPECTED,
+            (label, each.channel),
+            each.remark.values,
+            each.sentence,
+        )
+        for each in found
     ]
     record_verdict(access, row, load_consistent(access, row, run).document, more)
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from aerodb.consistency import (
 from aerodb.crosschecks import limited_document, limits_flight
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
+from aerodb.remarks import from_document as remark_from
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
@@ -29,11 +31,6 @@ from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workers import cached, confined, file_key, return_freed_memory
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-
-#: How a reason begins that comes from the comparison with a version.
-BESIDE: Final = "beside version "
-#: The same of one that limits no verdict.
-SUSPECTED: Final = f"suspected {BESIDE}"
 
 
 @dataclass(frozen=True)
@@ -87,19 +84,20 @@ def record_verdict(
     access: WorkspaceAccess,
     row: FlightRow,
     document: Mapping[str, Any],
-    beside: Sequence[str] | None = None,
+    beside: Sequence[Remark] | None = None,
 ) -> None:
     """Record the verdict on a flight by the document of its consistency and by what contradicts the
     released version.
 
-    beside : sentences of the comparison with it, which begin with `BESIDE` or `SUSPECTED`; None:
-    those that the flight has stay until it is compared again.
+    beside : remarks of the comparison with it, `CONTRADICTS` or `SUSPECTED`; None: those that the
+    flight has stay until it is compared again.
     """
     if beside is None:
-        beside = [reason for reason in row.reasons if reason.startswith((BESIDE, SUSPECTED))]
-    whole = limited_document(document, [each for each in beside if each.startswith(BESIDE)])
-    suspected = [each for each in beside if each.startswith(SUSPECTED)]
-    access.catalogue.judge_flight(row.id, whole["verdict"], [*whole["reasons"], *suspected])
+        beside = [each for each in row.remarks if each.kind in (CONTRADICTS, SUSPECTED)]
+    whole = limited_document(document, [each for each in beside if each.kind == CONTRADICTS])
+    remarks = [remark_from(each) for each in whole["verdict_remarks"]]
+    suspected = [each for each in beside if each.kind == SUSPECTED]
+    access.catalogue.judge_flight(row.id, whole["verdict"], [*remarks, *suspected])
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:
@@ -129,7 +127,7 @@ def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> Consis
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
     found, _ = load_conditioning(access, row, flight, flight_key, run)
-    suspected = [each.sentence for each in found.suspicions if limits_flight(each)]
+    suspected = [each.remark for each in found.suspicions if limits_flight(each)]
     document = limited_document(document, suspected)
     table = _table(consistent)
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
+from aerodb.remarks import said
 from aerodb.storage.catalogue import FlightRow, InboxEvent, InboxKind
 from aerodb.storage.encoding import plain_text
 from aerodb.storage.files import put
@@ -87,11 +88,11 @@ def _stored_all_the_same(
     access: WorkspaceAccess, entry: InboxFile, row: FlightRow, sha256: str, run: str, reason: str
 ) -> dict[str, Any]:
     """End a file whose flight is stored: the flight is rejected with the reason."""
-    said = f"{access.name_of(row)}: {reason}"
-    if said not in row.reasons:
-        access.catalogue.judge_flight(row.id, "rejected", [*row.reasons, said])
+    remark = said(f"{access.name_of(row)}: {reason}")
+    if remark not in row.remarks:
+        access.catalogue.judge_flight(row.id, "rejected", [*row.remarks, remark])
     outcome = {"sha256": sha256, "status": "stored", "flight": row.id, "what": reason}
-    verdict = {"verdict": "rejected", "reasons": [*row.reasons, said]}
+    verdict = {"verdict": "rejected", "reasons": [*row.reasons, remark.sentence]}
     return _settled(access, entry, {**outcome, "consistency": verdict, "repeats": []}, run)
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from aerodb.crosschecks import limits_flight
@@ -20,6 +21,7 @@ from aerodb.increments import (
     judge_rivals,
     notes_on_release,
 )
+from aerodb.remarks import CONTRADICTS, SUSPECTED
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import GateSettings, load_settings
@@ -27,7 +29,6 @@ from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
-from aerodb.tasks.steps.consistency import BESIDE, SUSPECTED
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
@@ -227,18 +228,15 @@ def _enough_flights(
 
 def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
     """Return what the flights that identified or validated a version contradict: their vehicle, at
-    ingest, or the released version, by the reasons of their verdicts."""
+    ingest, or the released version, by the remarks of their verdicts."""
     found = []
     for use in access.catalogue.version_flights(row.id):
         if use.role not in ("identified", "held_out"):
             continue
         flight = access.catalogue.flight(use.flight)
-        said = {each.sentence for each in stored_suspicions(access, flight) if limits_flight(each)}
-        found += [
-            f"{access.name_of(flight)}: {reason}"
-            for reason in flight.reasons
-            if reason in said or reason.startswith(BESIDE)
-        ]
+        remarks = [s.remark for s in stored_suspicions(access, flight) if limits_flight(s)]
+        remarks += [remark for remark in flight.remarks if remark.kind == CONTRADICTS]
+        found += [f"{access.name_of(flight)}: {remark.sentence}" for remark in remarks]
     return found
 
 
@@ -251,9 +249,9 @@ def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
             flight = access.catalogue.flight(use.flight)
             said = [s.sentence for s in stored_suspicions(access, flight) if not limits_flight(s)]
             said += [
-                f"{BESIDE}{reason.removeprefix(SUSPECTED)}"
-                for reason in flight.reasons
-                if reason.startswith(SUSPECTED)
+                replace(remark, kind=CONTRADICTS).sentence
+                for remark in flight.remarks
+                if remark.kind == SUSPECTED
             ]
             for sentence in said:
                 named.setdefault(sentence, []).append(access.name_of(flight))

@@ -272,6 +272,7 @@ def test_a_catalogue_of_the_first_kind_is_brought_up_and_keeps_every_row(tmp_pat
         "flight_repeats",
         "calibrations",
         "flight_calibrations",
+        "verdict_remarks",
         "stored_files",
         "inbox_events",
         "user_events",

@@ -16,6 +16,7 @@ from aerodb.flight import Flight
 from aerodb.flows.web.app import create_app
 from aerodb.flows.web.security import guard_of
 from aerodb.flows.web.server import listening, server_of
+from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import FlightRole
 from aerodb.storage.files.documents import write_document
@@ -81,7 +82,7 @@ def add_named(workspace: Workspace, id: str, log_name: str) -> None:
             "step": 0.02,
         }
         catalogue.add_flight(id, vehicle=NAME, log_sha256=id, **record)
-        catalogue.judge_flight(id, "rejected", [log_name])
+        catalogue.judge_flight(id, "rejected", [said(log_name)])
         catalogue.retract_flight(id, log_name)
 
 

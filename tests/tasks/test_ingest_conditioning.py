@@ -17,6 +17,7 @@ from aerodb.conditioning.delay import BAND, delay_between, delays
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.recording import Topic
+from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import RepeatRow, Stretch
 from aerodb.storage.files.flights import read_flight
@@ -392,5 +393,5 @@ def test_of_a_chain_of_repetitions_the_first_counts_and_what_repeats_only_the_se
         assert set(counted_out(catalogue, VEHICLE)) == {h("f2")}
         catalogue.retract_flight(h("f1"), "wrong")
         assert set(counted_out(catalogue, VEHICLE)) == {h("f3")}
-        catalogue.judge_flight(h("f2"), "rejected", ["wrong too"])
+        catalogue.judge_flight(h("f2"), "rejected", [said("wrong too")])
         assert counted_out(catalogue, VEHICLE) == {}

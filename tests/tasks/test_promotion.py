@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from aerodb.errors import AeroError, GateRefusal, InputError
 from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
 from aerodb.flows.cli.main import app
+from aerodb.remarks import SUSPECTED, Remark
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.names import standing_moves
 from aerodb.storage.catalogue.rows import NameEvent
@@ -25,7 +26,6 @@ from aerodb.support.identity import canonical_json
 from aerodb.tables.check_cases import make_check_cases
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tasks.steps.consistency import SUSPECTED
 from aerodb.tasks.steps.export import FORMS
 from aerodb.tasks.steps.release import promote, roll_back
 from aerodb.tasks.workspace_access import access_workspace
@@ -55,8 +55,8 @@ def test_what_a_flight_is_only_suspected_of_is_said_at_release(
     candidate = access.named(NAME, "candidate")
     use = next(u for u in access.catalogue.version_flights(candidate) if u.role == "identified")
     flight = access.catalogue.flight(use.flight)
-    said = f"{SUSPECTED}v0001: a mass would look like this"
-    access.catalogue.judge_flight(flight.id, flight.verdict, [*flight.reasons, said])
+    said = Remark(SUSPECTED, ("v0001", "Ixx"), text="a mass would look like this")
+    access.catalogue.judge_flight(flight.id, flight.verdict, [*flight.remarks, said])
     done = asked(workspace.root, "version", "promote", "candidate", "--reason", "proved")
     assert done["moved"]
     name = access.name_of(flight)

@@ -18,6 +18,7 @@ from aerodb.coefficients.comparison import Comparison
 from aerodb.conditioning.plausibility import Suspicion
 from aerodb.conditioning.segmentation import Segment
 from aerodb.flight import Flight
+from aerodb.remarks import CONTRADICTS, MOVING_AIR, SAID, SUSPECTED, Remark
 from aerodb.report.database_figure import database_figure
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import meaning
@@ -191,7 +192,9 @@ def test_the_verdict_in_one_sentence() -> None:
         " deg)."
     )
     limited = verdict_sentence(
-        "limited", ["the air moved: V 0.4", "the air moved: beta"], {"channels": channels[1:]}
+        "limited",
+        [Remark(MOVING_AIR, text="the air moved: V 0.4"), Remark(SAID, text="the air moved: beta")],
+        {"channels": channels[1:]},
     )
     assert limited.startswith(
         "The flight can be used with limitations: the air moved. The one channel with a limit is"
@@ -199,7 +202,7 @@ def test_the_verdict_in_one_sentence() -> None:
     )
     beyond = [{**channels[0], "after": np.deg2rad(0.6), "verdict": "limited"}, channels[1]]
     assert (
-        verdict_sentence("rejected", ["qbar fails"], {"channels": beyond})
+        verdict_sentence("rejected", [Remark(SAID, text="qbar fails")], {"channels": beyond})
         == "The flight is stored but not used for identification: qbar fails. Outside their"
         " limits: alpha."
     )
@@ -207,9 +210,11 @@ def test_the_verdict_in_one_sentence() -> None:
         verdict_sentence("unchecked", [], None)
         == "The kinematic consistency of the flight has not been checked."
     )
-    contradicts = verdict_sentence("limited", ["beside version v0001: lift is 0"], None)
+    contradicts = verdict_sentence(
+        "limited", [Remark(CONTRADICTS, ("v0001", "CZ"), text="lift is 0")], None
+    )
     assert contradicts.endswith("with limitations: it contradicts version v0001.")
-    suspected = verdict_sentence("good", ["suspected beside version v0001: a mass"], None)
+    suspected = verdict_sentence("good", [Remark(SUSPECTED, ("v0001", "Ixx"), text="a mass")], None)
     assert suspected == verdict_sentence("good", [], None)
 
 
@@ -427,7 +432,7 @@ def flight_story(flown: Flight, **other: Any) -> FlightStory:
         "verdict": "good",
     }
     known |= {
-        "reasons": [],
+        "remarks": [],
         "retracted": "",
         "consistency": None,
         "measured": flown,

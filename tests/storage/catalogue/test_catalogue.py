@@ -8,6 +8,7 @@ import pytest
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.recording import Damage
+from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue
 from tests.support.catalogue_samples import V, add_flight, add_version, h
 from tests.support.postgresql import by_hand
@@ -63,8 +64,8 @@ def test_logs_are_added_once_and_only_quarantine_is_left_again(catalogue: Catalo
 def test_a_flight_with_verdict_and_retraction(catalogue: Catalogue) -> None:
     id = add_flight(catalogue, "f1")
     assert (catalogue.flight("f1").verdict, catalogue.flight("f1").duration) == ("unchecked", 20.0)
-    catalogue.judge_flight(id, "limited", ["alpha: bias 0.7 deg"])
-    catalogue.judge_flight(id, "limited", ["alpha: bias 0.7 deg"])
+    catalogue.judge_flight(id, "limited", [said("alpha: bias 0.7 deg")])
+    catalogue.judge_flight(id, "limited", [said("alpha: bias 0.7 deg")])
     catalogue.judge_flight(id, "good")
     assert (catalogue.flight(id).verdict, catalogue.flight(id).reasons) == ("good", ())
     first = catalogue.retract_flight(id, "pitot blocked")

@@ -26,6 +26,7 @@ from sqlalchemy.dialects import postgresql
 from sqlalchemy.schema import CreateTable
 
 from aerodb.errors import AeroError, InputError
+from aerodb.remarks import said
 from aerodb.storage.catalogue import schema
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.names import NameMovedError
@@ -82,7 +83,7 @@ def filled(family: Catalogue) -> None:
     """A row in every table but those of calibrations."""
     family.move_name(V, "released", h("a"), user="me", reason="r", expected=None)
     run = family.start_run("update", how="direct")
-    family.judge_flight(h("f1"), "good")
+    family.judge_flight(h("f1"), "limited", [said("alpha is late")])
     family.add_result(
         h("r"), step="s", kind="k", path="p", result_version=1, inputs=[h("in")], run=run.id
     )

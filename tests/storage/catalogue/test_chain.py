@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
+from aerodb.remarks import said
 from aerodb.storage.catalogue import schema
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.chain import (
@@ -46,7 +47,7 @@ def filled(catalogue: Catalogue) -> None:
         catalogue.move_name(V, "released", h(version), user="me", reason="r", expected=expected)
         expected = h(version)
     for flight, verdict in (("f1", "good"), ("f2", "limited"), ("f3", "rejected")):
-        catalogue.judge_flight(h(flight), verdict, ["because"])  # type: ignore[arg-type]
+        catalogue.judge_flight(h(flight), verdict, [said("because")])  # type: ignore[arg-type]
         stretch = (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)
         catalogue.add_repeat(RepeatRow(h(flight), h("f4"), 0.5, stretch))
         catalogue.add_file(f"results/{flight}.parquet", h(flight), 10)
@@ -255,7 +256,7 @@ def test_events_of_an_older_catalogue_are_linked(path: Path, kept_in: str, tmp_p
     with tampering(path, kept_in) as connection:
         connection.exec_driver_sql("DROP TABLE chain")
         connection.exec_driver_sql("DROP TABLE row_links")
-        for table in ("user_events", "version_notes", "run_dismissals"):
+        for table in ("user_events", "version_notes", "run_dismissals", "verdict_remarks"):
             connection.exec_driver_sql(f"DROP TABLE {table}")
         connection.exec_driver_sql('ALTER TABLE flight_events DROP COLUMN "user"')
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = 'r0007'")

@@ -18,6 +18,7 @@ import pytest
 import sqlalchemy as sa
 
 from aerodb.errors import InputError, StoreBusyError, StoreError
+from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.copying import copy_catalogue
 from aerodb.storage.catalogue.postgresql import open_postgresql
@@ -289,7 +290,7 @@ def test_all_rows_go_there_and_back(
                     copy_catalogue(between, moved)
                 # Numbers go on where they stood.
                 assert add_version(moved, "next") == h("next")
-                moved.judge_flight(h("f2"), "limited", ["later"])
+                moved.judge_flight(h("f2"), "limited", [said("later")])
                 assert moved.flight("f2").verdict == "limited"
     postgresql_server.drop(other)
 

@@ -1,0 +1,163 @@
+"""Remarks as data: what was noticed, of what, with which numbers; and here alone, their words.
+
+Whoever notices something makes a `Remark`, whoever prints it asks for its `sentence`. Decisions
+look at the kind, the subjects and the values, never at the words.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+#: What flight-path reconstruction finds of a flight; subjects: channels.
+RESIDUAL, DEPARTURE = "residual_beyond_limit", "channel_left_estimate"
+RATES_AGAINST_ATTITUDE: Final = "rates_against_attitude"
+SENSOR_ERROR: Final = "sensor_error_beyond_serviceable"
+KNOWN_SENSOR_ERROR: Final = "calibrated_error_beyond_serviceable"
+NOT_CONVERGED, NOT_CHECKED = "reconstruction_not_converged", "kinematics_not_checked"
+POSITION_AGAINST_VELOCITY: Final = "position_against_velocity"
+FLOW_AGAINST_VELOCITY: Final = "flow_against_velocity"
+#: The same with words of whoever found it.
+FAULT, MOVING_AIR, MISPLACED = "sensor_fault", "moving_air", "vane_misplaced"
+SOLUTION: Final = "navigation_solution"
+#: What a flight contradicts in the released version, and what it is only suspected of beside it;
+#: subjects: the version's label and the channel.
+CONTRADICTS, SUSPECTED = "contradicts_version", "suspected_beside_version"
+#: What has no words of its own here: the text is the sentence.
+SAID: Final = "said"
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something noticed.
+
+    kind : of what; one of `WORDS`, or of the suspicions.
+    subjects : names of channels, flights, versions or hypotheses, in the order of the sentence.
+    values : name -> value and its unit.
+    text : words that only whoever noticed it knows, such as the message of an error.
+    """
+
+    kind: str
+    subjects: tuple[str, ...] = ()
+    values: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    text: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The remark in words, as clauses without a full stop."""
+        words = WORDS.get(self.kind)
+        return self.text if words is None else words(self)
+
+    @property
+    def clause(self) -> str:
+        """The remark as a clause of the summary of a flight's verdict."""
+        if self.kind == CONTRADICTS:
+            return f"it contradicts version {self.subjects[0]}"
+        return self.sentence.partition(":")[0]
+
+    def document(self) -> dict[str, Any]:
+        """As a JSON document: kind, subjects, values (None where not finite) and text."""
+        values = {
+            name: [value if math.isfinite(value) else None, unit]
+            for name, (value, unit) in self.values.items()
+        }
+        return {
+            "kind": self.kind,
+            "subjects": list(self.subjects),
+            "values": values,
+            "text": self.text,
+        }
+
+
+def from_document(document: Mapping[str, Any]) -> Remark:
+    """Return the remark of a `Remark.document`."""
+    values = {
+        name: (math.nan if value is None else float(value), unit)
+        for name, (value, unit) in document["values"].items()
+    }
+    return Remark(document["kind"], tuple(document["subjects"]), values, document["text"])
+
+
+def sentences(remarks: Iterable[Remark]) -> list[str]:
+    """Return the remarks in words."""
+    return [remark.sentence for remark in remarks]
+
+
+def said(text: str) -> Remark:
+    """Return the remark that a text is, such as the message of an error."""
+    return Remark(SAID, text=text)
+
+
+def _shown(remark: Remark, name: str) -> str:
+    """A value with its unit, two digits; angles in degrees."""
+    value, unit = remark.values[name]
+    shown, unit = (math.degrees(value), "deg") if unit == "rad" else (value, unit)
+    return f"{shown:.2g} {unit}"
+
+
+def _residual(remark: Remark) -> str:
+    size, limit = _shown(remark, "rms"), _shown(remark, "limit")
+    return f"{remark.subjects[0]} remains {size} from the reconstructed motion; limit {limit}"
+
+
+def _departure(remark: Remark) -> str:
+    size, limit = _shown(remark, "rms"), _shown(remark, "limit")
+    return (
+        f"{remark.subjects[0]} has left the estimate: it disagrees with the motion that the other"
+        f" channels show by {size} (rms; limit {limit}); the rest is judged without it"
+    )
+
+
+def _rates(remark: Remark) -> str:
+    return (
+        f"the rates do not belong to the attitude: {' and '.join(remark.subjects)} disagree with"
+        " them together"
+    )
+
+
+def _sensor_error(remark: Remark) -> str:
+    (label, *bound), (value, _), (size, _) = (
+        remark.subjects,
+        remark.values["value"],
+        remark.values["serviceable"],
+    )
+    beside = f", with {' and '.join(bound)} at a bound" if bound else ""
+    beside += ", and known from its calibration" if remark.kind == KNOWN_SENSOR_ERROR else ""
+    return f"{label} of {value:.3g} is beyond any serviceable sensor ({size:g}){beside}"
+
+
+def _position(remark: Remark) -> str:
+    figures = ", ".join(f"{remark.values[name][0]:.1f}" for name in remark.subjects)
+    jump, limit = remark.values["jump"][0], remark.values["limit"][0]
+    return (
+        f"position is not the integral of velocity: off by {figures} m/s rms (north, east, down),"
+        f" jumps to {jump:.0f} m/s; limit {limit:g} m/s"
+    )
+
+
+def _flow(remark: Remark) -> str:
+    mean, deviation, limit = (
+        math.degrees(remark.values[name][0]) for name in ("mean", "deviation", "limit")
+    )
+    return (
+        f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean,"
+        f" {deviation:.1f} deg std; limit {limit:.1f} deg"
+    )
+
+
+#: Kind -> its words.
+WORDS: Final[Mapping[str, Callable[[Remark], str]]] = {
+    RESIDUAL: _residual,
+    DEPARTURE: _departure,
+    RATES_AGAINST_ATTITUDE: _rates,
+    SENSOR_ERROR: _sensor_error,
+    KNOWN_SENSOR_ERROR: _sensor_error,
+    NOT_CONVERGED: lambda _: (
+        "the reconstruction did not converge: the channels do not quite belong to one motion"
+    ),
+    NOT_CHECKED: lambda r: f"kinematics not checked: {r.text}",
+    POSITION_AGAINST_VELOCITY: _position,
+    FLOW_AGAINST_VELOCITY: _flow,
+    CONTRADICTS: lambda r: f"beside version {r.subjects[0]}: {r.text}",
+    SUSPECTED: lambda r: f"suspected beside version {r.subjects[0]}: {r.text}",
+}
