@@ -1,6 +1,8 @@
 """The catalogue: round trip of what is added, idempotence, and resolution of references."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +10,10 @@ import pytest
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.recording import Damage
-from aerodb.remarks import said
+from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark, said
 from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.chain import broken_links
+from aerodb.storage.catalogue.row_links import broken_rows
 from tests.support.catalogue_samples import V, add_flight, add_version, h
 from tests.support.postgresql import by_hand
 
@@ -259,3 +263,44 @@ def test_a_name_that_looks_like_a_label_is_refused(catalogue: Catalogue) -> None
         catalogue.move_name(
             V, "v0001", add_version(catalogue, "a"), user="me", reason="r", expected=None
         )
+
+
+def test_reasons_are_kept_as_data_and_those_of_before_are_read_once(
+    catalogue: Catalogue, kept_in: str, tmp_path: Path
+) -> None:
+    reasons = (
+        Remark("residual_beyond_limit", ("V",), {"rms": (2.0, "m/s"), "limit": (nan, "m/s")}),
+        Remark(CONTRADICTS, ("v0001",), text="lift: none"),
+        Remark(SUSPECTED, ("v0001",), text="a mass: \0"),
+    )
+    words = (
+        "V remains 2 m/s from the reconstructed motion; limit nan m/s",
+        "beside version v0001: lift: none",
+        "suspected beside version v0001: a mass: \\x00",
+    )
+    id = add_flight(catalogue, "f1")
+    catalogue.judge_flight(id, "limited", reasons)
+    catalogue.judge_flight(id, "limited", reasons)
+    stored = catalogue.flight(id)
+    assert stored.reasons == words
+    assert [each.kind for each in stored.remarks] == [each.kind for each in reasons]
+    assert stored.remarks[0].values["rms"] == (2.0, "m/s")
+    assert stored.remarks[1] == reasons[1]
+    catalogue.close()
+    raw = by_hand(tmp_path / "catalogue.sqlite")
+    for table in ("verdict_remarks", "row_links", "version_notes", "run_dismissals"):
+        raw.execute(f"DROP TABLE {table}")
+    raw.execute("UPDATE alembic_version SET version_num = 'r0008'")
+    raw.commit()
+    (count,) = raw.execute("SELECT count(*) FROM flight_events").fetchone()
+    raw.close()
+    with Catalogue.open(tmp_path / "catalogue.sqlite") as migrated:
+        assert count == 1
+        assert migrated.flight(id).reasons == words
+        assert migrated.flight(id).remarks == (
+            said(words[0]),
+            reasons[1],
+            replace(reasons[2], text="a mass: \\x00"),
+        )
+        with migrated._database.reading() as connection:
+            assert [*broken_rows(connection), *broken_links(connection)] == []
