@@ -26,8 +26,8 @@ The way through the science packages, in the order in which a flight passes them
 - `report`: documents and figures of findings, updates and versions.
 - `exchange`: import and export of databases (native files, DAVE-ML, JSBSim).
 - `simulation`, `examples`: flights with known truth, and the worked example.
-- `support`, `estimation`, `physics`, `five_hole`, `quantities`, `remarks`, `errors`: what the others
-  stand on.
+- `support`, `estimation`, `physics`, `five_hole`, `quantities`, `remarks`, `errors`: what the
+  others stand on.
 
 Around them: `aerodb.storage` (files, catalogue, workspace), `aerodb.tasks` (one stored step each)
 and `aerodb.flows` (command line, web console, orchestration). A package's public names are those
