@@ -1,15 +1,16 @@
-from .agreement import (
-    CheckResult,
-    Response,
-    Tolerances,
-    check_responses,
-    parse_tolerances,
-    response_agreement,
-)
 from .airframe_model import Airframe, MovingAir, airframe
 from .autopilot import Autopilot, ControlDerivatives, control_derivatives
-from .engine import Actuator, Engine, FlightModel, Simulation, flight_model, simulate, with_feedback
+from .engine import (
+    Actuator,
+    FlightModel,
+    Propulsion,
+    Simulation,
+    flight_model,
+    simulate,
+    with_feedback,
+)
 from .flight import History, fly
+from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
 from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
 from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
@@ -21,13 +22,20 @@ from .replay import (
     Stretch,
     fly_stretch,
     moved_controls,
-    stretch_model,
     stretch_of,
     with_trim_offset,
 )
 from .sensors import Instrument, Signal, at_instruments, measure
 from .stabilisation import stabilising_feedback
 from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
+from .tolerances import (
+    CheckResult,
+    Response,
+    Tolerances,
+    check_responses,
+    parse_tolerances,
+    response_agreement,
+)
 from .trim import NoTrimError, Trim, trim
 from .trim_problem import Condition, control_inputs
 from .turbulence import DrydenGusts
@@ -41,9 +49,9 @@ __all__ = [
     "Condition",
     "ControlDerivatives",
     "DrydenGusts",
-    "Engine",
     "Event",
     "FlightModel",
+    "FlownVehicle",
     "HeldSweep",
     "History",
     "Instrument",
@@ -53,6 +61,7 @@ __all__ = [
     "MovingAir",
     "NoTrimError",
     "Oscillation",
+    "Propulsion",
     "Response",
     "Signal",
     "Simulation",
@@ -68,6 +77,7 @@ __all__ = [
     "control_derivatives",
     "control_inputs",
     "flight_model",
+    "flown_of",
     "fly",
     "fly_stretch",
     "held_sweep",
@@ -85,6 +95,7 @@ __all__ = [
     "stretch_model",
     "stretch_of",
     "superposed",
+    "surface_limits",
     "sweep",
     "trim",
     "with_feedback",

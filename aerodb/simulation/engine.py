@@ -57,7 +57,7 @@ class Actuator:
 
 
 @dataclass(frozen=True)
-class Engine:
+class Propulsion:
     """Thrust [N] as an expression of channels and inputs (a table of the database, an input), along
     `direction` through `point` [m], body axes from the vehicle's datum."""
 
@@ -101,7 +101,7 @@ class FlightModel:
 def flight_model(
     database: AeroDatabase,
     *,
-    engines: Sequence[Engine] = (),
+    engines: Sequence[Propulsion] = (),
     actuators: Mapping[str, Actuator] | None = None,
     feedback: Mapping[tuple[str, str], float] | None = None,
     earth: Earth | None = None,

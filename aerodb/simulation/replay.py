@@ -10,12 +10,12 @@ from aerodb.coefficients import Coefficients, thrust_loads, with_states
 from aerodb.conditioning import low_passed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.physics import Earth, standard_atmosphere
-from aerodb.simulation.engine import FlightModel, Simulation, flight_model, simulate
+from aerodb.physics import standard_atmosphere
+from aerodb.simulation.engine import FlightModel, Simulation, simulate
+from aerodb.simulation.flown_vehicle import MASS_PROPERTIES
 from aerodb.simulation.layout import FEEDBACK
 from aerodb.simulation.motion import quaternion_from_euler, to_earth
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
 #: What a flight must have to be flown again.
@@ -26,7 +26,6 @@ RESPONSES: Final = (*NEEDED, "psi", "altitude", "ax", "ay", "az")
 _LONGEST_GAP: Final = 1.0
 #: Cut-off of the measured wind [Hz] where the coefficients of the flight have no bandwidth.
 WIND_BANDWIDTH: Final = 2.0
-_MASS: Final = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
 
 Wind = Literal["mean", "measured"]
 
@@ -50,22 +49,6 @@ class Stretch:
     flown: Mapping[str, Array]
     notes: tuple[str, ...]
     free: Mapping[str, str]
-
-
-def stretch_model(
-    database: AeroDatabase,
-    flight: Flight,
-    feedback: Mapping[tuple[str, str], float] | None = None,
-) -> FlightModel:
-    """The database as a `FlightModel`: over the rotating earth where the flight's place is known,
-    else over a flat one."""
-    earth = None
-    if "latitude" in flight and "longitude" in flight:
-        good = flight.usable(["latitude", "longitude"])
-        if good.any():
-            place = (float(np.median(flight[name][good])) for name in ("latitude", "longitude"))
-            earth = Earth(*place)
-    return flight_model(database, feedback=feedback, earth=earth)
 
 
 def stretch_of(
@@ -102,10 +85,10 @@ def stretch_of(
     time, notes = flight.time[whole], list[str]()
     known = {
         name: _bridged(flight, name, whole, where)
-        for name in dict.fromkeys((*NEEDED, *_MASS, *model.inputs))
+        for name in dict.fromkeys((*NEEDED, *MASS_PROPERTIES, *model.inputs))
     }
     altitude = _optional(flight, "altitude", whole, notes)
-    series = {name: known[name] for name in (*_MASS, *model.inputs)}
+    series = {name: known[name] for name in (*MASS_PROPERTIES, *model.inputs)}
     series["Ixy"] = series["Iyz"] = np.zeros(len(time))
     air = standard_atmosphere(altitude)
     if "rho" in flight:

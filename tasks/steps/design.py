@@ -18,11 +18,11 @@ from aerodb.identification import (
     with_terms,
 )
 from aerodb.increments import ModelFile, parse_model_file
-from aerodb.simulation import Trim
+from aerodb.simulation import Trim, surface_limits
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.methods import identification_flights
-from aerodb.tasks.view import SteadyFlight, surface_limits, trim_of
+from aerodb.tasks.view import SteadyFlight, trim_of
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Axes that the pitch control drives.

@@ -1,9 +1,8 @@
 """Trims, modes and sweeps of a version with its vehicle's masses, surfaces and thrust."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -12,11 +11,10 @@ from aerodb.errors import InputError
 from aerodb.identification import Growth, Margins, expand_envelope
 from aerodb.simulation import (
     Condition,
-    Engine,
     LinearModel,
     Mode,
     Trim,
-    flight_model,
+    flown_of,
     held_sweep,
     linear_model,
     modes,
@@ -24,14 +22,13 @@ from aerodb.simulation import (
     trim,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
-from aerodb.tables import AeroDatabase, parse
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view.evaluation import database_of
-from aerodb.vehicle import Vehicle, parse_vehicle
+from aerodb.vehicle import parse_vehicle
 
 #: Largest number of points of a sweep.
 MOST_SWEEP_POINTS: Final = 501
-_MASS: Final = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
 
 
 @dataclass(frozen=True)
@@ -64,32 +61,16 @@ class _Flown:
         database: AeroDatabase | None = None,
     ) -> None:
         vehicle = parse_vehicle(catalogue.vehicle(row.vehicle).text, f"vehicle {row.vehicle}")
-        database = database_of(catalogue, row) if database is None else database
         stated = dict(_pair(text, "--set") for text in flight.given)
-        self.inputs = {name: value_of(name, text) for name, text in stated.items()}
-        masses = _masses(vehicle, flight.fuel, self.inputs)
-        lines = list(vehicle.thrust.lines.values())
-        point = (masses["cg_x"], masses["cg_y"], masses["cg_z"])
-        engines = (
-            [
-                Engine(parse(f"thrust/{len(lines)}"), line.point or point, line.direction)
-                for line in lines
-            ]
-            if vehicle.thrust.source == "channel"
-            else []
-        )
-        self.database = database
-        self.build = partial(flight_model, engines=engines)
-        self.model = self.build(database)
-        self.inputs = {**masses, **self.inputs}
+        given = {name: value_of(name, text) for name, text in stated.items()}
+        self.database = database_of(catalogue, row) if database is None else database
+        flown = flown_of(vehicle, self.database, fuel=flight.fuel, given=given)
+        self.build, self.model = flown.build, flown.model
+        self.inputs = {**flown.masses, **given}
         self.condition = flight.condition
         self.options: dict[str, Any] = {
-            "thrust": "thrust" if engines else "force_x",
-            "limits": {
-                name: ends
-                for name, ends in surface_limits(vehicle).items()
-                if name in self.model.inputs
-            },
+            "thrust": flown.thrust,
+            "limits": flown.limits,
             "controls": dict(_control(text) for text in flight.controls),
         }
 
@@ -254,54 +235,6 @@ def _control(text: str) -> tuple[str, dict[str, float]]:
         if name:
             gains[name.lstrip("- ")] = -1.0 if name.startswith("-") else 1.0
     return axis, gains
-
-
-def surface_limits(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
-    """Limits of the surfaces [rad], and of combinations of two, each by itself."""
-    ends = {name: surface.limits for name, surface in vehicle.surfaces.items()}
-    for name, pair in vehicle.combinations.items():
-        right, left = vehicle.surfaces[pair.right].limits, vehicle.surfaces[pair.left].limits
-        other = left if pair.kind == "symmetric" else (-left[1], -left[0])
-        ends[name] = (0.5 * (right[0] + other[0]), 0.5 * (right[1] + other[1]))
-    return {f"delta_{name}": limits for name, limits in ends.items()}
-
-
-def _masses(vehicle: Vehicle, fuel: float | None, given: Mapping[str, float]) -> dict[str, float]:
-    """Mass properties of the vehicle file, by name."""
-    properties = vehicle.mass
-    where = f"vehicle {vehicle.name}"
-    if properties.source == "channels":
-        absent = [name for name in _MASS if name not in given]
-        if absent:
-            raise InputError(
-                f"its mass properties are logged in flight: {', '.join(absent)} are not known",
-                where,
-                f"state them: --set {absent[0]}=VALUE",
-            )
-        return {name: given[name] for name in _MASS}
-    columns = np.column_stack(
-        [
-            np.atleast_1d(np.asarray(properties.mass, float)),
-            np.atleast_2d(np.asarray(properties.cg, float)),
-            *(np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in _MASS[4:]),
-        ]
-    )
-    if properties.source == "constant":
-        if fuel is not None:
-            raise InputError("its mass is constant", where, "leave out --fuel")
-        return dict(zip(_MASS, columns[0].tolist(), strict=True))
-    low, high = properties.fuel_mass[0], properties.fuel_mass[-1]
-    if fuel is None or not low <= fuel <= high:
-        raise InputError(
-            "its masses are a table over fuel mass"
-            + ("" if fuel is None else f", which ends before {fuel:g} kg"),
-            where,
-            f"state it: --fuel, from {low:g} to {high:g} kg",
-        )
-    return {
-        name: float(np.interp(fuel, properties.fuel_mass, columns[:, k]))
-        for k, name in enumerate(_MASS)
-    }
 
 
 def sweep_value(text: str, variable: str) -> float:

@@ -14,7 +14,7 @@ from aerodb.physics import (
     normal_gravity,
     standard_atmosphere,
 )
-from aerodb.simulation import Actuator, Engine, flight_model, simulate
+from aerodb.simulation import Actuator, Propulsion, flight_model, simulate
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Reference, Term, parse
 
@@ -281,8 +281,8 @@ def test_actuators_limit_the_rate_and_the_deflection() -> None:
 def test_thrust_acts_along_its_line_through_its_point() -> None:
     """Two engines, one failed: the yawing moment is thrust times arm, the CG counted."""
     engines = [
-        Engine(parse("T_left"), (0.0, -2.0, 0.5)),
-        Engine(parse("T_right"), (0.0, 2.0, 0.5)),
+        Propulsion(parse("T_left"), (0.0, -2.0, 0.5)),
+        Propulsion(parse("T_right"), (0.0, 2.0, 0.5)),
     ]
     model = flight_model(database(), engines=engines)
     flown = simulate(

@@ -10,9 +10,9 @@ from aerodb.physics import GRAVITY, standard_atmosphere
 from aerodb.simulation import (
     Actuator,
     Condition,
-    Engine,
     FlightModel,
     NoTrimError,
+    Propulsion,
     flight_model,
     linear_model,
     modes,
@@ -123,9 +123,11 @@ def test_an_engine_trims_with_its_line_or_its_throttle() -> None:
     """Thrust 0.2 m above the CG and 3 deg up: moment and lift that the elevator answers; a throttle
     gives the same flight."""
     line = ((0.5, 0.0, -0.2), (np.cos(0.05), 0.0, -np.sin(0.05)))
-    by_thrust = flight_model(database(), engines=[Engine(parse("thrust"), *line)])
+    by_thrust = flight_model(database(), engines=[Propulsion(parse("thrust"), *line)])
     found = trim(by_thrust, CRUISE, MASS, thrust="thrust")
-    by_throttle = flight_model(database(), engines=[Engine(parse("2500*throttle - 3*V"), *line)])
+    by_throttle = flight_model(
+        database(), engines=[Propulsion(parse("2500*throttle - 3*V"), *line)]
+    )
     same = trim(by_throttle, CRUISE, MASS, thrust="throttle", limits={"throttle": (0.0, 1.0)})
     thrust = found.deflections["thrust"]
     assert 2500.0 * same.deflections["throttle"] - 180.0 == pytest.approx(thrust, rel=1e-6)
