@@ -5,7 +5,8 @@ Begin with the relation that you need; nothing here keeps state.
 - `standard_atmosphere` gives pressure, temperature and density at a geopotential altitude;
   `density`, `speed_of_sound` and `mach_from_calibrated` relate measured air data (`atmosphere`).
 - `euler_321_from_quaternion` and `euler_321_from_enu_quaternion` turn a logged quaternion into
-  bank angle, pitch attitude and heading (`frames`).
+  bank angle, pitch attitude and heading, `quaternion_from_euler` turns them back; `to_body` and
+  `to_earth` rotate vectors by one, `cross` is their vector product (`frames`).
 - `Earth` is a local origin: `Earth.to_local` gives north and east in metres. `normal_gravity`,
   `radii_of_curvature`, `EARTH_RATE` and `PLUMB_LINE_CURVATURE` are the terms of the equations of
   motion over a rotating oblate earth (`geodesy`).

@@ -10,7 +10,14 @@ from .atmosphere import (
     speed_of_sound,
     standard_atmosphere,
 )
-from .frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
+from .frames import (
+    cross,
+    euler_321_from_enu_quaternion,
+    euler_321_from_quaternion,
+    quaternion_from_euler,
+    to_body,
+    to_earth,
+)
 from .geodesy import (
     EARTH_RATE,
     HIGHEST_LATITUDE,
@@ -31,12 +38,16 @@ __all__ = [
     "PLUMB_LINE_CURVATURE",
     "STANDARD_LAYERS",
     "Earth",
+    "cross",
     "density",
     "euler_321_from_enu_quaternion",
     "euler_321_from_quaternion",
     "mach_from_calibrated",
     "normal_gravity",
+    "quaternion_from_euler",
     "radii_of_curvature",
     "speed_of_sound",
     "standard_atmosphere",
+    "to_body",
+    "to_earth",
 ]

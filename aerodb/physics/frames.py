@@ -1,8 +1,13 @@
-"""Conversions between attitude representations. Quaternions are (w, x, y, z)."""
+"""Attitude and rotations. Quaternions are (w, x, y, z), vectors stand in rows (3, k)."""
+
+from typing import Final
 
 import numpy as np
 
 from aerodb.support import Array
+
+#: Rows y z x and z x y of a vector.
+_ROTATED: Final = np.array([[1, 2, 0], [2, 0, 1]])
 
 
 def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -44,3 +49,70 @@ def euler_321_from_enu_quaternion(
     half = np.sqrt(0.5)
     w1, x1, y1, z1 = half * (-x - y), half * (w + z), half * (w - z), half * (y - x)
     return euler_321_from_quaternion(-x1, w1, z1, -y1)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a x b for vectors in rows (3, ...), without the overhead of numpy's general form."""
+    # `take` gives the same rows as indexing does, four times faster on small arrays.
+    yzx, zxy = _ROTATED
+    return a.take(yzx, 0) * b.take(zxy, 0) - a.take(zxy, 0) * b.take(yzx, 0)
+
+
+def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
+    """Return the quaternion, body to earth, of Euler 3-2-1 angles.
+
+    Parameters
+    ----------
+    phi, theta, psi : (k,) [rad]
+
+    Returns
+    -------
+    (4, k)
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
+    """
+    cf, sf = np.cos(phi / 2), np.sin(phi / 2)
+    ct, st = np.cos(theta / 2), np.sin(theta / 2)
+    cp, sp = np.cos(psi / 2), np.sin(psi / 2)
+    return np.stack(
+        [
+            cf * ct * cp + sf * st * sp,
+            sf * ct * cp - cf * st * sp,
+            cf * st * cp + sf * ct * sp,
+            cf * ct * sp - sf * st * cp,
+        ]
+    )
+
+
+def to_earth(quaternion: Array, vector: Array) -> Array:
+    """Return body vectors in earth axes: v + 2 e x (e x v + e0 v).
+
+    Parameters
+    ----------
+    quaternion : (4, k), body to earth
+    vector : (3, k), body axes
+
+    Returns
+    -------
+    (3, k)
+    """
+    e0, e = quaternion[0], quaternion[1:]
+    return vector + 2 * cross(e, cross(e, vector) + e0 * vector)
+
+
+def to_body(quaternion: Array, vector: Array) -> Array:
+    """Return earth vectors in body axes.
+
+    Parameters
+    ----------
+    quaternion : (4, k), body to earth
+    vector : (3, k), earth axes
+
+    Returns
+    -------
+    (3, k)
+    """
+    e0, e = quaternion[0], quaternion[1:]
+    return vector + 2 * cross(e, cross(e, vector) - e0 * vector)

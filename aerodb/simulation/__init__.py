@@ -10,8 +10,7 @@ state, propulsion, limits and the model (flown_vehicle). Simulated flights of a 
 2. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
    (autopilot); `superposed` adds test inputs, each an `Event`, to its commands (inputs).
 3. `fly` flies many flights at once in closed loop, with wind and `DrydenGusts` (turbulence), and
-   returns their true channels as a `History` (flight). `quaternion_from_euler` helps to build the
-   initial state (motion).
+   returns their true channels as a `History` (flight).
 4. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
    them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
    (sensors).

@@ -15,7 +15,6 @@ from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
 from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
 from .modes import Mode, modes
-from .motion import quaternion_from_euler
 from .oscillation import Oscillation, at_rest_from, oscillation
 from .replay import (
     RESPONSES,
@@ -88,7 +87,6 @@ __all__ = [
     "oscillation",
     "parse_manoeuvre",
     "parse_tolerances",
-    "quaternion_from_euler",
     "response_agreement",
     "simulate",
     "stabilising_feedback",

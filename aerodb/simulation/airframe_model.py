@@ -7,16 +7,20 @@ from typing import Protocol
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.physics import euler_321_from_quaternion, speed_of_sound, standard_atmosphere
+from aerodb.physics import (
+    cross,
+    euler_321_from_quaternion,
+    speed_of_sound,
+    standard_atmosphere,
+    to_body,
+)
 from aerodb.simulation.motion import (
     POSITION,
     QUATERNION,
     RATES,
     VELOCITY,
-    cross,
     derivative,
     inertia_matrix,
-    to_body,
 )
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle

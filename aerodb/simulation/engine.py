@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, nearest
-from aerodb.physics import GRAVITY, STANDARD_LAYERS, Earth
+from aerodb.physics import GRAVITY, STANDARD_LAYERS, Earth, quaternion_from_euler, to_body
 from aerodb.simulation.layout import (
     FEEDBACK,
     FURTHER_LOADS,
@@ -20,7 +20,6 @@ from aerodb.simulation.layout import (
     Numbers,
     ReferenceNumbers,
 )
-from aerodb.simulation.motion import quaternion_from_euler, to_body
 from aerodb.support import Array, in_threads
 from aerodb.tables import (
     AeroDatabase,

@@ -8,9 +8,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.physics import quaternion_from_euler
 from aerodb.simulation.engine import FlightModel, Simulation, initial_state, simulate
 from aerodb.simulation.layout import STATE, SURROUNDINGS
-from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.parameter_covariance import parameter_covariance
 from aerodb.simulation.trim import Trim, differences, moved_points, varied
 from aerodb.simulation.trim_problem import is_force, load_factors

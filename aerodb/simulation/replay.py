@@ -10,11 +10,10 @@ from aerodb.coefficients import Coefficients, thrust_loads, with_states
 from aerodb.conditioning import low_passed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.physics import standard_atmosphere
+from aerodb.physics import quaternion_from_euler, standard_atmosphere, to_earth
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
 from aerodb.simulation.flown_vehicle import MASS_PROPERTIES
 from aerodb.simulation.layout import FEEDBACK
-from aerodb.simulation.motion import quaternion_from_euler, to_earth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 

@@ -16,11 +16,11 @@ import numpy as np
 from pyulog import ULog
 
 from aerodb.exchange.native import read_native
+from aerodb.physics import quaternion_from_euler
 from aerodb.simulation.airframe_model import airframe
 from aerodb.simulation.autopilot import Autopilot, control_derivatives
 from aerodb.simulation.flight import History, fly
 from aerodb.simulation.inputs import Event, superposed
-from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.storage.writers.ulog import write_ulog

@@ -17,7 +17,7 @@ from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.instruments import instruments, lags, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange import read_native
-from aerodb.physics import DENSITY_0, GRAVITY, standard_atmosphere
+from aerodb.physics import DENSITY_0, GRAVITY, quaternion_from_euler, standard_atmosphere
 from aerodb.recording import Topic
 from aerodb.simulation import (
     Airframe,
@@ -31,7 +31,6 @@ from aerodb.simulation import (
     at_instruments,
     control_derivatives,
     measure,
-    quaternion_from_euler,
     superposed,
 )
 from aerodb.simulation import fly as fly_closed_loop

@@ -9,6 +9,7 @@ from scipy.signal import welch
 from scipy.special import ellipj
 
 from aerodb.errors import InputError
+from aerodb.physics import quaternion_from_euler, to_body, to_earth
 from aerodb.physics.atmosphere import GRAVITY
 from aerodb.simulation.airframe_model import Airframe, MovingAir, airframe
 from aerodb.simulation.flight import Actuators, History, fly
@@ -19,9 +20,6 @@ from aerodb.simulation.motion import (
     gravity_body,
     inertia_matrix,
     midpoint_step,
-    quaternion_from_euler,
-    to_body,
-    to_earth,
 )
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerodb.physics import quaternion_from_euler
 from aerodb.simulation.airframe_model import Airframe, MovingAir
-from aerodb.simulation.motion import inertia_matrix, quaternion_from_euler
+from aerodb.simulation.motion import inertia_matrix
 from aerodb.support import Array
 from tests.support.runge_kutta import runge_kutta_step
 
