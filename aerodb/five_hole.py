@@ -12,7 +12,12 @@ import numpy as np
 from pydantic import Field
 
 from aerodb.quantities import Number, Radians
-from aerodb.support import Array, Signal, Strict, dead_zone
+from aerodb.support import (
+    Array,
+    Dual,
+    Strict,
+    dead_zone,
+)
 
 #: Newton steps from the linear solution, and the residual angle [rad] at which it has converged.
 _STEPS, _TOLERANCE = 20, 1e-9
@@ -62,7 +67,7 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
     angles = [part - c.offset for part, c in zip(wanted, (probe.alpha, probe.beta), strict=True)]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for _ in range(_STEPS):
-            x, y = Signal(angles[0], {"x": 1.0}), Signal(angles[1], {"y": 1.0})
+            x, y = Dual(angles[0], {"x": 1.0}), Dual(angles[1], {"y": 1.0})
             shown = (pressure_ratio(x, y, probe.alpha), pressure_ratio(y, x, probe.beta))
             off = [got.value - want for got, want in zip(shown, wanted, strict=True)]
             (a, b), (c, d) = ([np.asarray(got.by.get(name, 0.0)) for name in "xy"] for got in shown)
@@ -77,7 +82,7 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
     return np.where(converged, angles[0], np.nan), np.where(converged, angles[1], np.nan)
 
 
-def pressure_ratio(x: Signal, y: Signal, curve: Curve) -> Signal:
+def pressure_ratio(x: Dual, y: Dual, curve: Curve) -> Dual:
     """Return ``dp / (K q)`` of a pair of holes; x its own flow angle, y the other one [rad]."""
     return (
         x

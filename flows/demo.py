@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from aerodb.estimation import rms
 from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.mission import flown_lags, fly
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, draw_effects, truth
@@ -21,6 +20,7 @@ from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.nomenclature import AXES
+from aerodb.signals import rms
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.writers import write_ulog
 from aerodb.tasks.steps import compare_with_database

@@ -13,8 +13,13 @@ from typing import Final, Literal
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from aerodb.conditioning import bridge, delay_between, low_passed, smooth
+from aerodb.conditioning import delay_between
 from aerodb.flight import Flight
+from aerodb.signals import (
+    bridge,
+    low_passed,
+    smooth,
+)
 from aerodb.support import Array
 
 RATES: Final = ("p", "q", "r")

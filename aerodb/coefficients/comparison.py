@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, Coefficients
-from aerodb.conditioning import low_passed, smooth
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.signals import low_passed, rms, smooth
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase, body_to_wind, transfer_moments
 from aerodb.vehicle import Reference

@@ -20,9 +20,9 @@ import numpy as np
 from aerodb.coefficients.comparison import FLOW_RATES, Comparison, with_flow_rates, with_states
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH
 from aerodb.errors import InputError
-from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.signals import rms
 from aerodb.support import Array
 from aerodb.tables import (
     HAT_RATES,

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import bridge
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.physics import GRAVITY
+from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Thrust, ThrustLine, Vehicle, cg_positions, mass_channels

@@ -21,10 +21,14 @@ from aerodb.coefficients.thrust import (
     thrust_share,
     without_thrust,
 )
-from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.signals import (
+    FEWEST_SAMPLES,
+    bridge,
+    smooth,
+)
 from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels

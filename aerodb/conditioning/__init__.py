@@ -2,17 +2,13 @@
 
 The way through:
 
-1. `clean_clock`, `resampler` and `uniform_grid` bring logged samples onto one grid (`clock`,
-   `resampling`); `aerodb.logs` calls them.
-2. `flag_unusable` flags wild points and samples on the ground; values stay as they are
+1. `flag_unusable` flags wild points and samples on the ground; values stay as they are
    (`wild_points`, `segmentation`, `condition`).
-3. `examine` returns a `Conditioning`: suspected faults of sign, unit and wiring (`plausibility`,
+2. `examine` returns a `Conditioning`: suspected faults of sign, unit and wiring (`plausibility`,
    `hypotheses`), segments and manoeuvres (`segmentation`, `manoeuvres`, `responses`), and the
    delay of each channel against its kinematics (`delay`, `channel_rates`).
-4. `to_document` and `from_document` convert these findings to and from JSON.
-5. `fingerprint` and `shared_samples` find records of the same flight (`duplicates`).
-
-`smooth`, `low_passed` and `bridge` are the filters that later packages use (`differentiation`).
+3. `to_document` and `from_document` convert these findings to and from JSON.
+4. `fingerprint` and `shared_samples` find records of the same flight (`duplicates`).
 """
 
 import lazy_loader as lazy

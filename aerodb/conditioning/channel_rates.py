@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
+from aerodb.signals import bridge
 from aerodb.support import Array
 
 

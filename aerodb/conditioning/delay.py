@@ -15,9 +15,8 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
-from aerodb.conditioning.differentiation import bridge, low_passed
-from aerodb.conditioning.resampling import decimated
 from aerodb.flight import Flight
+from aerodb.signals import bridge, decimated, low_passed
 from aerodb.support import Array
 
 #: Default band [Hz] and largest delay [s] searched for.

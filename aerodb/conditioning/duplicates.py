@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
+from aerodb.signals import bridge
 from aerodb.support import Array
 
 #: Channels that a fingerprint is taken from, each with the least difference [SI] between turning

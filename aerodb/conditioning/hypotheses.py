@@ -14,8 +14,8 @@ from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning.channel_rates import KINEMATICS, OPTIONAL
-from aerodb.conditioning.differentiation import low_passed
 from aerodb.physics import GRAVITY
+from aerodb.signals import low_passed
 from aerodb.support import Array
 
 Channels = Mapping[str, Array]

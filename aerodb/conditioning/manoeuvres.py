@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
-from aerodb.conditioning.differentiation import bridge
+from aerodb.signals import bridge
 from aerodb.support import Array
 
 DEGREE = np.pi / 180

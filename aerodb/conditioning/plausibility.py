@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning.channel_rates import KINEMATICS, airspeed_rate, with_accelerations
-from aerodb.conditioning.differentiation import low_passed
 from aerodb.conditioning.hypotheses import explain
-from aerodb.conditioning.resampling import decimated
 from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.physics import GRAVITY
 from aerodb.recording import Recording
 from aerodb.remarks import Remark
+from aerodb.signals import decimated, low_passed
 from aerodb.support import Array
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 
 from aerodb.conditioning.manoeuvres import DEGREE, rank_correlation, rolling_range
 from aerodb.physics import GRAVITY
+from aerodb.signals import runs
 from aerodb.support import Array, Mask
 
 
@@ -111,24 +112,6 @@ ALONE = 0.25 * DEGREE
 PHUGOID_SPEED, PHUGOID_SHARE, PHUGOID_PERIODS, EXCHANGE = 1.5, 0.8, 1.25, 0.8
 #: Least change of bank [rad] of a spiral, its least time [s] and its greatest rate [rad/s].
 SPIRAL_BANK, SPIRAL_TIME, SPIRAL_RATE = 15 * DEGREE, 20.0, 3 * DEGREE
-
-
-def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]]:
-    """Return first and last index of every run of true of at least `shortest` samples.
-
-    Gaps of up to `bridge` samples are closed.
-
-    >>> runs(np.array([True, True, False, True, False, False, True]), shortest=2, bridge=1)
-    [(0, 3)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    joined: list[tuple[int, int]] = []
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if joined and first - joined[-1][1] - 1 <= bridge:
-            joined[-1] = (joined[-1][0], end - 1)
-        else:
-            joined.append((first, end - 1))
-    return [(first, last) for first, last in joined if last - first + 1 >= shortest]
 
 
 def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Response]:

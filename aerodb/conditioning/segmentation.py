@@ -10,12 +10,10 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
 from aerodb.conditioning.responses import (
     Response,
     load_factors,
-    runs,
     slow_oscillations,
     spirals,
     stalls,
@@ -23,6 +21,7 @@ from aerodb.conditioning.responses import (
 )
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
+from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
 #: Part of the record's high airspeed below which an aircraft is taken to stand or taxi; height [m]

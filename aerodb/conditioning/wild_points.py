@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
+from aerodb.signals import bridge
 from aerodb.support import Array, Mask
 
 #: A spike departs from its neighbours by this many times the usual change between samples.

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from aerodb.conditioning import bridge
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import Reconstruction
 from aerodb.consistency.plan import NO_WEIGHT
@@ -50,6 +49,7 @@ from aerodb.consistency.smoother import (
 )
 from aerodb.flight import Flight
 from aerodb.logs import angles_from_pressures
+from aerodb.signals import bridge
 from aerodb.support import Array, in_threads
 from aerodb.vehicle import Vehicle
 

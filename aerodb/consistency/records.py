@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import specific_force_at_cg
-from aerodb.conditioning import FEWEST_SAMPLES, bridge, local_gravity, smooth
+from aerodb.conditioning import local_gravity
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
@@ -20,6 +20,11 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs import velocity_at_cg
 from aerodb.physics import HIGHEST_LATITUDE, Earth
+from aerodb.signals import (
+    FEWEST_SAMPLES,
+    bridge,
+    smooth,
+)
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import band_passed
 from aerodb.crosschecks.equation_error import FASTEST, SAMPLES, SLOWEST, averaged
 from aerodb.crosschecks.in_flight import HUGE, flying
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
+from aerodb.signals import band_passed
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, slopes_by
 

@@ -6,11 +6,12 @@ aircraft's log, gives a lift coefficient or a slope that no wing has.
 
 import numpy as np
 
-from aerodb.conditioning import Suspicion, low_passed
+from aerodb.conditioning import Suspicion
 from aerodb.crosschecks.in_flight import flying, known_masses
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
+from aerodb.signals import low_passed
 from aerodb.vehicle import Vehicle
 
 #: Lift coefficients, as a median over a flight: less is a zero-g arc, more is no wing.

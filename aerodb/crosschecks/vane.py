@@ -9,12 +9,17 @@ explained, and the vane changes less than the motion. Of that nothing is said.
 
 import numpy as np
 
-from aerodb.conditioning import Suspicion, alpha_rate, band_passed, bridge, with_accelerations
+from aerodb.conditioning import (
+    Suspicion,
+    alpha_rate,
+    with_accelerations,
+)
 from aerodb.crosschecks.equation_error import averaged
 from aerodb.crosschecks.in_flight import flying
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
+from aerodb.signals import band_passed, bridge
 
 #: Band of manoeuvres [Hz]: slower is drift and the air's own motion. Samples kept per period.
 SLOWEST, FASTEST, SAMPLES = 0.15, 1.5, 16.0

@@ -19,9 +19,9 @@ from aerodb.coefficients import (
     with_flow_rates,
     with_states,
 )
-from aerodb.conditioning import bridge
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.tables import (
     HAT_RATES,

@@ -11,7 +11,6 @@ Least squares (`ordinary_least_squares`):
    and `samples_per_independent` what a coloured residual counts.
 2. `own_constants` replaces one constant by one per record before the fit, and `with_mean_constant`
    turns the fit back into one constant, their mean.
-3. `rms` and `theil` (`Theil`) measure how well a prediction follows a measurement.
 
 The methods, by what they fit:
 

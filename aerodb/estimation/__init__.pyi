@@ -44,7 +44,6 @@ from .regression import (
 )
 from .spectra import FrequencyResponse, TransferFunction, frequency_responses, transfer_function_fit
 from .splines import SplineKind, chosen_knots, piecewise_polynomials
-from .statistics import Theil, rms, theil
 from .time_history import TimeHistory
 
 __all__ = [
@@ -68,7 +67,6 @@ __all__ = [
     "SplineKind",
     "Standing",
     "StateSpace",
-    "Theil",
     "TimeHistory",
     "TransferFunction",
     "Values",
@@ -94,11 +92,9 @@ __all__ = [
     "priors_of",
     "recursive_least_squares",
     "regression",
-    "rms",
     "samples_per_independent",
     "stabilised",
     "state_space",
-    "theil",
     "transfer_function_fit",
     "unscented_kalman",
     "with_delays",

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from aerodb.estimation.independence import InputCorrelation
-from aerodb.estimation.statistics import Theil
+from aerodb.signals import Theil
 from aerodb.support import Array
 
 #: What an estimate is worth: ``estimated``; ``fixed`` or ``tied`` by the user; ``prior``: the data

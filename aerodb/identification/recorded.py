@@ -5,9 +5,15 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import clean_clock, interval, is_uniform, spikes, uniform_grid
+from aerodb.conditioning import spikes
 from aerodb.errors import InputError
 from aerodb.estimation import TimeHistory
+from aerodb.signals import (
+    clean_clock,
+    interval,
+    is_uniform,
+    uniform_grid,
+)
 from aerodb.support import Array
 
 #: Steps of time longer than this many sampling intervals are gaps.

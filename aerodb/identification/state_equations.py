@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import DEFAULT_BANDWIDTH
-from aerodb.conditioning import FEWEST_SAMPLES, low_passed, smooth
 from aerodb.errors import InputError
 from aerodb.estimation import (
     AffineMatrix,
@@ -22,9 +21,14 @@ from aerodb.estimation import (
     Parameters,
     StateSpace,
     TimeHistory,
-    theil,
 )
 from aerodb.identification.methods import Method
+from aerodb.signals import (
+    FEWEST_SAMPLES,
+    low_passed,
+    smooth,
+    theil,
+)
 from aerodb.support import Array
 
 #: Rounds of weighting; the noise of the rows changes by less than a tenth after the second.

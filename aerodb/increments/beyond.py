@@ -15,8 +15,8 @@ from aerodb.coefficients import (
     with_flow_rates,
     with_states,
 )
-from aerodb.estimation import rms
 from aerodb.flight import Flight
+from aerodb.signals import rms
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 

@@ -11,10 +11,8 @@ from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
 from aerodb.estimation import (
     Regression,
-    Theil,
     least_squares,
     own_constants,
-    theil,
     with_mean_constant,
 )
 from aerodb.flight import Flight
@@ -33,6 +31,7 @@ from aerodb.increments.samples import (
     with_model_rates,
 )
 from aerodb.nomenclature import MOMENT_AXES
+from aerodb.signals import Theil, theil
 from aerodb.support import Array
 from aerodb.tables import (
     QUANTITIES,

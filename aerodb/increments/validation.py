@@ -11,9 +11,13 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.estimation import Theil, rms, theil
 from aerodb.increments.held_out import UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.signals import (
+    Theil,
+    rms,
+    theil,
+)
 from aerodb.support import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]

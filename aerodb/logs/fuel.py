@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from aerodb.conditioning import bridge
 from aerodb.flight import Flight
+from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import clean_clock
 from aerodb.errors import InputError
 from aerodb.logs.mapping_file import Mapping, Source, matching_topics
 from aerodb.recording import Damage, Recording
+from aerodb.signals import clean_clock
 from aerodb.support import Array
 from aerodb.units import convert
 

@@ -9,7 +9,11 @@ import numpy as np
 
 from aerodb.five_hole import flow_angles
 from aerodb.flight import Bits, Flight
-from aerodb.support import Array, Signal, body_to_earth
+from aerodb.support import (
+    Array,
+    Dual,
+    body_to_earth,
+)
 from aerodb.vehicle import AirData, Vehicle, mass_channels
 
 _PRESSURES = ("probe_dp_alpha", "probe_dp_beta", "qbar")
@@ -153,7 +157,7 @@ def _as_flow_angles(flight: Flight, probe: AirData) -> Flight:
     if probe.beta == "flank":
         beta = np.arctan(np.tan(beta) * np.cos(alpha))
     flow = np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)])
-    rows = body_to_earth(*(Signal(angle, {}) for angle in probe.orientation))
+    rows = body_to_earth(*(Dual(angle, {}) for angle in probe.orientation))
     turned = np.stack(
         [sum((row[k].value * flow[k] for k in range(3)), np.zeros_like(alpha)) for row in rows]
     )

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import (
+from aerodb.errors import InputError
+from aerodb.logs.mapped_log import MappedLog
+from aerodb.logs.mapping_file import matching_topics
+from aerodb.nomenclature import FLAGS
+from aerodb.recording import Damage
+from aerodb.signals import (
     Resampler,
     first_order_lag,
     hold,
@@ -16,11 +21,6 @@ from aerodb.conditioning import (
     resampler,
     uniform_grid,
 )
-from aerodb.errors import InputError
-from aerodb.logs.mapped_log import MappedLog
-from aerodb.logs.mapping_file import matching_topics
-from aerodb.nomenclature import FLAGS
-from aerodb.recording import Damage
 from aerodb.support import Array
 from aerodb.vehicle import Surface, Vehicle
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import Segment, bridge
+from aerodb.conditioning import Segment
 from aerodb.effects import (
     STALL_GAIN_BOUNDS,
     FlightView,
@@ -28,6 +28,7 @@ from aerodb.effects import (
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.loop.flights import FlightSource
+from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.tables import (
     STATE_CHANNEL,

@@ -14,12 +14,11 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import Comparison, band_limited
-from aerodb.conditioning import bridge
-from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.increments import with_extrapolated_slopes
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.stall import NEAR
+from aerodb.signals import bridge, rms
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 

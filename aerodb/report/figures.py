@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from aerodb.coefficients import Comparison
-from aerodb.estimation import rms
 from aerodb.report.decimation import extremes
 from aerodb.report.numbers import number
 from aerodb.report.style import (
@@ -22,6 +21,7 @@ from aerodb.report.style import (
     panel_grid,
     plain_panel,
 )
+from aerodb.signals import rms
 from aerodb.support import Array
 
 #: Most points per curve: more than a print can show. Extremes are kept.

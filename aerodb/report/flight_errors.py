@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.coefficients import Comparison
-from aerodb.estimation import rms
 from aerodb.report.figures import pooled_residual
 from aerodb.report.headlines import by_parts
 from aerodb.report.numbers import number
+from aerodb.signals import rms
 
 #: Relative difference from the stored error above which flights were processed again.
 _SAME: Final = 1e-3

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment, Suspicion
-from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.remarks import SUSPECTED, Remark
@@ -25,6 +24,7 @@ from aerodb.report.numbers import for_people, number
 from aerodb.report.page import render
 from aerodb.report.style import Picture, picture
 from aerodb.report.terms import sensor_error_unit
+from aerodb.signals import rms
 from aerodb.tables import AeroDatabase
 
 _SAYS: Final = {

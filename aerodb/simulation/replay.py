@@ -7,10 +7,10 @@ from typing import Final, Literal
 import numpy as np
 
 from aerodb.coefficients import Coefficients, thrust_loads, with_states
-from aerodb.conditioning import low_passed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.physics import quaternion_from_euler, standard_atmosphere, to_earth
+from aerodb.signals import low_passed
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
 from aerodb.simulation.flown_vehicle import MASS_PROPERTIES
 from aerodb.simulation.layout import FEEDBACK

@@ -5,8 +5,8 @@
   versions, the same on every machine (`identity`).
 - `Strict`, `validated` and `validated_toml`: models of hand-written files; closed to unknown keys,
   one clear error (`strict`).
-- `Signal`: a value with exact first derivatives (a dual number), for sensor models; `sine`,
-  `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`signals`).
+- `Dual`: a value with exact first derivatives (a dual number), for sensor models; `sine`,
+  `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`dual_numbers`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 

@@ -1,8 +1,6 @@
 from .arrays import Array, Integers, Mask
-from .identity import canonical_json, content_sha256, key_of, result_key, version_id
-from .parallel import Threads, in_threads
-from .signals import (
-    Signal,
+from .dual_numbers import (
+    Dual,
     Triple,
     angle,
     arcsine,
@@ -13,14 +11,16 @@ from .signals import (
     root,
     sine,
 )
+from .identity import canonical_json, content_sha256, key_of, result_key, version_id
+from .parallel import Threads, in_threads
 from .strict import Strict, validated, validated_toml
 from .toml import parsed_toml
 
 __all__ = [
     "Array",
+    "Dual",
     "Integers",
     "Mask",
-    "Signal",
     "Strict",
     "Threads",
     "Triple",

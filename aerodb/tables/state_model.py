@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import FEWEST_SAMPLES, smooth
 from aerodb.errors import InputError
+from aerodb.signals import FEWEST_SAMPLES, smooth
 from aerodb.support import Array
 from aerodb.tables.expression import Expression, check_identifier, number, parse
 from aerodb.tables.functions import Value

@@ -21,7 +21,7 @@ DOCUMENTS = (
 PACKAGES = (
     *("logs", "conditioning", "crosschecks", "consistency", "coefficients", "tables"),
     *("increments", "effects", "tracing", "loop", "estimation", "identification", "simulation"),
-    *("exchange", "report", "physics", "support", "vehicle"),
+    *("exchange", "report", "signals", "physics", "support", "vehicle"),
 )
 MODULES = ("recording", "flight", "nomenclature", "units", "errors")
 

@@ -5,10 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.conditioning import bridge
 from aerodb.errors import InputError
 from aerodb.estimation import TimeHistory, TransferFunction, transfer_function_fit
 from aerodb.flight import Flight
+from aerodb.signals import bridge
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import access_workspace
 

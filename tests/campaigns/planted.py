@@ -16,8 +16,8 @@ from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.library import hypotheses_for
-from aerodb.estimation import rms
 from aerodb.flight import Flight
+from aerodb.signals import rms
 from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import parse_vehicle

@@ -15,8 +15,8 @@ pytest.importorskip("jsbsim")
 
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
-from aerodb.estimation import rms
 from aerodb.flight import Flight
+from aerodb.signals import rms
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.closed_loop import CLASSES, run_null, run_planted
 from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text

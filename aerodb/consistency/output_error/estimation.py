@@ -8,7 +8,6 @@ from itertools import groupby
 import numpy as np
 from scipy.linalg import block_diag
 
-from aerodb.conditioning import bridge
 from aerodb.consistency.calibration import Calibration, drift
 from aerodb.consistency.output_error.gauss_newton import SMALL_GAIN
 from aerodb.consistency.output_error.initial_states import first_states
@@ -52,6 +51,7 @@ from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
+from aerodb.signals import bridge
 from aerodb.support import Array, in_threads
 from aerodb.vehicle import Accuracy, Vehicle
 

@@ -14,7 +14,11 @@ from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.reconstruction import Estimate, Reconstruction
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.sensors import parameter
-from aerodb.support import Array, Signal, dead_zone
+from aerodb.support import (
+    Array,
+    Dual,
+    dead_zone,
+)
 from aerodb.vehicle import Accuracy
 
 #: Smallest distance from zero, in standard errors, of a correction without a stated prior.
@@ -234,7 +238,7 @@ def _probe_effect(name: str, result: Reconstruction) -> float:
     curve = next(
         c for path in result.paths if (c := path.record.installation.five_hole) is not None
     )
-    over = dead_zone(Signal(own, {}), getattr(curve, angle).break_angle).value
+    over = dead_zone(Dual(own, {}), getattr(curve, angle).break_angle).value
     return (
         float(np.std({"slope": own, "square": own**2, "cross": other**2, "bend": over}[part]))
         if part != "offset"

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.conditioning import bridge, smooth
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.sensors.prediction import Record, earth_to_body
+from aerodb.signals import bridge, smooth
 from aerodb.support import Array
 
 #: Bandwidth of the differentiation, Hz; at most an eighth of the sampling rate is used.

@@ -1,6 +1,6 @@
 """Sensor models: the true quantity behind each output, in states, rates and unknowns.
 
-Derivatives are carried along automatically (`aerodb.support.signals`).
+Derivatives are carried along automatically (`aerodb.support.dual_numbers`).
 
 Air data are those of the air-data point, ``v - C w + omega x r`` with the wind w, attitude C and
 arm r from the CG, in axes of the boom; ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, ``qbar =
@@ -24,7 +24,7 @@ from aerodb.errors import InputError
 from aerodb.five_hole import Curve, FiveHole, pressure_ratio
 from aerodb.support import (
     Array,
-    Signal,
+    Dual,
     Triple,
     angle,
     arcsine,
@@ -106,7 +106,7 @@ class SensorModels:
 
     def __init__(
         self,
-        states: Mapping[str, Signal],
+        states: Mapping[str, Dual],
         rates: Triple,
         values: Mapping[str, float],
         free: frozenset[str],
@@ -121,17 +121,15 @@ class SensorModels:
         self.arm, self.installation = arm, installation
         self.gravity, self.density, self.pressure = gravity, density, pressure
 
-    def unknown(self, name: str, declared: float = 0.0) -> Signal:
+    def unknown(self, name: str, declared: float = 0.0) -> Dual:
         """The declared value plus a parameter, with its derivative if the parameter is free."""
-        return Signal(
-            declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {}
-        )
+        return Dual(declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {})
 
     def acts(self, *names: str) -> bool:
         """Whether any of these parameters is free or differs from zero."""
         return any(name in self.free or self.values.get(name, 0.0) != 0.0 for name in names)
 
-    def channel(self, name: str) -> Signal:
+    def channel(self, name: str) -> Dual:
         """The true quantity behind an output, SI, with its derivatives."""
         if name in ("north", "east", "altitude"):
             return self._position(name)
@@ -139,7 +137,7 @@ class SensorModels:
             return self.states[name]
         if name.startswith("velocity_"):
             return self.over_earth[("velocity_north", "velocity_east", "velocity_down").index(name)]
-        models: dict[str, Callable[[], Signal]] = {
+        models: dict[str, Callable[[], Dual]] = {
             "V": lambda: self.shown_speed,
             "alpha": lambda: self.vanes[0],
             "beta": lambda: self.vanes[1],
@@ -206,19 +204,19 @@ class SensorModels:
         return a, b, c
 
     @cached_property
-    def speed(self) -> Signal:
+    def speed(self) -> Dual:
         """True airspeed at the air-data point, m/s."""
         a, b, c = self.probe
         return root(a * a + b * b + c * c)
 
     @cached_property
-    def flow(self) -> tuple[Signal, Signal]:
+    def flow(self) -> tuple[Dual, Dual]:
         """Angles of attack and sideslip at the air-data point, rad."""
         a, b, c = self.probe
         return angle(c, a), arcsine(b / self.speed)
 
     @cached_property
-    def vanes(self) -> tuple[Signal, Signal]:
+    def vanes(self) -> tuple[Dual, Dual]:
         """Angles of attack and sideslip as vanes at the air-data point show them (upwash, flank
         angle), rad."""
         a, b, _ = self.probe
@@ -234,7 +232,7 @@ class SensorModels:
         north, east, down = (dot(row, moved) for row in self.rotation)
         return north, east, down
 
-    def _position(self, name: str) -> Signal:
+    def _position(self, name: str) -> Dual:
         arm = self._arm("gps", self.installation.gps)
         if arm is None:
             return self.states[name]
@@ -242,7 +240,7 @@ class SensorModels:
         return self.states[name] + (-offset if name == "altitude" else offset)
 
     @cached_property
-    def dynamic_pressure(self) -> Signal:
+    def dynamic_pressure(self) -> Dual:
         """True dynamic pressure at the air-data point, Pa; density is solved for with it if it was
         computed from the measured static pressure."""
         incompressible = self.speed * self.speed * (0.5 * self._density())
@@ -256,7 +254,7 @@ class SensorModels:
         )
 
     @cached_property
-    def shown_pressure(self) -> Signal:
+    def shown_pressure(self) -> Dual:
         """Dynamic pressure as the ports show it, Pa."""
         true = self.dynamic_pressure
         if not self.acts(*_PORTS):
@@ -265,7 +263,7 @@ class SensorModels:
         return true * gain - self.unknown("static_port_offset")
 
     @cached_property
-    def shown_speed(self) -> Signal:
+    def shown_speed(self) -> Dual:
         """True airspeed computed from the pressures at the ports, m/s."""
         if not self.acts(*_PORTS):
             return self.speed
@@ -281,7 +279,7 @@ class SensorModels:
         assert self.density is not None  # checked by `prediction.predict_outputs`
         return self.density
 
-    def _pressure_altitude(self) -> Signal:
+    def _pressure_altitude(self) -> Dual:
         height, arm = self.states["altitude"], self._arm("air_data", self.arm)
         if arm is not None:
             height = height - dot(self.rotation[2], arm)
@@ -293,11 +291,11 @@ class SensorModels:
         return height - excess / (self._density() * self.gravity)
 
     @cached_property
-    def height(self) -> Signal:
+    def height(self) -> Dual:
         """Height of the CG above the ground, m."""
         return self.states["altitude"] - self.unknown("terrain_elevation")
 
-    def _slant_range(self) -> Signal:
+    def _slant_range(self) -> Dual:
         down = self.rotation[2]
         if not any(self.installation.beam) and not self.acts("beam_forward", "beam_right"):
             return self.height / down[2]
@@ -311,7 +309,7 @@ class SensorModels:
         beam = (ahead, aside, root(1.0 - ahead * ahead - aside * aside))
         return self.height / dot(down, beam)
 
-    def _difference(self, which: str) -> Signal:
+    def _difference(self, which: str) -> Dual:
         """Pressure difference between a pair of holes of a five-hole probe, Pa."""
         assert self.installation.five_hole is not None  # checked by `prediction.Record`
         curve: Curve = getattr(self.installation.five_hole, which)
@@ -323,7 +321,7 @@ class SensorModels:
             shape = shape + self._shape(name, x, y, curve)
         return self.dynamic_pressure * shape * curve.slope
 
-    def _shape(self, name: str, x: Signal, y: Signal, curve: Curve) -> Signal:
+    def _shape(self, name: str, x: Dual, y: Dual, curve: Curve) -> Dual:
         """Estimated corrections of the calibration: curvature, dependence on the other angle, and
         bend."""
         bend = self.unknown(f"{name}_bend") * dead_zone(x, curve.break_angle)

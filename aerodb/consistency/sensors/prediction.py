@@ -15,7 +15,7 @@ from aerodb.consistency.sensors.models import Installation, SensorModels
 from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.physics import GRAVITY, Earth
-from aerodb.support import Array, Signal
+from aerodb.support import Array, Dual
 
 #: Largest delay that is sought, s; for a delayed channel, samples this close to either end of a
 #: record are not used.
@@ -159,7 +159,7 @@ def predict_outputs(
     path = _path(record, values, initial, wanted, inputs, driver)
     sight = SensorModels(
         {
-            name: Signal(path.states[number], {name: 1.0} if wanted else {})
+            name: Dual(path.states[number], {name: 1.0} if wanted else {})
             for number, name in enumerate(STATES)
         },
         (_rate("p", inputs, wanted), _rate("q", inputs, wanted), _rate("r", inputs, wanted)),
@@ -240,10 +240,10 @@ def outputs_along(
         )
     n = states.shape[1]
     inputs = corrected_inputs(record, values)
-    rates = tuple(Signal(inputs[:, number], {}) for number in (3, 4, 5))
+    rates = tuple(Dual(inputs[:, number], {}) for number in (3, 4, 5))
     sight = SensorModels(
         {
-            name: Signal(states[number], {name: 1.0} if slopes else {})
+            name: Dual(states[number], {name: 1.0} if slopes else {})
             for number, name in enumerate(STATES)
         },
         (rates[0], rates[1], rates[2]),
@@ -273,9 +273,9 @@ def _full(value: Array | float, path: "_Path") -> Array:
     return np.broadcast_to(value, path.states.shape[1:])
 
 
-def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Signal:
+def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Dual:
     moved = any(item.subject == name and item.kind in ("bias", "scale") for item in wanted)
-    return Signal(inputs[:, INPUTS.index(name)], {name: 1.0} if moved else {})
+    return Dual(inputs[:, INPUTS.index(name)], {name: 1.0} if moved else {})
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ class _Path:
     rates: Mapping[str, Sequence[tuple[int, Array | float]]]
     number: Mapping[str, int]
 
-    def along(self, signal: Signal) -> Array:
+    def along(self, signal: Dual) -> Array:
         """(n, k) derivatives of a signal by the unknowns: through states, through rates, direct."""
         n = self.states.shape[1]
         slope = np.zeros((n, len(self.wanted)))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.conditioning import bridge
+from aerodb.signals import bridge
 from aerodb.support import Array
 
 #: Band in which gusts act on the rigid-body motion, Hz.

@@ -16,11 +16,11 @@ from typing import Any, Final, Literal
 import numpy as np
 from scipy.fft import next_fast_len
 
-from aerodb.conditioning import bridge
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath
 from aerodb.errors import InputError
+from aerodb.signals import bridge
 from aerodb.support import Array
 
 #: Channels whose error spectrum is estimated.

@@ -18,12 +18,13 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import alpha_rate, beta_rate, first_order_lag, smooth
+from aerodb.conditioning import alpha_rate, beta_rate
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement.sensor import predicted_change
 from aerodb.effects.measurement.sensor_flow_angles import SLOWEST
 from aerodb.nomenclature import FORCE_AXES
+from aerodb.signals import first_order_lag, smooth
 from aerodb.support import Array
 
 #: Time constants with which the air's rotation follows the gust's rate of change, in spans over

@@ -11,11 +11,11 @@ from functools import reduce
 
 import numpy as np
 
-from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.template import LibraryContext
 from aerodb.nomenclature import AXES
+from aerodb.signals import smooth
 from aerodb.support import Array
 
 #: Largest believable error of what was measured or reconstructed, in standard deviations.

@@ -20,11 +20,11 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import bias_prior, delay_prior, predicted_change, sensor
 from aerodb.effects.template import LibraryContext, Template
+from aerodb.signals import smooth
 from aerodb.support import Array
 from aerodb.tables import Value
 

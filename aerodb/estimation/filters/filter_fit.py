@@ -11,9 +11,9 @@ from aerodb.estimation.filters.scoring import SINGULAR, Optimum
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import bounds_of, priors_of
 from aerodb.estimation.standing import standings
-from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import elapsed
 from aerodb.estimation.whiteness import ljung_box
+from aerodb.signals import theil
 from aerodb.support import Array
 
 #: Innovations are called coloured below this probability of white ones, and from this correlation

@@ -12,9 +12,9 @@ from aerodb.estimation.filters.filter_problem import Point
 from aerodb.estimation.filters.scoring import SINGULAR, Optimum
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.standing import standings
-from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.estimation.whiteness import ljung_box
+from aerodb.signals import theil
 from aerodb.support import Array
 
 _LOST: Final = "the filter lost the motion: start closer, or state priors or bounds"

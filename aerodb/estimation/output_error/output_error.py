@@ -30,8 +30,8 @@ from aerodb.estimation.output_error.likelihood import Covariance, coloured_infor
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.regression import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.standing import standings
-from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import TimeHistory, elapsed
+from aerodb.signals import theil
 from aerodb.support import Array
 
 ASSUMES = (

@@ -11,8 +11,8 @@ from aerodb.estimation.coloured_noise import NoiseModel, autoregressive_noise
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import Parameter, Parameters
 from aerodb.estimation.regression.linear_equation import LinearEquation
-from aerodb.estimation.statistics import theil
 from aerodb.estimation.time_history import elapsed
+from aerodb.signals import theil
 from aerodb.support import Array, Mask
 
 #: Independent samples per estimate below which intervals are known to be too narrow.

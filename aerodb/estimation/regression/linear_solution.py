@@ -10,8 +10,8 @@ from aerodb.estimation.bounded import within_bounds
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import Parameters, bounds_of, priors_of
 from aerodb.estimation.regression.linear_equation import LinearEquation
-from aerodb.estimation.statistics import rms, theil
 from aerodb.estimation.time_history import elapsed
+from aerodb.signals import rms, theil
 from aerodb.support import Array, Integers
 
 #: Share of its size below which a regressor counts as one that does not move, and singular value,

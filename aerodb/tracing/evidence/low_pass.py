@@ -9,8 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.conditioning import PASS_EDGE, low_pass_taps, runs
 from aerodb.errors import InputError
+from aerodb.signals import (
+    PASS_EDGE,
+    low_pass_taps,
+    runs,
+)
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.evidence import Columns, Evidence
 from aerodb.tracing.settings import TracingSettings
@@ -48,7 +52,7 @@ def band_limited(columns: Sequence[Array], usable: Mask, step: float, bandwidth:
     """Low-pass columns (k of (n,)) of one stretch with zero phase and decimate them to (m, k).
 
     Gaps are bridged by straight lines. The low-pass is that of
-    `aerodb.conditioning.resampling.low_pass`; the ends are continued by point reflection, and the
+    `aerodb.signals.resampling.low_pass`; the ends are continued by point reflection, and the
     samples whose noise this hardly lowers are left out. Every step is linear and the same for all
     columns: ``y = X theta + v`` remains true.
     """

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.conditioning import bridge, runs
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.low_pass import BRIDGED, slower
 

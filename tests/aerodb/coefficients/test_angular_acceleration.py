@@ -9,8 +9,8 @@ import pytest
 
 from aerodb.coefficients.angular_acceleration import choose_angular_accelerations
 from aerodb.coefficients.total import total_coefficients
-from aerodb.conditioning import low_passed
 from aerodb.flight import Flight
+from aerodb.signals import low_passed
 from tests.aerodb.coefficients.test_coefficients import record, twin_otter  # noqa: F401
 
 STEP, BAND, GYRO, ACCELEROMETER = 0.02, 5.0, 2e-3, 8e-3

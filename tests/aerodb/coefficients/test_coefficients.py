@@ -6,12 +6,12 @@ import pytest
 import scipy.io
 
 from aerodb.coefficients.total import inertial_moment, specific_force_at_cg, total_coefficients
-from aerodb.conditioning.differentiation import smooth
 from aerodb.errors import InputError
 from aerodb.estimation.ordinary_least_squares import least_squares
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import AXES
+from aerodb.signals.differentiation import smooth
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.any_format import read_log
 from aerodb.tables.reference import Reference, hat_rate

@@ -7,9 +7,9 @@ from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.inputs import input_uses, lacking_inputs, with_held_inputs
 from aerodb.coefficients.total import Coefficients
 from aerodb.errors import InputError
-from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.signals.error_measures import rms
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference

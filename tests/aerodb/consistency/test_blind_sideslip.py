@@ -11,8 +11,8 @@ from aerodb.consistency.corrected import with_gusty_winds
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.smoother.gusts import Gusts
 from aerodb.consistency.whole_flight import Consistent, make_consistent
-from aerodb.estimation import rms
 from aerodb.flight import Flight
+from aerodb.signals import rms
 from aerodb.support.arrays import Array
 from aerodb.vehicle import parse_vehicle
 from tests.support.consistent_flights import NAME, VEHICLE

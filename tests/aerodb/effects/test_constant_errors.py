@@ -8,12 +8,12 @@ from aerodb.coefficients.comparison import band_limited, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.measurement.constant_errors import sensor_consider_parameters
-from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.increments.estimate import ConsiderParameter, estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import add_combinations

@@ -12,8 +12,8 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import hypotheses_for
-from aerodb.estimation.statistics import rms
 from aerodb.logs.mapping import choose_mapping, map_recording
+from aerodb.signals.error_measures import rms
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from aerodb.vehicle import parse_vehicle

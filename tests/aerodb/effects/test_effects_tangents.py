@@ -14,10 +14,10 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
-from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerodb.conditioning import low_passed, smooth
 from aerodb.estimation.coloured_noise import autoregressive_noise
+from aerodb.signals import low_passed, smooth
 
 STEP, SAMPLES, BAND = 0.02, 400, 5.0
 

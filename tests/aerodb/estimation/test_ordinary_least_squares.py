@@ -6,7 +6,7 @@ import pytest
 import scipy.io
 
 from aerodb.estimation.ordinary_least_squares import least_squares
-from aerodb.estimation.statistics import theil
+from aerodb.signals.error_measures import theil
 
 # Klein & Morelli, SIDPAC v2.0, Twin Otter f1_017: estimates and coloured standard errors, [beta p r
 # da dr 1]

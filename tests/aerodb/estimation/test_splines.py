@@ -8,7 +8,7 @@ import scipy.interpolate
 from aerodb.errors import InputError
 from aerodb.estimation.regression.regression_fit import regression
 from aerodb.estimation.splines import chosen_knots, spline_basis
-from aerodb.estimation.statistics import theil
+from aerodb.signals.error_measures import theil
 from tests.support.caravan import (
     ALPHA,
     ELEVATOR,

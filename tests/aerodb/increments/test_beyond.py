@@ -6,10 +6,10 @@ import pytest
 
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import Coefficients
-from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.increments.beyond import beyond_envelopes, with_extrapolated_slopes
 from aerodb.nomenclature import AXES
+from aerodb.signals.error_measures import rms
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval

@@ -14,12 +14,12 @@ import pytest
 
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
-from aerodb.estimation.statistics import rms
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut, validate_on_held_out
 from aerodb.report.document import update_document
+from aerodb.signals.error_measures import rms
 from tests.aerodb.coefficients.test_coefficients import record, twin_otter, with_nasas_constants  # noqa: F401
 from tests.support.paths import VEHICLES
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.conditioning.resampling import resampler
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording, Topic
+from aerodb.signals.resampling import resampler
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.vehicle import parse_vehicle
 

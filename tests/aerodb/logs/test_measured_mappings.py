@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.conditioning.differentiation import low_passed
 from aerodb.flight import Flight
 from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.mapping import choose_mapping, map_recording
+from aerodb.signals.differentiation import low_passed
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from tests.aerodb.logs.test_mapping import SURFACES, vehicle_with_elevator

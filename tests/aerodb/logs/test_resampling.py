@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from aerodb.conditioning.clock import clean_clock, is_uniform
-from aerodb.conditioning.resampling import first_order_lag, hold, low_pass, resampler, uniform_grid
 from aerodb.errors import InputError
+from aerodb.signals.clock import clean_clock, is_uniform
+from aerodb.signals.resampling import (
+    first_order_lag,
+    hold,
+    low_pass,
+    resampler,
+    uniform_grid,
+)
 
 FAST, SLOW = np.arange(0.0, 20.0, 0.004), np.arange(0.0, 20.0, 0.02)
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.conditioning.resampling import low_pass
 from aerodb.errors import InputError
+from aerodb.signals.resampling import low_pass
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence, units
 from aerodb.tracing.evidence.low_pass import band_limited, decimation, ends_left_out

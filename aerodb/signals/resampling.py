@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, prev_fast_len, rfft
 from scipy.linalg.blas import dtbsv
 
-from aerodb.conditioning.clock import interval, is_uniform
+from aerodb.signals.clock import interval, is_uniform
 from aerodb.support import Array
 
 #: Pass-band and stop-band edge of the anti-aliasing filter relative to the grid's rate, and its

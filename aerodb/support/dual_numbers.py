@@ -14,10 +14,10 @@ Value = Array | float
 
 
 @dataclass(frozen=True)
-class Signal:
+class Dual:
     """A dual number: `value` (n,) or scalar, and its derivatives `by` each named variable.
 
-    >>> x = Signal(3.0, {"x": 1.0})
+    >>> x = Dual(3.0, {"x": 1.0})
     >>> (x * x + 1.0).by["x"]
     6.0
     """
@@ -25,75 +25,75 @@ class Signal:
     value: Value
     by: Mapping[str, Value]
 
-    def chain(self, value: Value, slope: Value) -> "Signal":
+    def chain(self, value: Value, slope: Value) -> "Dual":
         """Return a function of this signal, given its `value` and its `slope` by this signal."""
-        return Signal(value, {name: slope * part for name, part in self.by.items()})
+        return Dual(value, {name: slope * part for name, part in self.by.items()})
 
-    def __add__(self, other: "Signal | Value") -> "Signal":
-        if not isinstance(other, Signal):
-            return Signal(self.value + other, self.by)
+    def __add__(self, other: "Dual | Value") -> "Dual":
+        if not isinstance(other, Dual):
+            return Dual(self.value + other, self.by)
         by = dict(self.by)
         for name, part in other.by.items():
             by[name] = by[name] + part if name in by else part
-        return Signal(self.value + other.value, by)
+        return Dual(self.value + other.value, by)
 
-    def __mul__(self, other: "Signal | Value") -> "Signal":
-        if not isinstance(other, Signal):
+    def __mul__(self, other: "Dual | Value") -> "Dual":
+        if not isinstance(other, Dual):
             return self.chain(self.value * other, other)
         return self.chain(self.value * other.value, other.value) + other.chain(0.0, self.value)
 
-    def __neg__(self) -> "Signal":
+    def __neg__(self) -> "Dual":
         return self.chain(-self.value, -1.0)
 
-    def __sub__(self, other: "Signal | Value") -> "Signal":
+    def __sub__(self, other: "Dual | Value") -> "Dual":
         return self + (-other)
 
-    def __rsub__(self, other: Value) -> "Signal":
+    def __rsub__(self, other: Value) -> "Dual":
         return -self + other
 
-    def __truediv__(self, other: "Signal | Value") -> "Signal":
-        if not isinstance(other, Signal):
+    def __truediv__(self, other: "Dual | Value") -> "Dual":
+        if not isinstance(other, Dual):
             return self * (1.0 / other)
         return self * other.chain(1.0 / other.value, -1.0 / other.value**2)
 
-    # Keep numpy from applying its operators element by element to a Signal
+    # Keep numpy from applying its operators element by element to a Dual
     __array_ufunc__ = None
     __radd__ = __add__
     __rmul__ = __mul__
 
 
-Triple = tuple[Signal, Signal, Signal]
+Triple = tuple[Dual, Dual, Dual]
 
 
-def sine(x: Signal) -> Signal:
+def sine(x: Dual) -> Dual:
     """Return ``sin(x)``."""
     return x.chain(np.sin(x.value), np.cos(x.value))
 
 
-def cosine(x: Signal) -> Signal:
+def cosine(x: Dual) -> Dual:
     """Return ``cos(x)``."""
     return x.chain(np.cos(x.value), -np.sin(x.value))
 
 
-def root(x: Signal) -> Signal:
+def root(x: Dual) -> Dual:
     """Return the square root; x must be positive."""
     value = np.sqrt(x.value)
     return x.chain(value, 0.5 / value)
 
 
-def arcsine(x: Signal) -> Signal:
+def arcsine(x: Dual) -> Dual:
     """Return ``asin(x)``, x between -1 and 1."""
     return x.chain(np.arcsin(x.value), 1.0 / np.sqrt(1.0 - x.value**2))
 
 
-def angle(y: Signal, x: Signal) -> Signal:
+def angle(y: Dual, x: Dual) -> Dual:
     """Return ``atan2(y, x)``."""
     square = x.value**2 + y.value**2
     value = np.arctan2(y.value, x.value)
     return y.chain(value, x.value / square) + x.chain(0.0, -y.value / square)
 
 
-def dead_zone(x: Signal, edge: float) -> Signal:
+def dead_zone(x: Dual, edge: float) -> Dual:
     """Return the part of x beyond +-`edge`, with its sign; zero inside."""
     outside = np.abs(x.value) > edge
     return x.chain(
@@ -106,7 +106,7 @@ def cross(a: Triple, b: Triple) -> Triple:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Triple, Triple]:
+def body_to_earth(phi: Dual, theta: Dual, psi: Dual) -> tuple[Triple, Triple, Triple]:
     """Return the rows of the rotation from body to earth (north, east, down) axes.
 
     Euler angles 3-2-1 [rad]; the transpose rotates from earth to body axes.
@@ -119,6 +119,6 @@ def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Trip
     )
 
 
-def dot(a: Triple, b: Triple) -> Signal:
+def dot(a: Triple, b: Triple) -> Dual:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
-from aerodb.conditioning import band_passed, first_order_lag, low_pass_taps, low_passed
-from aerodb.conditioning.resampling import low_pass
+from aerodb.signals import (
+    band_passed,
+    first_order_lag,
+    low_pass_taps,
+    low_passed,
+)
+from aerodb.signals.resampling import low_pass
 
 
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.7, 25.0, 100.0])
