@@ -9,10 +9,8 @@ READY := $(VENV)/.ready
 RELEASE := .venv-release
 # Tools that only the documentation site needs.
 DOCS := .venv-docs
-# aerodb with flows, tasks and storage in it, as it is installed: what mypy, lint-imports and the site read.
-WHOLE := $(VENV)/whole
 
-.PHONY: install demo pictures test check lint whole docs bench campaign pins release clean
+.PHONY: install demo pictures test check lint docs bench campaign pins release clean
 
 install: $(READY)
 
@@ -43,16 +41,11 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/vulture
-	$(MAKE) whole
-	cd $(WHOLE) && ../bin/mypy --config-file ../../pyproject.toml
-	cd $(WHOLE) && PYTHONPATH=$(CURDIR) ../bin/lint-imports --config ../../pyproject.toml
-
-whole:
-	rm -rf $(WHOLE)/aerodb && mkdir -p $(WHOLE)/aerodb
-	ln -s $(CURDIR)/aerodb/__init__.py* $(CURDIR)/aerodb/__main__.py $(CURDIR)/aerodb/[a-z]* $(addprefix $(CURDIR)/,flows tasks storage) $(WHOLE)/aerodb
+	$(BIN)/mypy
+	PYTHONPATH=. $(BIN)/lint-imports
 
 # The documentation site in dist/docs, with the notebooks as they run now; nothing of it is fetched from anywhere when it is read.
-docs: install $(DOCS)/.ready whole
+docs: install $(DOCS)/.ready
 	rm -rf $(DOCS)/pages dist/docs
 	$(BIN)/python docs/site/pages.py $(DOCS)
 	cd $(DOCS) && NO_MKDOCS_2_WARNING=1 bin/mkdocs build --quiet --strict

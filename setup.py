@@ -1,24 +1,11 @@
-"""Which folders are which packages: `flows`, `tasks` and `storage` stand beside `aerodb` and are
-imported as parts of it.
-
-On top level they would meet a user's own `tasks` folder or `storage.py`, and the `flows` of other
-distributions.
+"""The package `aerodb` with `flows`, `tasks` and `storage`, which are links in its folder: they lie
+beside it on top level, where no user's own `tasks` or `flows` could take their place.
 """
 
 from setuptools import find_packages, setup
 
-PARTS = ("flows", "tasks", "storage")
-
 setup(
-    packages=[
-        *find_packages(include=["aerodb", "aerodb.*"]),
-        *(
-            f"aerodb.{name}"
-            for part in PARTS
-            for name in find_packages(include=[part, f"{part}.*"])
-        ),
-    ],
-    package_dir={"aerodb": "aerodb", **{f"aerodb.{part}": part for part in PARTS}},
+    packages=find_packages(include=["aerodb", "aerodb.*"]),
     package_data={
         "": ["*.pyi", "py.typed", "*.toml", "*.mako", "templates/*", "static/*", "deploy/*"]
     },

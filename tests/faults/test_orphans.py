@@ -145,7 +145,6 @@ def test_another_server_on_the_port_is_not_taken_for_ones_own(
     from aerodb.flows import serve
 
     workspace = Workspace.open(tmp_path / "w")
-    shared.add_prefect_database(workspace.prefect)
     (workspace.root / "settings.toml").write_text("[serve]\nport = 0\n")
 
     def unauthorised(_: object) -> bool:
