@@ -1,4 +1,14 @@
-from .comparison import FLOW_RATES, Comparison, band_limited, compare, with_flow_rates, with_states
+from .comparison import (
+    FLOW_RATES,
+    Comparison,
+    DatabaseSide,
+    as_inputs,
+    band_limited,
+    compare,
+    rate_bandwidth,
+    with_flow_rates,
+    with_states,
+)
 from .inputs import UNHOLDABLE, InputUse, held_inputs, input_uses, lacking_inputs, with_held_inputs
 from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
 from .total import (
@@ -17,7 +27,9 @@ __all__ = [
     "UNHOLDABLE",
     "Coefficients",
     "Comparison",
+    "DatabaseSide",
     "InputUse",
+    "as_inputs",
     "band_limited",
     "bandwidth_of",
     "compare",
@@ -25,6 +37,7 @@ __all__ = [
     "inertial_moment",
     "input_uses",
     "lacking_inputs",
+    "rate_bandwidth",
     "specific_force_at_cg",
     "thrust_loads",
     "thrust_share",

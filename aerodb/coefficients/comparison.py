@@ -2,7 +2,7 @@
 same moment reference."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.signals import low_passed, rms, smooth
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES, AeroDatabase, body_to_wind, transfer_moments
+from aerodb.tables import WIND_AXES, AeroDatabase, Prediction, body_to_wind, transfer_moments
 from aerodb.vehicle import Reference
 
 #: Rates of change of the flow angles, which logs seldom hold.
@@ -23,6 +23,26 @@ FLOW_RATES: Final = ("alphadot", "betadot")
 #: Larger coefficients are those of an aircraft that stands: its airspeed is almost zero. Limiting
 #: the band would spread them over the flight.
 MOST: Final = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class DatabaseSide:
+    """A database's prediction of a flight, and what it was made of.
+
+    channels : name -> (n,), SI, of all that `database` uses, as `as_inputs` made them.
+    """
+
+    database: AeroDatabase
+    channels: Mapping[str, Array]
+    prediction: Prediction
+
+    def holds_for(self, database: AeroDatabase, channels: Mapping[str, Array]) -> bool:
+        """Whether `database` predicts the same of these `channels`, to the last bit."""
+        return database is self.database and all(
+            name in channels
+            and (channels[name] is values or np.array_equal(channels[name], values))
+            for name, values in self.channels.items()
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +60,7 @@ class Comparison:
     bandwidth : Hz, to which moments are band-limited on both sides; None: not limited.
     notes : what was assumed or is missing.
     left_out : axes that the flight would give if its thrust were known.
+    database_side : the prediction before any band limit, where this is a flight's at its full rate.
 
     Differentiated rates are band-limited, and so are moments from them. Against a prediction that
     is not limited every slope would be estimated too small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at
@@ -56,6 +77,7 @@ class Comparison:
     bandwidth: float | None
     notes: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    database_side: DatabaseSide | None = field(default=None, repr=False, compare=False)
 
     def residual(self, axis: str) -> Array:
         """measured - predicted on `axis`, (n,)."""
@@ -88,7 +110,7 @@ def compare(
     Raises InputError naming the inputs of the database that the flight lacks.
     """
     bandwidth = coefficients.bandwidth
-    at = bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
+    at = rate_bandwidth(flight, bandwidth)
     flight, made = with_flow_rates(flight, at, database.flight_inputs)
     notes = [f"{rate} from its angle, at a bandwidth of {at:g} Hz" for rate in made]
     lacking = [name for name in database.flight_inputs if name not in flight]
@@ -104,7 +126,8 @@ def compare(
         )
         raise InputError(what, f"flight {flight.id}", remedy)
     flight = with_states(flight, database)
-    prediction = database.predict({name: flight[name] for name in flight.channels})
+    side = _predicted(flight, database)
+    prediction = side.prediction
     notes = [*coefficients.notes, *notes]
     measured, sigma = _in_geometry_of(database, coefficients, reference)
     usable, left_out = _with_known_thrust(database, coefficients, reference, measured)
@@ -150,7 +173,34 @@ def compare(
         bandwidth,
         tuple(notes),
         left_out,
+        side,
     )
+
+
+def _predicted(flight: Flight, database: AeroDatabase) -> DatabaseSide:
+    """What the database predicts of a flight that has all inputs, and the channels it used."""
+    used = dict.fromkeys((*database.inputs, *database.needs))
+    return DatabaseSide(
+        database,
+        {name: flight[name] for name in used if name in flight},
+        database.predict(flight.channels),
+    )
+
+
+def rate_bandwidth(flight: Flight, bandwidth: float | None) -> float:
+    """Hz, at which rates of the flow angles are made: `bandwidth` of a flight's coefficients, or
+    where they have none (None) the default, below half of the Nyquist frequency."""
+    return bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
+
+
+def as_inputs(flight: Flight, database: AeroDatabase, bandwidth: float | None = None) -> Flight:
+    """Return the flight with the channels that databases use beyond a log's: rates of the flow
+    angles [rad/s] at `rate_bandwidth`, and the states of `database`.
+
+    Raises InputError naming channels that a state needs and the flight lacks.
+    """
+    with_rates, _ = with_flow_rates(flight, rate_bandwidth(flight, bandwidth))
+    return with_states(with_rates, database)
 
 
 def with_states(flight: Flight, database: AeroDatabase) -> Flight:

@@ -2,7 +2,7 @@
 result.
 
 An input that no flight has is proposed to be held at zero. Rates of the flow angles come from the
-angles themselves (`with_flow_rates`), everything else that flights have from the log. How much the
+angles themselves (`as_inputs`), everything else that flights have from the log. How much the
 result hangs on an input is measured along the flights: the largest change of a predicted
 coefficient when the input leaves its value for either end of its plausible range, beside the rms
 of that axis' residual. The range is, in this order, the limits of the surface in the vehicle file;
@@ -17,8 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from aerodb.coefficients.comparison import FLOW_RATES, Comparison, with_flow_rates, with_states
-from aerodb.coefficients.total import DEFAULT_BANDWIDTH
+from aerodb.coefficients.comparison import FLOW_RATES, Comparison, as_inputs
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
@@ -224,7 +223,7 @@ def _held_use(
         freed = _with(database, name, otherwise)
         values = [np.zeros(1)]
         for flight, _ in compared:
-            flown = _inputs(flight, freed)
+            flown = as_inputs(flight, freed).channels
             program = freed.compiled([otherwise], {}, {})
             (value,) = program.run(freed.resolved(program.inputs, flown)).values
             values.append(np.atleast_1d(value))
@@ -270,7 +269,7 @@ def _motion_use(
     flown, changes = [], []
     square: dict[str, list[tuple[float, float, int]]] = {}
     for flight, comparison in compared:
-        inputs = _inputs(flight, database)
+        inputs = as_inputs(flight, database).channels
         definitions = {name: v.expression for name, v in database.variables.items()}
         program = database.compiled([expression], definitions, {})
         (values,) = program.run(database.resolved(program.inputs, inputs)).values
@@ -318,15 +317,8 @@ def _with(database: AeroDatabase, name: str, expression: Expression) -> AeroData
     return replace(database, variables={**database.variables, name: changed})
 
 
-def _inputs(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
-    """Channels of the flight with rates of the flow angles and states, as `compare` makes them."""
-    bandwidth = min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight = with_states(with_flow_rates(flight, bandwidth, FLOW_RATES)[0], database)
-    return {name: flight[name] for name in flight.channels}
-
-
 def _predicted(database: AeroDatabase, flight: Flight) -> dict[str, Array]:
-    flown = _inputs(flight, database)
+    flown = as_inputs(flight, database).channels
     c = database.predict(flown).coefficients
     beta = flown.get("beta", np.zeros_like(flight.time))
     if "alpha" not in flown:

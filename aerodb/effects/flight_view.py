@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients import (
-    DEFAULT_BANDWIDTH,
+    FLOW_RATES,
     Comparison,
+    as_inputs,
     inertial_moment,
+    rate_bandwidth,
     thrust_loads,
-    with_flow_rates,
-    with_states,
 )
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
@@ -42,22 +42,21 @@ _ENOUGH = 0.95
 
 @dataclass(frozen=True, eq=False)
 class FlightView:
-    """One flight beside the current model.
+    """One flight beside a database, the current model.
 
-    time (n,) s; channels : name -> (n,), SI, bridged over gaps: the flight's own, hat rates over
-    the database's lengths, alphadot and betadot, mass, CG, inertia. predicted : body axis -> (n,),
-    by the current model, not band-limited. usable : the axes that the flight gives. thrust : (n, 3)
-    N, and thrust_moment : (n, 3) N m about the CG, zero where not known. imu_arm, air_data_arm :
-    (n, 3) m from the CG, zero where nothing was moved. derived : alphadot, betadot where they were
-    made from the angle, whose errors they then share. poor : channels with too few good samples.
+    recorded : the flight as it was given. comparison : its coefficients, measured and predicted.
+    channels : name -> (n,), SI, bridged over gaps: the flight's own, hat rates over the database's
+    lengths, alphadot and betadot, mass, CG, inertia. predicted : body axis -> (n,), by the
+    database, not band-limited. thrust : (n, 3) N, and thrust_moment : (n, 3) N m about the CG, zero
+    where not known. imu_arm, air_data_arm : (n, 3) m from the CG, zero where nothing was moved.
+    derived : alphadot, betadot where they were made from the angle, whose errors they then share.
+    poor : channels with too few good samples.
     """
 
-    flight: str
-    time: Array
-    step: float
+    recorded: Flight
+    comparison: Comparison
     channels: Mapping[str, Array]
     predicted: Mapping[str, Array]
-    usable: Mapping[str, NDArray[np.bool_]]
     database: AeroDatabase
     vehicle: Vehicle
     cg: Array
@@ -72,6 +71,27 @@ class FlightView:
 
     def __getitem__(self, name: str) -> Array:
         return self.channels[name]
+
+    @property
+    def flight(self) -> str:
+        """The flight's id."""
+        return self.recorded.id
+
+    @property
+    def time(self) -> Array:
+        """(n,) s."""
+        return self.recorded.time
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return self.recorded.step
+
+    @cached_property
+    def usable(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Body axis that the flight gives -> (n,)."""
+        usable = self.comparison.usable
+        return {axis: usable[axis] for axis in AXES if axis in usable}
 
     def has(self, names: Iterable[str]) -> bool:
         """Whether the flight holds all of these channels, with enough good samples."""
@@ -164,11 +184,11 @@ def view_of(
 
     Raises InputError naming inputs of the database that the flight lacks.
     """
-    bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight, derived = with_flow_rates(
-        flight.with_channels(mass_channels(flight, vehicle)), bandwidth
+    recorded = flight
+    bandwidth = rate_bandwidth(flight, comparison.bandwidth)
+    flight = as_inputs(
+        flight.with_channels(mass_channels(flight, vehicle)), database, comparison.bandwidth
     )
-    flight = with_states(flight, database)
     good = {
         name: np.isfinite(values) & _unflagged(flight, name)
         for name, values in flight.channels.items()
@@ -192,13 +212,17 @@ def view_of(
     brought = probe is not None and all(
         name in flight for name in ("V", "alpha", "p", "q", "r")
     )  # see `air_data_at_cg`
+    side = comparison.database_side
+    prediction = (
+        side.prediction
+        if side is not None and side.holds_for(database, channels)
+        else database.predict(channels)  # bridged gaps, or another rate
+    )
     return FlightView(
-        flight=flight.id,
-        time=flight.time,
-        step=flight.step,
+        recorded=recorded,
+        comparison=comparison,
         channels=channels,
-        predicted=database.predict(channels).coefficients,
-        usable={axis: comparison.usable[axis] for axis in AXES if axis in comparison.usable},
+        predicted=prediction.coefficients,
         database=database,
         vehicle=vehicle,
         cg=cg,
@@ -212,7 +236,7 @@ def view_of(
         else np.zeros_like(cg),
         bandwidth=bandwidth,
         _slopes={} if near is None else near._slopes,
-        derived=frozenset(derived),
+        derived=frozenset(rate for rate in FLOW_RATES if rate in flight and rate not in recorded),
         poor=frozenset(
             name
             for name in channels

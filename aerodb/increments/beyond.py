@@ -8,13 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients import (
-    DEFAULT_BANDWIDTH,
-    FLOW_RATES,
-    Comparison,
-    with_flow_rates,
-    with_states,
-)
+from aerodb.coefficients import Comparison, as_inputs
 from aerodb.flight import Flight
 from aerodb.signals import rms
 from aerodb.support import Array
@@ -78,8 +72,7 @@ def beyond_envelopes(
 
     held : its comparison with `database`. extrapolated : that with `with_extrapolated_slopes`.
     """
-    bandwidth = min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flown = with_states(with_flow_rates(flight, bandwidth, FLOW_RATES)[0], database)
+    flown = as_inputs(flight, database)
     found = []
     for axis in dict.fromkeys(each.axis for each in database.increments):
         good = held.usable.get(axis)

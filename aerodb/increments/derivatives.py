@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.coefficients import DEFAULT_BANDWIDTH, FLOW_RATES, with_flow_rates, with_states
+from aerodb.coefficients import as_inputs
 from aerodb.flight import Flight
 from aerodb.increments.gate import Check
 from aerodb.nomenclature import AXES
@@ -148,8 +148,7 @@ def judge_derivatives(
 
 def _sampled(flight: Flight, baseline: AeroDatabase, candidate: AeroDatabase) -> dict[str, Array]:
     """Channels at evenly spread samples at which all of the inputs that the flight has are good."""
-    bandwidth = min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight = with_states(with_flow_rates(flight, bandwidth, FLOW_RATES)[0], candidate)
+    flight = as_inputs(flight, candidate)
     inputs = {*baseline.inputs, *candidate.inputs}
     good = np.flatnonzero(flight.usable([name for name in inputs if name in flight]))
     if not len(good):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.coefficients import DEFAULT_BANDWIDTH, Comparison, band_limited, with_flow_rates
+from aerodb.coefficients import Comparison, band_limited, rate_bandwidth, with_flow_rates
 from aerodb.flight import Flight
 from aerodb.increments.model_file import (
     DeclaredIncrement,
@@ -90,8 +90,7 @@ def _with_declared_rates(flight: Flight, comparison: Comparison, model: ModelFil
         for name in regressor.expression.names
     }
     wanted = {HAT_RATES[name][0] if name in HAT_RATES else name for name in names}
-    bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    return with_flow_rates(flight, bandwidth, wanted)[0]
+    return with_flow_rates(flight, rate_bandwidth(flight, comparison.bandwidth), wanted)[0]
 
 
 def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:

@@ -185,8 +185,9 @@ class _Estimator:
     @cached_property
     def compared(self) -> Mapping[str, tuple[Flight, Comparison]]:
         """Flights (by id) with their comparisons with the database."""
-        pairs = in_threads(lambda id: self.source.comparison(id, self.baseline), self.flights)
-        return dict(zip(self.flights, pairs, strict=True))
+        comparisons = in_threads(lambda id: self.source.comparison(id, self.baseline), self.flights)
+        flights = [self.source.flight(id) for id in self.flights]
+        return dict(zip(self.flights, zip(flights, comparisons, strict=True), strict=True))
 
     def update(self, models: Mapping[str, Sequence[Hypothesis]], flights: Sequence[str]) -> Update:
         """Return the database with the models (axis -> terms), estimated from some of the flights.
@@ -301,7 +302,7 @@ def _far(
 ) -> set[str]:
     """The axes whose error is far enough above the noise of the sensors for a model to lower it
     materially."""
-    compared = in_threads(lambda flight: source.comparison(flight, candidate)[1], flights)
+    compared = in_threads(lambda flight: source.comparison(flight, candidate), flights)
 
     def is_far(axis: str) -> bool:
         if not all(axis in each.usable and each.usable[axis].any() for each in compared):
@@ -330,11 +331,11 @@ def _proved(
 
     def alone(flight: str) -> Comparison:
         others = estimator.update(models, [other for other in flights if other != flight])
-        return estimator.source.comparison(flight, others.candidate)[1]
+        return estimator.source.comparison(flight, others.candidate)
 
     pairs = list(
         zip(
-            in_threads(lambda id: estimator.source.comparison(id, candidate)[1], flights),
+            in_threads(lambda id: estimator.source.comparison(id, candidate), flights),
             in_threads(alone, flights),
             strict=True,
         )

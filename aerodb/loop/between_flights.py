@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import FlightView, Hypothesis, surfaces_of, view_of
+from aerodb.effects import FlightView, Hypothesis, surfaces_of
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import LoopResult
@@ -38,10 +38,7 @@ def dependences_between_flights(
     if len(flights) < library.settings.fewest:
         return ()
 
-    def view(id: str) -> FlightView:
-        return view_of(*source.comparison(id, loop.candidate), loop.candidate, source.vehicle)
-
-    views = in_threads(view, flights)
+    views = in_threads(lambda id: source.view(id, loop.candidate), flights)
     conditions = conditions_of(views)
     if not conditions:
         return ()

@@ -59,9 +59,7 @@ def consider_parameters(
             view = view_of(flight, comparison, database, vehicle)
             parameters[flight.id] = sensor_consider_parameters(view, sigma, own)
             if "alpha" in reconstruction.angles:
-                parameters[flight.id] += alpha_consider_parameters(
-                    view, _bounded(noise, view, comparison, flight)
-                )
+                parameters[flight.id] += alpha_consider_parameters(view, _bounded(noise, view))
     return parameters
 
 
@@ -84,15 +82,14 @@ def noisier_flights(
         if reconstruction.noise is not None and "alpha" in reconstruction.angles:
             blind = True
             view = view_of(flight, comparison, database, vehicle)
-            bounded = _bounded(reconstruction.noise, view, comparison, flight)
+            bounded = _bounded(reconstruction.noise, view)
             copies.append(noisy_copies(flight, bounded, database, vehicle, _COPIES))
         else:
             copies.append([(flight, comparison)] * _COPIES)
     return [list(each) for each in zip(*copies, strict=True)] if blind else []
 
 
-def _bounded(
-    noise: StateNoise, view: FlightView, comparison: Comparison, flight: Flight
-) -> StateNoise:
-    settings = TracingSettings(bandwidth=tracing_bandwidth(view.database, view.vehicle, [flight]))
-    return bounded_noise(noise, view, comparison, settings, most=_MOST)
+def _bounded(noise: StateNoise, view: FlightView) -> StateNoise:
+    bandwidth = tracing_bandwidth(view.database, view.vehicle, [view.recorded])
+    settings = TracingSettings(bandwidth=bandwidth)
+    return bounded_noise(noise, view, settings, most=_MOST)

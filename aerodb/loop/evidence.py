@@ -31,7 +31,6 @@ from aerodb.tracing import (
 def noise_within_limits(
     reconstruction: Reconstruction,
     view: FlightView,
-    comparison: Comparison,
     settings: TracingSettings,
 ) -> StateNoise | None:
     """Return the state noise of a flight, as large as its own residuals allow; None where nothing
@@ -40,31 +39,31 @@ def noise_within_limits(
     if reconstruction.noise is None:
         return None
     bound = bounded_noise if "alpha" in reconstruction.angles else with_air_data_noise
-    return bound(reconstruction.noise, view, comparison, settings)
+    return bound(reconstruction.noise, view, settings)
 
 
 def copies_with_noise(
-    flight: Flight,
+    view: FlightView,
     duration: float,
     reconstruction: Reconstruction,
-    view: FlightView,
-    comparison: Comparison,
     settings: TracingSettings,
     rotating_air: bool = False,
 ) -> list[tuple[Flight, Comparison]]:
     """Return copies of a flight with its state noise once more, each with its comparison.
 
-    The noise is as large as the flight's own residuals allow. flight, view, comparison : at the
-    rate for tracing; duration [s] : of the whole flight; rotating_air : whether gusts roll the air
+    The noise is as large as the flight's own residuals allow. view : at the rate for
+    tracing; duration [s] : of the whole flight; rotating_air : whether gusts roll the air
     in them. One copy of a long flight, none where nothing was reconstructed.
     """
-    noise = noise_within_limits(reconstruction, view, comparison, settings)
+    noise = noise_within_limits(reconstruction, view, settings)
     if noise is None:
         return []
     copies, near = settings.noisy_copies, None
     if duration >= LONG:
-        copies, near = min(copies, 1), comparison
-    return noisy_copies(flight, noise, view.database, view.vehicle, copies, near, rotating_air)
+        copies, near = min(copies, 1), view.comparison
+    return noisy_copies(
+        view.recorded, noise, view.database, view.vehicle, copies, near, rotating_air
+    )
 
 
 def evidence_beside(
@@ -81,33 +80,27 @@ def evidence_beside(
     rotating_air : whether the air's rotation is a nuisance, and its roll a part of the state noise.
     The search does without both; findings of rates are tested once more with them.
     """
-    vehicle = flights.vehicle
-    channels, comparison = flights.thinned(flight, database, library.settings.bandwidth)
+    view = flights.view(flight, database, library.settings.bandwidth)
     reconstruction = flights.reconstruction(flight)
-    view = view_of(channels, comparison, database, vehicle)
+    channels = view.recorded
     if "alpha" in reconstruction.angles:
         view = replace(
             view, air_data_arm=np.zeros_like(view.cg)
         )  # the angles are those at the CG, from the motion there
     noisy = copies_with_noise(
-        channels,
+        view,
         flights.flight(flight).duration,
         reconstruction,
-        view,
-        comparison,
         library.settings,
         rotating_air,
     )
     hypotheses = hypotheses_for_flight(library.hypotheses, reconstruction.angles)
-    evidence = evidence_of(
-        channels, comparison, database, vehicle, hypotheses, noisy, view, rotating_air
-    )
+    evidence = evidence_of(view, hypotheses, noisy, rotating_air)
     evidence = with_shape_terms(evidence, channels, library.hypotheses)
     commanded = with_commanded_rates(channels, library.settings.bandwidth)
     if commanded is not None:
-        evidence_commanded = evidence_of(
-            commanded, comparison, database, vehicle, hypotheses, rotating_air=rotating_air
-        )
+        flown_as_commanded = view_of(commanded, view.comparison, database, view.vehicle)
+        evidence_commanded = evidence_of(flown_as_commanded, hypotheses, rotating_air=rotating_air)
         evidence = with_instruments(
             evidence, with_shape_terms(evidence_commanded, commanded, library.hypotheses)
         )

@@ -7,6 +7,7 @@ from typing import Protocol
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
 from aerodb.consistency import StateNoise
+from aerodb.effects import FlightView
 from aerodb.flight import Flight
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
@@ -35,7 +36,7 @@ class Reconstruction:
 
 
 class FlightSource(Protocol):
-    """Flights of one vehicle by their ids: measurements, and comparisons with any database.
+    """Flights of one vehicle by their ids: measurements, and the flights beside any database.
 
     A database need not be stored anywhere. Calls may come from several threads at once. Every
     method raises InputError where a flight lacks what is needed.
@@ -58,18 +59,17 @@ class FlightSource(Protocol):
         """Return manoeuvres and states of a flight, start and end in s from its first sample."""
         ...
 
-    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """Return the channels of a flight and its coefficients with those that a database predicts.
-
-        At the full rate.
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
+        """Return the coefficients of a flight with those that a database predicts, at the full
+        rate.
         """
         ...
 
-    def thinned(
-        self, flight: str, database: AeroDatabase, bandwidth: float
-    ) -> tuple[Flight, Comparison]:
-        """Return both at the rate that tracing at `bandwidth` [Hz] needs:
-        `aerodb.tracing.thinned`.
+    def view(
+        self, flight: str, database: AeroDatabase, bandwidth: float | None = None
+    ) -> FlightView:
+        """Return a flight beside a database: at the full rate (None), or at that which tracing at
+        `bandwidth` [Hz] needs (`aerodb.tracing.thinned`).
         """
         ...
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import WIND_TO_BODY_AXES, view_of
+from aerodb.effects import WIND_TO_BODY_AXES
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import LoopResult
@@ -45,10 +45,8 @@ def with_model_error(
     settings = library.settings
 
     def residual(flight: str) -> FlightResidual:
-        given = source.thinned(flight, loop.candidate, settings.bandwidth)
-        view = view_of(*given, loop.candidate, source.vehicle)
-        evidence = evidence_of(*given, loop.candidate, source.vehicle, [], view=view)
-        return FlightResidual(evidence, shape_variables(view))
+        view = source.view(flight, loop.candidate, settings.bandwidth)
+        return FlightResidual(evidence_of(view, []), shape_variables(view))
 
     errors = model_errors(in_threads(residual, flights), axes, settings)
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}

@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import view_of
 from aerodb.loop.evidence import evidence_beside, noise_within_limits
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
@@ -44,11 +43,10 @@ def rolling_share(
         reconstruction = source.reconstruction(flight)
         if reconstruction.noise is None or "alpha" not in reconstruction.noise.unsteady:
             return 0.0, 0.0  # no vane that could have shown it
-        channels, comparison = source.thinned(flight, database, library.settings.bandwidth)
-        view = view_of(channels, comparison, database, source.vehicle)
-        noise = noise_within_limits(reconstruction, view, comparison, library.settings)
+        view = source.view(flight, database, library.settings.bandwidth)
+        noise = noise_within_limits(reconstruction, view, library.settings)
         span, band = source.vehicle.reference.span, library.settings.bandwidth
-        return (0.0, 0.0) if noise is None else roll_rates(noise, channels, span, band)
+        return (0.0, 0.0) if noise is None else roll_rates(noise, view.recorded, span, band)
 
     air, own = np.linalg.norm(in_threads(rates, flights), axis=0)
     return float(air / own) if own > 0.0 else 0.0

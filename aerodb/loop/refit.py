@@ -24,13 +24,11 @@ def refit_terms(
     None where left-out flights do not support them. flights : ids of those that have the channels
     of all terms.
     """
-    compared = in_threads(
-        lambda id: source.thinned(id, candidate, library.settings.bandwidth), flights
-    )
-    if not compared:
+    views = in_threads(lambda id: source.view(id, candidate, library.settings.bandwidth), flights)
+    if not views:
         return None
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
-    return refine(compared, candidate, source.vehicle, accepted, sensors, library.settings)
+    return refine(views, accepted, sensors, library.settings)
 
 
 def refit_of(finer: Refined) -> Refit:

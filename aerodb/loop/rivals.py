@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import Hypothesis, view_of
+from aerodb.effects import Hypothesis
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import Accept, run_loop
@@ -77,12 +77,13 @@ def _shares(
     powers: dict[str, tuple[float, float]] = {}
     for id in flights:
         before, after = (
-            source.thinned(id, database, library.settings.bandwidth) for database in databases
+            source.view(id, database, library.settings.bandwidth) for database in databases
         )
-        view = view_of(*before, databases[0], source.vehicle)
-        for axis, column in hypothesis.columns(view).items():
-            good = before[1].usable[axis] & after[1].usable[axis]
-            changed = after[1].predicted[axis][good] - before[1].predicted[axis][good]
+        for axis, column in hypothesis.columns(before).items():
+            good = before.comparison.usable[axis] & after.comparison.usable[axis]
+            changed = (
+                after.comparison.predicted[axis][good] - before.comparison.predicted[axis][good]
+            )
             own, whole = powers.get(axis, (0.0, 0.0))
             powers[axis] = (
                 own + float(np.sum((finding.value * column[good]) ** 2)),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import FlightView, add_effects, envelopes_of, view_of
+from aerodb.effects import FlightView, add_effects, envelopes_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.axis_models import AxisModel, axis_models
@@ -373,9 +373,7 @@ def compared(
 ) -> dict[str, Comparison]:
     """Return, for each flight (its id), its comparison with a database."""
     return dict(
-        zip(
-            flights, in_threads(lambda id: source.comparison(id, database)[1], flights), strict=True
-        )
+        zip(flights, in_threads(lambda id: source.comparison(id, database), flights), strict=True)
     )
 
 
@@ -402,9 +400,7 @@ def _added(
     accepted = [known[finding.hypothesis] for finding in new]
 
     def view_beside_database(id: str) -> FlightView:
-        return with_unused_states(
-            view_of(*source.comparison(id, database), database, source.vehicle)
-        )
+        return with_unused_states(source.view(id, database))
 
     views = [
         view

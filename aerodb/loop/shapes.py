@@ -5,7 +5,7 @@ docs/method/tracing.md, section 26.
 
 from collections.abc import Sequence
 
-from aerodb.effects import FlightView, surfaces_of, view_of
+from aerodb.effects import FlightView, surfaces_of
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.support import Array, in_threads
@@ -31,10 +31,8 @@ def checked_shapes(
     columns = [h for h in library.hypotheses if h.kind == "sensor" or h.id in found]
 
     def residual(id: str) -> FlightResidual:
-        flight, comparison = source.thinned(id, database, library.settings.bandwidth)
-        view = view_of(flight, comparison, database, source.vehicle)
-        evidence = evidence_of(flight, comparison, database, source.vehicle, columns, view=view)
-        return FlightResidual(evidence, shape_variables(view))
+        view = source.view(id, database, library.settings.bandwidth)
+        return FlightResidual(evidence_of(view, columns), shape_variables(view))
 
     return with_checked_shapes(
         in_threads(residual, flights), findings, library.hypotheses, library.settings

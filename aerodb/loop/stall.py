@@ -22,7 +22,6 @@ from aerodb.effects import (
     stall_hypotheses,
     stall_regressors,
     surfaces_of,
-    view_of,
     zero_lift_alpha,
 )
 from aerodb.errors import InputError
@@ -164,7 +163,7 @@ def added_stall(
             StateModel(STATE_CHANNEL, law, f"{FAMILY} of {len(stalls)} flights"),
         ),
     )
-    views = [_view(source, each.flight, database) for each in stalls]
+    views = [source.view(each.flight, database) for each in stalls]
     flown = [
         ({**view.channels, STATE_CHANNEL: f.attached(law)}, f.usable)
         for view, f in zip(views, stalls, strict=True)
@@ -190,10 +189,6 @@ def added_stall(
             Increment(axis, names, values, covariance, envelope, tuple(flights), note)
         )
     return replace(with_state, increments=(*with_state.increments, *increments))
-
-
-def _view(source: FlightSource, flight: str, database: AeroDatabase) -> FlightView:
-    return view_of(*source.comparison(flight, database), database, source.vehicle)
 
 
 def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
@@ -228,14 +223,14 @@ def stall_flights(
 
     Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
     """
-    views = [_view(source, flight, database) for flight in flights]
+    views = [source.view(flight, database) for flight in flights]
     return [_stall_flight(source, view, views, database) for view in views]
 
 
 def _stall_flight(
     source: FlightSource, view: FlightView, views: Sequence[FlightView], database: AeroDatabase
 ) -> StallFlight:
-    _, comparison = source.comparison(view.flight, database)
+    comparison = view.comparison
     axes = [axis for axis in STALL_GAIN_BOUNDS if axis in comparison.usable]
     if not axes or not view.has(["alpha", "V"]):
         raise InputError(

@@ -64,10 +64,9 @@ def stall_windows(
     """
     found = []
     for flight, database in predictors.items():
-        channels, before = source.comparison(flight, baseline)
-        free = with_extrapolated_slopes(database)
-        others = [source.comparison(flight, each)[1] for each in (database, free)]
-        found.append(_window(channels, [before, *others], baseline.reference.chord))
+        databases = (baseline, database, with_extrapolated_slopes(database))
+        compared = [source.comparison(flight, each) for each in databases]
+        found.append(_window(source.flight(flight), compared, baseline.reference.chord))
     return tuple(found)
 
 

@@ -9,9 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.coefficients import Comparison
-from aerodb.effects import view_of
-from aerodb.flight import Flight
+from aerodb.effects import FlightView, view_of
 from aerodb.increments import UNCHANGED
 from aerodb.loop.evidence import copies_with_noise
 from aerodb.loop.flights import FlightSource
@@ -44,32 +42,27 @@ def unexplained_residuals(
     settings = library.settings
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
 
-    def beside(flight: Flight, comparison: Comparison) -> FlightResidual:
-        view = view_of(flight, comparison, candidate, source.vehicle)
+    def beside(view: FlightView) -> FlightResidual:
         names = {*candidate.flight_inputs, *HAT_RATES} - _OF_ACCELERATIONS
         variables = {name: view.channels[name] for name in sorted(names) if view.has([name])}
         return FlightResidual(
-            evidence_of(flight, comparison, candidate, source.vehicle, sensors, view=view),
+            evidence_of(view, sensors),
             variables,
             {n: v for n, v in shape_variables(view).items() if n not in _OF_ACCELERATIONS},
         )
 
     def left(id: str) -> FlightResidual:
-        return beside(*source.thinned(id, candidate, settings.bandwidth))
+        return beside(source.view(id, candidate, settings.bandwidth))
 
     def noisier(id: str) -> list[FlightResidual]:
-        flight, comparison = source.thinned(id, candidate, settings.bandwidth)
-        view = view_of(flight, comparison, candidate, source.vehicle)
         copies = copies_with_noise(
-            flight,
+            source.view(id, candidate, settings.bandwidth),
             source.flight(id).duration,
             source.reconstruction(id),
-            view,
-            comparison,
             settings,
             rotating_air=True,
         )
-        return [beside(*copy) for copy in copies]
+        return [beside(view_of(*copy, candidate, source.vehicle)) for copy in copies]
 
     residuals = in_threads(left, flights)
     found = material(unexplained_by_axis(residuals, settings), residuals)

@@ -44,8 +44,8 @@ def validate_loop(
     """
     predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
-    before = {flight: source.comparison(flight, loop.baseline)[1] for flight in flights}
-    after = {flight: source.comparison(flight, loop.candidate)[1] for flight in flights}
+    before = {flight: source.comparison(flight, loop.baseline) for flight in flights}
+    after = {flight: source.comparison(flight, loop.candidate) for flight in flights}
     if hold_out.kind != "cross-validated":
         predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
         return validate_on_held_out(before, after, hold_out)
@@ -54,7 +54,7 @@ def validate_loop(
         def from_others(left_out: str) -> Comparison:
             others = tuple(flight for flight in library.stall if flight != left_out)
             predictors[left_out] = added_stall(source, loop.baseline, others)
-            return source.comparison(left_out, predictors[left_out])[1]
+            return source.comparison(left_out, predictors[left_out])
 
         return validate_by_leaving_one_out(before, after, from_others)
     if loop.by_manoeuvre:
@@ -72,7 +72,7 @@ def validate_loop(
             [term for model in loop.axis_models for term in model.terms],
         )
         predictors[left_out] = again.candidate
-        return source.comparison(left_out, again.candidate)[1]
+        return source.comparison(left_out, again.candidate)
 
     return validate_by_leaving_one_out(before, after, without)
 

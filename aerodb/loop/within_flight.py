@@ -59,7 +59,7 @@ def validated_within_flights(
         candidate = estimated_without(
             source, library, loop.baseline, names, tuple(before), {flight: mask}
         )
-        return _only(source.comparison(flight, candidate)[1], mask)
+        return _only(source.comparison(flight, candidate), mask)
 
     return validate_by_leaving_one_out(
         {part: _only(before[flight], mask) for part, (flight, mask) in masks.items()},
@@ -92,15 +92,13 @@ def estimated_without(
         return baseline
     evidence, views = [], []
     for flight in flights:
-        channels, comparison = source.comparison(flight, baseline)
-        vehicle = source.vehicle
+        comparison = source.comparison(flight, baseline)
         if flight in masks:
             comparison = _only(comparison, ~masks[flight])
         if any(good.any() for good in comparison.usable.values()):
-            evidence.append(
-                evidence_of(channels, comparison, baseline, vehicle, library.hypotheses)
-            )
-            views.append(view_of(channels, comparison, baseline, vehicle))
+            view = view_of(source.flight(flight), comparison, baseline, source.vehicle)
+            evidence.append(evidence_of(view, library.hypotheses))
+            views.append(view)
     bands, settings = joint_bands(evidence, library.hypotheses, library.settings)
     linear = [i for i, h in enumerate(library.hypotheses) if h.effect in LINEAR]
     terms = list(
@@ -137,7 +135,7 @@ def _level(
     (axis,) = constant.written_on
     left = []
     for flight in flights:
-        compared = source.comparison(flight, database)[1]
+        compared = source.comparison(flight, database)
         if axis not in compared.usable:
             continue
         good = compared.usable[axis] & ~masks.get(flight, np.zeros(len(compared.time), dtype=bool))

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from aerodb.coefficients import Comparison
-from aerodb.flight import Flight
+from aerodb.effects import FlightView, view_of
 from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
@@ -15,11 +14,14 @@ class WithoutStore:
     """The part of a `FlightSource` that follows from its other methods where nothing is kept; for a
     class to inherit."""
 
-    def thinned(
-        self: FlightSource, flight: str, database: AeroDatabase, bandwidth: float
-    ) -> tuple[Flight, Comparison]:
-        """Return a flight and its comparison at the rate that tracing at `bandwidth` [Hz] needs."""
-        return thinned(*self.comparison(flight, database), bandwidth)
+    def view(
+        self: FlightSource, flight: str, database: AeroDatabase, bandwidth: float | None = None
+    ) -> FlightView:
+        """Return a flight beside a database, at the rate that tracing at `bandwidth` [Hz] needs."""
+        given = self.flight(flight), self.comparison(flight, database)
+        if bandwidth is not None:
+            given = thinned(*given, bandwidth)
+        return view_of(*given, database, self.vehicle)
 
     def normal_equations(
         self: FlightSource, flight: str, database: AeroDatabase, library: Library

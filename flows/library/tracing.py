@@ -196,13 +196,13 @@ class FlightsInMemory(WithoutStore):
         """Return manoeuvres and states of a flight, start and end in s from its first sample."""
         return segments_of(self.flown[flight])
 
-    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """Return a flight and its comparison with any database."""
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
+        """Return the comparison of a flight with any database."""
         one = self.flown[flight]
         if database is one.database:
-            return one.measured.flight, one.comparison
+            return one.comparison
         measured, reference = one.measured, self.vehicle.reference
-        return measured.flight, compare(measured.flight, measured.coefficients, database, reference)
+        return compare(measured.flight, measured.coefficients, database, reference)
 
 
 def segments_of(flight: ComparedFlight) -> tuple[Segment, ...]:

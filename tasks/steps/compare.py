@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 
 from aerodb.coefficients import (
-    DEFAULT_BANDWIDTH,
     Comparison,
+    as_inputs,
     compare,
-    with_flow_rates,
-    with_states,
 )
 from aerodb.conditioning import Suspicion, suspicion_documents
 from aerodb.crosschecks import against_database, limits_flight
@@ -95,10 +93,8 @@ def _contradictions(
 ) -> tuple[Suspicion, ...]:
     """Return what in a flight contradicts the database that it was compared with."""
     comparison = loaded.comparison
-    band = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / loaded.flight.step)
-    flight, _ = with_flow_rates(loaded.flight, band, database.flight_inputs)
     return against_database(
-        with_states(flight, database),
+        as_inputs(loaded.flight, database, comparison.bandwidth),
         database,
         comparison.measured,
         comparison.predicted,

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
+from aerodb.effects import FlightView, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.loop import Library, Reconstruction, evidence_beside
@@ -89,22 +90,24 @@ class StoredFlights:
         """Return the segments that conditioning found."""
         return segments_of(self.access, flight, self.run)
 
-    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """Return a flight and its comparison with a database; cached in memory, not stored."""
-        loaded = self._loaded(flight)
-        return loaded.flight, compare_loaded(loaded, database, self.vehicle)
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
+        """Return the comparison of a flight with a database; cached in memory, not stored."""
+        return compare_loaded(self._loaded(flight), database, self.vehicle)
 
-    def thinned(
-        self, flight: str, database: AeroDatabase, bandwidth: float
-    ) -> tuple[Flight, Comparison]:
-        """Return both at the rate that tracing at `bandwidth` [Hz] needs."""
-        return self._once(
-            lambda: thinned(*self.comparison(flight, database), bandwidth),
-            "thinned",
-            flight,
-            database_document_sha256(database),
-            bandwidth,
-        )
+    def view(
+        self, flight: str, database: AeroDatabase, bandwidth: float | None = None
+    ) -> FlightView:
+        """Return a flight beside a database, at the rate that tracing at `bandwidth` [Hz] needs."""
+        given = self.flight(flight), self.comparison(flight, database)
+        if bandwidth is not None:
+            given = self._once(
+                lambda: thinned(*given, bandwidth),
+                "thinned",
+                flight,
+                database_document_sha256(database),
+                bandwidth,
+            )
+        return view_of(*given, database, self.vehicle)
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library

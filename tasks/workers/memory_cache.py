@@ -12,6 +12,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from cachetools import LRUCache
 
+from aerodb.tables import AeroDatabase
+
 Value = TypeVar("Value")
 
 #: Bound of the whole cache [bytes]: about 30 flights of ten minutes at 50 Hz.
@@ -57,7 +59,12 @@ def file_key(path: Path, *more: Hashable) -> Hashable:
 
 
 def _frozen_size(value: Any) -> int:
-    """Make the arrays of a value read-only, and return their size [bytes]."""
+    """Make the arrays of a value read-only, and return their size [bytes].
+
+    Databases are left alone: their arrays are small, and compiled functions know them as writable.
+    """
+    if isinstance(value, AeroDatabase):
+        return 0
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
         return value.nbytes

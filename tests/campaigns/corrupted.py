@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from aerodb.coefficients.comparison import compare, with_flow_rates, with_states
-from aerodb.coefficients.total import DEFAULT_BANDWIDTH, total_coefficients
+from aerodb.coefficients.comparison import as_inputs, compare
+from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion, flag_unusable
 from aerodb.conditioning.plausibility import suspicions
 from aerodb.crosschecks import against_database, against_vehicle, limits_flight
@@ -159,10 +159,8 @@ def noticed_beside(pair: Pair) -> tuple[Suspicion, ...]:
     if database is None:
         return ()
     compared = compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
-    band = compared.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight, _ = with_flow_rates(flight, band, database.flight_inputs)
     return against_database(
-        with_states(flight, database),
+        as_inputs(flight, database, compared.bandwidth),
         database,
         compared.measured,
         compared.predicted,

@@ -30,9 +30,9 @@ class FlightsInMemory(WithoutStore):
     def segments(self, flight: str) -> tuple[Segment, ...]:
         return segments(self.flown[flight][0])
 
-    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
         channels, coefficients = self.flown[flight]
-        return channels, compare(channels, coefficients, database, self.vehicle.reference)
+        return compare(channels, coefficients, database, self.vehicle.reference)
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         return self.known

@@ -94,13 +94,12 @@ def closed(
             noisy = [
                 _noisier(flight, database, vehicle, 100 * number + copy) for copy in range(COPIES)
             ]
-            evidence = evidence_of(
-                flight, comparison, database, vehicle, hypotheses, noisy, rotating_air=False
-            )
+            view = view_of(flight, comparison, database, vehicle)
+            evidence = evidence_of(view, hypotheses, noisy, rotating_air=False)
             normal_equations.append(
                 normal_equations_of(with_shape_terms(evidence, flight, hypotheses), settings)
             )
-            views.append(view_of(flight, comparison, database, vehicle))
+            views.append(view)
         rounds.append(
             downgraded_on_axes(
                 trace(normal_equations, hypotheses, settings, earlier).findings, wrong
@@ -135,12 +134,16 @@ def closed(
         )
         pairs = zip(flights[:IDENTIFIED], coefficients, strict=False)
         beside = [
-            (flight, compare(flight, made, candidate, vehicle.reference)) for flight, made in pairs
+            view_of(
+                flight,
+                compare(flight, made, candidate, vehicle.reference),
+                candidate,
+                vehicle,
+            )
+            for flight, made in pairs
         ]
         finer = refine(
             beside,
-            candidate,
-            vehicle,
             accepted,
             [h for h in hypotheses if h.kind == "sensor"],
             settings,

@@ -298,7 +298,9 @@ def _seen(
     }
     comparison = compare(read, replace(measured, values=values), preflight(), assumed.reference)
     evidence = replace(
-        evidence_of(read, comparison, preflight(), assumed, hypotheses, rotating_air=False),
+        evidence_of(
+            view_of(read, comparison, preflight(), assumed), hypotheses, rotating_air=False
+        ),
         noisy=noisy,
     )
     return with_shape_terms(evidence, read, hypotheses)
@@ -348,7 +350,9 @@ def through_the_chain(
         read, compare(read, measured, preflight(), vehicle().reference), bandwidth
     )
     return with_shape_terms(
-        evidence_of(read, comparison, preflight(), vehicle(), hypotheses, rotating_air=False),
+        evidence_of(
+            view_of(read, comparison, preflight(), vehicle()), hypotheses, rotating_air=False
+        ),
         read,
         hypotheses,
     )

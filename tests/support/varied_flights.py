@@ -184,7 +184,7 @@ def campaign(
             )
         comparison = compare(read, replace(made, values=values), database(), assumed.reference)
         view = view_of(read, comparison, database(), assumed)
-        evidence = evidence_of(read, comparison, database(), assumed, library(), view=view)
+        evidence = evidence_of(view, library())
         equations.append(normal_equations_of(with_shape_terms(evidence, read, library()), SETTINGS))
         views.append(view)
     traced = trace(equations, library(), SETTINGS)

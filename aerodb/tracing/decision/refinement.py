@@ -17,16 +17,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients import Comparison
-from aerodb.effects import Hypothesis, ramp_terms, spline_over, variables_of, view_of
-from aerodb.flight import Flight
+from aerodb.effects import FlightView, Hypothesis, ramp_terms, spline_over, variables_of
 from aerodb.support import Array, in_threads
-from aerodb.tables import AeroDatabase
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.estimates import Campaign, campaign, paired_p
 from aerodb.tracing.evidence import evidence_of, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
-from aerodb.vehicle import Vehicle
 
 Folds = NDArray[np.intp]
 
@@ -98,21 +94,18 @@ def downgraded_on_axes(findings: Sequence[Finding], axes: Collection[str]) -> tu
 
 
 def refine(
-    flights: Sequence[tuple[Flight, Comparison]],
-    candidate: AeroDatabase,
-    vehicle: Vehicle,
+    views: Sequence[FlightView],
     accepted: Sequence[Hypothesis],
     sensors: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> Refined | None:
-    """Return new gains and finer shapes of the `accepted` terms, which `candidate` holds already.
+    """Return new gains and finer shapes of the `accepted` terms, which the candidate holds already.
 
-    flights : with their comparisons with the candidate. sensors : hypotheses that stand beside with
+    views : of flights beside the candidate. sensors : hypotheses that stand beside with
     their priors. None where the result is not better, or flights are too few to tell.
     """
-    if len(flights) < FEWEST or not accepted:
+    if len(views) < FEWEST or not accepted:
         return None
-    views = in_threads(lambda given: view_of(*given, candidate, vehicle), flights)
     options: list[tuple[int, str, tuple[Hypothesis, ...]]] = []
     for index, hypothesis in enumerate(accepted):
         for variable in variables_of(hypothesis) if len(hypothesis.increment) == 1 else ():
@@ -122,10 +115,7 @@ def refine(
     columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
     library = [*columns, *sensors]
     normal_equations = in_threads(
-        lambda given: normal_equations_of(
-            evidence_of(*given[0], candidate, vehicle, library, view=given[1]), settings
-        ),
-        zip(flights, views, strict=True),
+        lambda view: normal_equations_of(evidence_of(view, library), settings), views
     )
     of = [*range(len(accepted)), *(index for index, _, ramps in options for _ in ramps)]
     problem = _problem(campaign(normal_equations, library), of, settings)

@@ -15,40 +15,34 @@ from aerodb.effects import (
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.tables import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.vehicle import Vehicle
 
 
 def evidence_of(
-    flight: Flight,
-    comparison: Comparison,
-    database: AeroDatabase,
-    vehicle: Vehicle,
+    view: FlightView,
     hypotheses: Sequence[Hypothesis],
     noisy: Sequence[tuple[Flight, Comparison]] = (),
-    view: FlightView | None = None,
     rotating_air: bool = True,
 ) -> Evidence:
     """Return the residuals of a flight on the body axes and the column of every hypothesis.
 
-    database : the model that `comparison` was made with. noisy : the same flight with the
-    reconstruction's state noise added once more, each with its own comparison. view : of the flight
-    and the database, where one exists already. A hypothesis whose channels the flight lacks gives
-    no column, nor does one that only a surface at rest would drive. rotating_air : whether columns
-    of the air's rotation are among the others (`air_rotation_columns`).
+    view : of the flight and the current model. noisy : the same flight with the reconstruction's
+    state noise added once more, each with its own comparison with that model. A hypothesis whose
+    channels the flight lacks gives no column, nor does one that only a surface at rest would drive.
+    rotating_air : whether columns of the air's rotation are among the others
+    (`air_rotation_columns`).
 
     Raises InputError when no body axis has a usable sample.
     """
-    view = view or view_of(flight, comparison, database, vehicle)
+    comparison = view.comparison
     axes = [axis for axis in AXES if axis in comparison.usable and comparison.usable[axis].any()]
     if not axes:
         raise InputError(
             "no axis has a usable sample",
-            f"flight {flight.id}",
+            f"flight {view.flight}",
             "see its flags: aerodb flight show",
         )
-    resting = surfaces_at_rest(vehicle, flight.channels)
+    resting = surfaces_at_rest(view.vehicle, view.recorded.channels)
     columns = {
         hypothesis.id: hypothesis.columns(view)
         for hypothesis in hypotheses
@@ -59,8 +53,8 @@ def evidence_of(
     if rotating_air:
         columns |= air_rotation_columns(view, comparison.measured)
     return Evidence(
-        flight=flight.id,
-        step=flight.step,
+        flight=view.flight,
+        step=view.step,
         residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
         usable={axis: comparison.usable[axis] for axis in axes},
         columns={
@@ -70,12 +64,8 @@ def evidence_of(
         },
         noisy=tuple(
             evidence_of(
-                other,
-                beside,
-                database,
-                vehicle,
+                view_of(other, beside, view.database, view.vehicle, near=view),
                 hypotheses,
-                view=view_of(other, beside, database, vehicle, near=view),
                 rotating_air=rotating_air,
             )
             for other, beside in noisy

@@ -14,10 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView
-from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
 from aerodb.tracing.settings import TracingSettings
@@ -26,13 +24,12 @@ from aerodb.tracing.settings import TracingSettings
 def bounded_noise(
     noise: StateNoise,
     view: FlightView,
-    comparison: Comparison,
     settings: TracingSettings,
     most: float = 1.0,
 ) -> StateNoise:
     """Return the noise with the density of alpha no larger than the flight's residual allows.
 
-    view, comparison : of the flight and the current model. most : largest factor on the power that
+    view : of the flight and the current model. most : largest factor on the power that
     the smoother states; above 1 where all that the residual allows shall count, since the smoother
     may state too little for gusts that no sensor showed. What is constant over the flight stays:
     the intercepts take it. So does the noise of beta: airspeed shows how strong the horizontal
@@ -41,9 +38,7 @@ def bounded_noise(
     if "alpha" not in noise.density:
         return noise
     power = noise.rms("alpha", noise.edges[0], settings.bandwidth) ** 2
-    share = min(
-        most, _share(power, view.slope("alpha"), _residual_power(comparison, view.step, settings))
-    )
+    share = min(most, _share(power, view.slope("alpha"), _residual_power(view, settings)))
     return replace(
         noise,
         density={
@@ -67,16 +62,14 @@ def _share(power: float, slopes: Mapping[str, Array], residual: Mapping[str, flo
     )
 
 
-def _residual_power(
-    comparison: Comparison, step: float, settings: TracingSettings
-) -> dict[str, float]:
+def _residual_power(view: FlightView, settings: TracingSettings) -> dict[str, float]:
     """Axis -> variance of the residual in the band of tracing; axes without a usable stretch are
     absent.
     """
     power = {}
-    for axis in (axis for axis in AXES if axis in comparison.usable):
-        usable = comparison.usable[axis]
-        values = np.nan_to_num(comparison.residual(axis))
+    step = view.step
+    for axis, usable in view.usable.items():
+        values = np.nan_to_num(view.comparison.residual(axis))
         parts = [
             band_limited([values[part]], usable[part], step, settings.bandwidth)
             for part in stretches(usable, step, settings.bandwidth, settings.order)
@@ -87,7 +80,7 @@ def _residual_power(
 
 
 def with_air_data_noise(
-    noise: StateNoise, view: FlightView, comparison: Comparison, settings: TracingSettings
+    noise: StateNoise, view: FlightView, settings: TracingSettings
 ) -> StateNoise:
     """Return the noise with errors of V, alpha and beta as large as the flight itself allows.
 
@@ -97,23 +90,24 @@ def with_air_data_noise(
     really there, since the aircraft answers to them. The smaller of the two is taken, the
     smoother's own spectrum at least.
 
-    view, comparison : of the flight and the current model.
+    view : of the flight and the current model.
     """
-    residual = _residual_power(comparison, view.step, settings)
+    residual = _residual_power(view, settings)
     density = dict(noise.density)
     for name, unsteady in noise.unsteady.items():
         candidate = replace(noise, density={**noise.density, name: unsteady})
         power = candidate.rms(name, noise.edges[0], settings.bandwidth) ** 2
         if name in density and power > 0.0:
-            share = min(1.0, _share(power, _slopes(name, view, comparison), residual))
+            share = min(1.0, _share(power, _slopes(name, view), residual))
             density[name] = tuple(np.maximum(density[name], share * np.asarray(unsteady)).tolist())
     return replace(noise, density=density)
 
 
-def _slopes(name: str, view: FlightView, comparison: Comparison) -> Mapping[str, Array]:
+def _slopes(name: str, view: FlightView) -> Mapping[str, Array]:
     """Axis -> change of the residual by the channel (n,); an error of V acts through qbar."""
     if name != "V":
         return view.slope(name)
     return {
-        axis: 2.0 * values / view.channels["V"] for axis, values in comparison.predicted.items()
+        axis: 2.0 * values / view.channels["V"]
+        for axis, values in view.comparison.predicted.items()
     }

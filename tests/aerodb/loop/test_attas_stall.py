@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from aerodb.coefficients.comparison import band_limited
+from aerodb.effects.flight_view import view_of
 from aerodb.effects.library import hypotheses_for
 from aerodb.effects.stall.stall_hysteresis import stall_hypotheses, with_stall
 from aerodb.effects.stall.stall_shape import (
@@ -303,7 +304,7 @@ def test_tracing_suspects_the_stall_first_and_no_static_template(stalls, flights
     ]
     normal_equations = [
         normal_equations_of(
-            evidence_of(f, compared(f, current), current, attas(), library), settings
+            evidence_of(view_of(f, compared(f, current), current, attas()), library), settings
         )
         for f in flights
     ]

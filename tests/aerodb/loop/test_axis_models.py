@@ -64,7 +64,7 @@ def source() -> FlightsInMemory:
 
 
 def error(source: FlightsInMemory, flight: str, model: AeroDatabase, axis: str = "Cm") -> float:
-    _, beside = source.comparison(flight, model)
+    beside = source.comparison(flight, model)
     return float(np.sqrt(np.mean(beside.residual(axis)[beside.usable[axis]] ** 2)))
 
 

@@ -100,7 +100,7 @@ def test_what_is_planted_is_found_added_and_lowers_the_error_of_flights_left_out
 
 
 def _error(source: FlightSource, flight: str, model: AeroDatabase, axis: str) -> float:
-    _, beside = source.comparison(flight, model)
+    beside = source.comparison(flight, model)
     return float(np.sqrt(np.mean(beside.residual(axis)[beside.usable[axis]] ** 2)))
 
 

@@ -36,9 +36,11 @@ def rivals(
 ) -> tuple[SensorRival, ...]:
     identified = tuple(source.flown)
     model: ModelFile = parse_model_file(text, "model.toml")
-    compared = [source.comparison(id, baseline) for id in identified]
     update = estimate_increments(
-        [f for f, _ in compared], [c for _, c in compared], model, baseline
+        [source.flight(id) for id in identified],
+        [source.comparison(id, baseline) for id in identified],
+        model,
+        baseline,
     )
     library = freeze_library(source, identified, baseline)
     return sensor_rivals(source, identified, baseline, update.candidate, library)

@@ -55,7 +55,7 @@ def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
     )
     noise = noise_of(of.consistent(flight)[1])
     assert noise is not None
-    return bounded_noise(noise, view, comparison, TracingSettings(bandwidth=1.2))
+    return bounded_noise(noise, view, TracingSettings(bandwidth=1.2))
 
 
 @pytest.mark.heavy
@@ -102,7 +102,7 @@ def test_nothing_but_alpha_is_bounded(glider: Fleet) -> None:
         glider.access.database(glider.versions["nothing"]),
         glider.access.vehicle(NAME)[0],
     )
-    assert bounded_noise(quiet, view, comparison, TracingSettings(bandwidth=1.2)) == quiet
+    assert bounded_noise(quiet, view, TracingSettings(bandwidth=1.2)) == quiet
 
 
 @pytest.mark.heavy

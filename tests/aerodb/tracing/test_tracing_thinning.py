@@ -9,6 +9,7 @@ import pytest
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.consistency.smoother.state_error_spectrum import StateNoise
+from aerodb.effects.flight_view import view_of
 from aerodb.effects.library import hypotheses_for
 from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
@@ -87,7 +88,11 @@ def test_the_votes_are_those_of_all_samples(flight: Flight) -> None:
     beside = missing_lift(flight, compared(flight, database()), 0.2)
     made = [
         campaign(
-            [normal_equations_of(evidence_of(*given, database(), vehicle(), hypotheses), settings)],
+            [
+                normal_equations_of(
+                    evidence_of(view_of(*given, database(), vehicle()), hypotheses), settings
+                )
+            ],
             hypotheses,
         ).flight_estimates((), ())
         for given in ((flight, beside), thinned(flight, beside, BAND))
