@@ -50,19 +50,3 @@ def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
         for shape in increment.refit.shapes
     }
     return frozenset(body for axis in axes for body in WIND_TO_BODY_AXES.get(axis, (axis,)))
-
-
-def remarks_on_shapes(database: AeroDatabase) -> tuple[str, ...]:
-    """Return one plain sentence on what was fitted once more; none where nothing was."""
-    notes = dict.fromkeys(
-        increment.full_note for increment in database.increments if increment.refit is not None
-    )
-    if not notes:
-        return ()
-    text = " ".join(f"[{note.removeprefix('traced: ')}]" for note in notes)
-    return (
-        (
-            "Gains and shapes were fitted once more where that predicts left-out flights better:"
-            f" {text}."
-        ),
-    )

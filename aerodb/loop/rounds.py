@@ -3,8 +3,9 @@
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -17,12 +18,20 @@ from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
-from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms, remarks_on_shapes
+from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms
+from aerodb.loop.remarks import (
+    TRACED_BEFORE,
+    on_linear_terms,
+    on_shapes,
+    on_stall,
+    on_withheld,
+    on_without_gain,
+)
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_loop import added_loop, is_loop, one_stall, with_unused_states
 from aerodb.support import in_threads
-from aerodb.tables import STATE_CHANNEL, AeroDatabase
+from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     ADDED,
     FewFlightFindings,
@@ -39,6 +48,8 @@ from aerodb.tracing import (
 MOST_ROUNDS = 4
 #: Why a hypothesis that residuals may have suggested is suspected at most.
 _LATE = "it joined the library after these flights had been looked at"
+#: Before the first round.
+_NOTHING: Final = Traced((), (), (), (), ())
 #: Axes on which a stall acts.
 _PITCH = frozenset({"CX", "CZ", "Cm"})
 
@@ -127,112 +138,166 @@ def run_loop(
     None: decided here. Raises InputError where `accept` names what the library does not have.
     """
     accept.check(library)
-    database = baseline
-    findings: dict[str, Finding] = {}
-    added: list[Finding] = []
-    by_manoeuvre, linear_beside, withheld = False, list[str](), set[str]()
     known_before = source.looked_before(flights, library)
-    rounds = 0
-    for rounds in range(1, MOST_ROUNDS + 1):  # noqa: B007 - where it ended is part of the answer
-        traced, remarks = _traced(source, flights, database, library, added, known_before)
-        suspected = by_manoeuvres(source, traced, library, database)
-        if suspected:
-            traced, by_manoeuvre = with_few_flight_findings(traced, suspected), True
-        else:
-            shaped = checked_shapes(source, flights, database, library, traced.findings)
-            traced = replace(traced, findings=shaped)
-        traced = replace(traced, findings=_only_with_gain(traced.findings, without_gain))
-        have = {finding.hypothesis for finding in added} | withheld | without_gain
-        have |= (
-            {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
-        )
-        new = one_stall(
-            [f for f in traced.findings if accept.admits(f) and f.hypothesis not in have]
-        )
-        findings |= {
-            f.hypothesis: f for f in traced.findings if f.hypothesis not in findings or f in new
-        }
-        if not new:
-            break
-        new, beside = _with_linear_terms(new, suspected, have)
-        linear_beside += beside
-        candidate, kept = _bearable(source, database, library, new, flights)
-        withheld |= {finding.hypothesis for finding in new if finding not in kept}
-        added += kept
-        database = candidate
-    models = None
-    if not database.states:  # a stall has a fit of its own
-        every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
-        late = every - (every if known_before is None else known_before)
-        models, not_added = axis_models(
-            source,
-            flights,
-            baseline,
-            database,
-            library,
-            added,
-            without_gain,
-            late,
-            modelled,
-            [id for id, finding in findings.items() if finding.verdict == "sensor"],
-        )
-        remarks += not_added
-    if models is not None:
-        traced = models.traced
-        remarks += tuple(model.remark for model in models.models)
-        members = {finding.hypothesis: finding for finding in traced.findings}
-        apart = models.apart(library)
-        withheld &= apart
-        added = [f for f in added if f.hypothesis in apart]
-        findings = {
-            id: finding
-            for id, finding in findings.items()
-            if finding in added or (id in apart and id in models.standing)
-        } | members
-        added += members.values()
-        database, by_manoeuvre = models.candidate, False
-    if any(_separates(finding) for finding in added):
-        by_manoeuvre = False  # the validation leaves whole flights out
-        remarks += (
-            (
-                "The stall was added with the shape and the gains on which its flights agree:"
-                f" {_stall_gains(database)}."
-            ),
-        )
-    remarks += remarks_on_shapes(database)
-    if withheld:
-        why = (
-            "they were estimated beside others that were not admitted, and alone would make their"
-            " axis worse"
-        )
-        remarks += (f"Not added although found: {', '.join(sorted(withheld))}; {why}.",)
-    if without_gain:
-        remarks += (
-            (
-                f"Not added although found: {', '.join(sorted(without_gain))}; with it the error of"
-                " flights that did not identify falls by less than 1 %, or by less than is left"
-                " without a name on its axis."
-            ),
-        )
-    if linear_beside:
-        remarks += (
-            (
-                "With what was accepted, the linear terms beside which it was estimated were"
-                f" added: {', '.join(linear_beside)}."
-            ),
-        )
-    remarks = (*library.remarks, *remarks)
+    given = _Given(source, tuple(flights), baseline, library, accept, without_gain, known_before)
+    end = _with_axis_models(given, _rounds(given), modelled)
+    stalled = any(_separates(finding) for finding in end.added)
     return LoopResult(
         baseline,
-        database,
-        tuple(findings.values()),
-        tuple(added),
-        traced,
-        rounds,
-        remarks,
-        by_manoeuvre,
+        end.database,
+        tuple(end.findings.values()),
+        end.added,
+        end.traced,
+        end.rounds,
+        (
+            *library.remarks,
+            *end.remarks,
+            *(on_stall(end.database) if stalled else ()),
+            *on_shapes(end.database),
+            *on_withheld(end.withheld),
+            *on_without_gain(without_gain),
+            *on_linear_terms(end.linear_beside),
+        ),
+        end.by_manoeuvre and not stalled,  # the validation of a stall leaves whole flights out
         without_gain,
-        models.models if models is not None else (),
+        end.axis_models,
+    )
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What a loop is given: the arguments of `run_loop`, and the ids that earlier libraries had."""
+
+    source: FlightSource
+    flights: tuple[str, ...]
+    baseline: AeroDatabase
+    library: Library
+    accept: Accept
+    without_gain: frozenset[str]
+    known_before: frozenset[str] | None
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where a loop stands after some rounds.
+
+    database : with all that was added. findings : hypothesis -> finding of the round that added it,
+    otherwise of the first round that had it. withheld : ids that make an axis worse without others
+    that were not admitted. linear_beside : ids of linear terms that were added with what was
+    estimated beside them. ended : whether the last round found nothing new. remarks : of the last
+    round, and on increment models.
+    """
+
+    database: AeroDatabase
+    traced: Traced = _NOTHING
+    findings: Mapping[str, Finding] = field(default_factory=dict)
+    added: tuple[Finding, ...] = ()
+    withheld: frozenset[str] = frozenset()
+    linear_beside: tuple[str, ...] = ()
+    by_manoeuvre: bool = False
+    rounds: int = 0
+    ended: bool = False
+    remarks: tuple[str, ...] = ()
+    axis_models: tuple[AxisModel, ...] = ()
+
+
+def _rounds(given: _Given) -> _State:
+    """Trace and add until a round finds nothing new, or MOST_ROUNDS are over."""
+    state = _State(given.baseline)
+    while state.rounds < MOST_ROUNDS and not state.ended:
+        state = _next_round(given, state)
+    return state
+
+
+def _next_round(given: _Given, state: _State) -> _State:
+    """The state after one more round."""
+    source, flights, database, library = given.source, given.flights, state.database, given.library
+    traced, remarks = _traced(source, flights, database, library, state.added, given.known_before)
+    suspected = by_manoeuvres(source, traced, library, database)
+    if suspected:
+        traced = with_few_flight_findings(traced, suspected)
+    else:
+        shaped = checked_shapes(source, flights, database, library, traced.findings)
+        traced = replace(traced, findings=shaped)
+    traced = replace(traced, findings=_only_with_gain(traced.findings, given.without_gain))
+    have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain
+    if database.states:
+        have |= {h.id for h in library.hypotheses if h.effect == EFFECT}
+    new = one_stall(
+        [f for f in traced.findings if given.accept.admits(f) and f.hypothesis not in have]
+    )
+    state = replace(
+        state,
+        traced=traced,
+        findings={
+            **state.findings,
+            **{
+                f.hypothesis: f
+                for f in traced.findings
+                if f.hypothesis not in state.findings or f in new
+            },
+        },
+        by_manoeuvre=state.by_manoeuvre or bool(suspected),
+        rounds=state.rounds + 1,
+        ended=not new,
+        remarks=remarks,
+    )
+    if not new:
+        return state
+    new, beside = _with_linear_terms(new, suspected, have)
+    candidate, kept = _bearable(source, database, library, new, flights)
+    return replace(
+        state,
+        database=candidate,
+        added=(*state.added, *kept),
+        withheld=state.withheld | {f.hypothesis for f in new if f not in kept},
+        linear_beside=(*state.linear_beside, *beside),
+    )
+
+
+def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | None) -> _State:
+    """The state with increment models in place of single effects, on axes where many act at once;
+    a stall has a fit of its own.
+
+    modelled : as for `run_loop`.
+    """
+    if state.database.states:
+        return state
+    library, known_before = given.library, given.known_before
+    every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
+    models, not_added = axis_models(
+        given.source,
+        given.flights,
+        given.baseline,
+        state.database,
+        library,
+        state.added,
+        given.without_gain,
+        every - (every if known_before is None else known_before),
+        modelled,
+        [id for id, finding in state.findings.items() if finding.verdict == "sensor"],
+    )
+    state = replace(state, remarks=(*state.remarks, *not_added))
+    if models is None:
+        return state
+    members = {finding.hypothesis: finding for finding in models.traced.findings}
+    apart = models.apart(library)
+    added = tuple(f for f in state.added if f.hypothesis in apart)
+    stays = {
+        id: finding
+        for id, finding in state.findings.items()
+        if finding in added or (id in apart and id in models.standing)
+    }
+    return replace(
+        state,
+        database=models.candidate,
+        traced=models.traced,
+        findings=stays | members,
+        added=(*added, *members.values()),
+        withheld=state.withheld & apart,
+        by_manoeuvre=False,
+        remarks=(*state.remarks, *(model.remark for model in models.models)),
+        axis_models=models.models,
     )
 
 
@@ -270,16 +335,12 @@ def only_what_was_frozen(
     """
     if known is None:
         return traced, ()
-    remark = (
-        "These flights were traced before with another library: what joined it since is suspected"
-        " at most."
-    )
     late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
     findings = tuple(
         only_suspected(f, _LATE) if is_late else f
         for f, is_late in zip(traced.findings, late, strict=True)
     )
-    return replace(traced, findings=findings), (remark,)
+    return replace(traced, findings=findings), (TRACED_BEFORE,)
 
 
 def _only_with_gain(
@@ -299,7 +360,7 @@ def _only_with_gain(
 
 
 def _with_linear_terms(
-    new: Sequence[Finding], suspected: Sequence[FewFlightFindings], have: set[str]
+    new: Sequence[Finding], suspected: Sequence[FewFlightFindings], have: Set[str]
 ) -> tuple[list[Finding], list[str]]:
     """The admitted findings with the linear terms beside which manoeuvres estimated them, and their
     ids.
@@ -327,16 +388,6 @@ def _with_linear_terms(
 def _separates(finding: Finding) -> bool:
     """Whether it is a stall with separating flow, which is added with its own fit on all axes."""
     return finding.effect == EFFECT and not is_loop(finding.hypothesis)
-
-
-def _stall_gains(database: AeroDatabase) -> str:
-    law = next(state.law for state in database.states if state.name == STATE_CHANNEL)
-    gains = [
-        (inc.axis, inc.estimates[-1])
-        for inc in database.increments
-        if inc.regressors and STATE_CHANNEL in inc.regressors[-1].names
-    ]
-    return f"{law}, " + ", ".join(f"{axis} {value:.3g}" for axis, value in gains)
 
 
 def _bearable(
