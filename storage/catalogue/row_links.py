@@ -37,14 +37,14 @@ Group = tuple[str, tuple[Any, ...]]
 
 
 class Touched:
-    """The groups to which a transaction adds rows, or in which it changes one."""
+    """The groups to which a transaction adds rows."""
 
     def __init__(self) -> None:
         self._groups: dict[Group, None] = {}
         self._copies = False
 
     def listen(self, connection: sa.Connection) -> None:
-        """Note what the statements of a connection's transaction insert and update."""
+        """Note what the statements of a connection's transaction insert."""
         sa.event.listen(connection, "after_execute", self._note)
 
     def forget(self, connection: sa.Connection) -> None:
@@ -60,14 +60,12 @@ class Touched:
         _options: Any,
         result: sa.CursorResult[Any],
     ) -> None:
-        if not isinstance(statement, (sa.Insert, sa.Update)):
+        if not isinstance(statement, sa.Insert):  # linked rows are never updated
             return
         table = str(statement.table.name)  # type: ignore[union-attr]
         self._copies = self._copies or table == s.row_links.name
         for given in result.context.compiled_parameters if table in LINKED else ():
-            # An update names its row in the condition: SQLAlchemy calls that value `id_1`.
-            values = tuple(given.get(f"{c}_1", given.get(c)) for c in LINKED[table])
-            self._groups[table, values] = None
+            self._groups[table, tuple(given[c] for c in LINKED[table])] = None
 
     def link(self, connection: sa.Connection) -> None:
         """Link these groups; rows that were copied together with their links are linked already."""
