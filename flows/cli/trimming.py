@@ -1,6 +1,9 @@
 """``aerodb version trim``, ``modes`` and ``sweep``: steady flights of a version and their modes."""
 
+import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -45,20 +48,23 @@ _DEGREES: Final = 57.29577951308232
 
 @dataclass(frozen=True)
 class _Stated:
-    """The options of a condition, as text."""
+    """The options of a steady flight of a version, as text."""
 
-    speed: str
-    altitude: str
-    climb: str | None
-    glide: bool
-    bank: str | None
-    sideslip: str | None
-    turn_rate: str | None
-    load_factor: float | None
-    pull_up: bool
-    fuel: str | None
-    given: list[str] | None
-    control: list[str] | None
+    version: str
+    speed: Speed
+    altitude: Altitude
+    climb: Climb = None
+    glide: Glide = False
+    bank: Bank = None
+    sideslip: Sideslip = None
+    turn_rate: TurnRate = None
+    load_factor: Load = None
+    pull_up: PullUp = False
+    fuel: Fuel = None
+    given: Given = None
+    control: Control = None
+    vehicle: Vehicle = None
+    as_of: AsOf = None
 
     def flight(self, glides: bool) -> "SteadyFlight":
         """The flight; a vehicle that `glides` does so unless a path angle is given."""
@@ -104,30 +110,39 @@ def steady_flight(
     """A straight steady flight of a version, as its options state it."""
     from aerodb.tasks.view import glides
 
-    stated = _Stated(
-        speed, altitude, climb, glide, None, None, None, None, False, fuel, given, None
-    )
+    stated = _Stated(row.id, speed, altitude, climb, glide, fuel=fuel, given=given)
     return stated.flight(glides(session.catalogue(), row))
 
 
-def trim(
-    context: typer.Context,
-    version: str,
-    speed: Speed,
-    altitude: Altitude,
-    climb: Climb = None,
-    glide: Glide = False,
-    bank: Bank = None,
-    sideslip: Sideslip = None,
-    turn_rate: TurnRate = None,
-    load_factor: Load = None,
-    pull_up: PullUp = False,
-    fuel: Fuel = None,
-    given: Given = None,
-    control: Control = None,
-    vehicle: Vehicle = None,
-    as_of: AsOf = None,
-) -> None:
+def _steady(command: Callable[..., None]) -> Callable[..., None]:
+    """Return the command of a function of a session, a version and its steady flight: it has the
+    options of `_Stated` beside those of the function."""
+    stated = inspect.signature(_Stated).parameters
+    required = [option for option in stated.values() if option.default is option.empty]
+    context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+    own = list(inspect.signature(command).parameters.values())[3:]
+    options = {o.name: o for o in (context, *required, *own, *stated.values())}
+
+    @wraps(command)
+    def run(context: typer.Context, **given: Any) -> None:
+        from aerodb.tasks.references import version_of
+        from aerodb.tasks.view import glides
+
+        flight = _Stated(**{name: given.pop(name) for name in stated})
+        session: Session = context.obj
+        catalogue = session.catalogue()
+        row = version_of(catalogue, flight.version, flight.vehicle, flight.as_of)
+        command(session, row, flight.flight(glides(catalogue, row)), **given)
+
+    run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [option.replace(kind=option.KEYWORD_ONLY) for option in options.values()]
+    )
+    run.__annotations__ = {name: option.annotation for name, option in options.items()}
+    return run
+
+
+@_steady
+def trim(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
     """Find the steady flight of a version at a condition: angles, surfaces, thrust, with standard
     errors.
 
@@ -135,47 +150,19 @@ def trim(
     """
     from aerodb.tasks.view import trim_document
 
-    stated = _Stated(
-        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
-        control,
-    )  # fmt: skip
-    session: Session = context.obj
-    row, flight = _resolved(session, version, vehicle, as_of, stated)
     document = trim_document(session.catalogue(), row, flight)
     _print_trim(session, row, document)
     session.answer(document)
 
 
-def modes(
-    context: typer.Context,
-    version: str,
-    speed: Speed,
-    altitude: Altitude,
-    climb: Climb = None,
-    glide: Glide = False,
-    bank: Bank = None,
-    sideslip: Sideslip = None,
-    turn_rate: TurnRate = None,
-    load_factor: Load = None,
-    pull_up: PullUp = False,
-    fuel: Fuel = None,
-    given: Given = None,
-    control: Control = None,
-    vehicle: Vehicle = None,
-    as_of: AsOf = None,
-) -> None:
+@_steady
+def modes(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
     """Show the modes about a steady flight of a version; --json also gives the linear model.
 
     Example: aerodb version modes released --speed 70 --altitude 1000
     """
     from aerodb.tasks.view import modes_document
 
-    stated = _Stated(
-        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
-        control,
-    )  # fmt: skip
-    session: Session = context.obj
-    row, flight = _resolved(session, version, vehicle, as_of, stated)
     document = modes_document(session.catalogue(), row, flight)
     _print_trim(session, row, document)
     columns = (
@@ -196,11 +183,11 @@ def modes(
     session.answer(document)
 
 
+@_steady
 def sweep(
-    context: typer.Context,
-    version: str,
-    speed: Speed,
-    altitude: Altitude,
+    session: Session,
+    row: "VersionRow",
+    flight: "SteadyFlight",
     variable: Annotated[
         str, typer.Option(help="V, altitude, climb, bank, ..., a mass property, or an input.")
     ],
@@ -210,18 +197,6 @@ def sweep(
     hold: Annotated[
         bool, typer.Option("--hold", help="Hold the rest as trimmed, and give coefficients.")
     ] = False,
-    climb: Climb = None,
-    glide: Glide = False,
-    bank: Bank = None,
-    sideslip: Sideslip = None,
-    turn_rate: TurnRate = None,
-    load_factor: Load = None,
-    pull_up: PullUp = False,
-    fuel: Fuel = None,
-    given: Given = None,
-    control: Control = None,
-    vehicle: Vehicle = None,
-    as_of: AsOf = None,
 ) -> None:
     """Vary one variable while the rest of a version's flight stays in trim: trims and modes.
 
@@ -229,12 +204,6 @@ def sweep(
     """
     from aerodb.tasks.view import sweep_document, sweep_value
 
-    stated = _Stated(
-        speed, altitude, climb, glide, bank, sideslip, turn_rate, load_factor, pull_up, fuel, given,
-        control,
-    )  # fmt: skip
-    session: Session = context.obj
-    row, flight = _resolved(session, version, vehicle, as_of, stated)
     reach = (sweep_value(start, variable), sweep_value(end, variable))
     document = sweep_document(session.catalogue(), row, flight, variable, reach, steps, hold)
     points = document["points"]
@@ -269,17 +238,6 @@ def sweep(
         if "reason" in point:
             session.say(f"{variable} {point['value']:.6g}: {point['reason']}")
     session.answer(document)
-
-
-def _resolved(
-    session: Session, version: str, vehicle: str | None, as_of: str | None, stated: _Stated
-) -> "tuple[VersionRow, SteadyFlight]":
-    from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import glides
-
-    catalogue = session.catalogue()
-    row = version_of(catalogue, version, vehicle, as_of)
-    return row, stated.flight(glides(catalogue, row))
 
 
 def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:
