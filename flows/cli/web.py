@@ -30,7 +30,7 @@ def web(
 
     Example: aerodb web --port 8050
     """
-    from aerodb.flows.web.security import guard_of
+    from aerodb.flows.web.guard import guard_of
     from aerodb.flows.web.server import listening, serve_console
 
     session: Session = context.obj

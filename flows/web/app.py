@@ -50,8 +50,10 @@ from aerodb.flows.web import (
 )
 from aerodb.flows.web.access_log import AccessLog
 from aerodb.flows.web.console import Console, document, page_of
+from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.models import REFUSALS
-from aerodb.flows.web.security import ForbiddenError, Guard, Secured, UserOf
+from aerodb.flows.web.security import Secured, UserOf
+from aerodb.flows.web.sessions import ForbiddenError
 from aerodb.report import FLAGGED, FLIGHT, MEASURED, UPDATED, render
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import Actor, NotAllowedError

@@ -21,7 +21,7 @@ from aerodb.flows.web.console import (
     version_at,
 )
 from aerodb.flows.web.models import CONFLICTS
-from aerodb.flows.web.security import check_csrf
+from aerodb.flows.web.sessions import check_csrf
 from aerodb.storage.catalogue import NoteKind, standing_moves
 from aerodb.tasks.actors import require_role
 from aerodb.tasks.references import vehicle_of

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from aerodb.flows.web.security import is_upload
+from aerodb.flows.web.bodies import is_upload
 
 try:
     import resource

@@ -13,7 +13,9 @@ from pydantic import BeforeValidator, Field
 from starlette.responses import Response
 
 from aerodb.flows.run import run_flow
-from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
+from aerodb.flows.web.guard import Guard
+from aerodb.flows.web.security import REPORT_POLICY
+from aerodb.flows.web.sessions import keep_session, session_of
 from aerodb.report import channel_scale, for_people, page, visible
 from aerodb.storage.catalogue import USER_ROLES, VersionRow
 from aerodb.storage.workspace import Workspace

@@ -7,7 +7,7 @@ from starlette.responses import Response
 
 from aerodb.flows.web.console import access_of, console_of, document, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
-from aerodb.flows.web.security import keep_session, session_of
+from aerodb.flows.web.sessions import keep_session, session_of
 from aerodb.storage.catalogue import FlightFilter
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED

@@ -14,8 +14,8 @@ from aerodb.flows.web.connections import (
     most_connections,
     raise_descriptor_limit,
 )
+from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.messages import Sparing
-from aerodb.flows.web.security import Guard
 
 #: Connections that the system holds until they are accepted. asyncio tries to accept as many at a
 #: time, and reports as many errors when no descriptor is left.

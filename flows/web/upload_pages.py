@@ -12,7 +12,7 @@ from aerodb.flows.web import models
 from aerodb.flows.web.change_pages import Token
 from aerodb.flows.web.console import access_of, console_of, document
 from aerodb.flows.web.models import CONFLICTS
-from aerodb.flows.web.security import check_csrf
+from aerodb.flows.web.sessions import check_csrf
 from aerodb.storage.inbox import Upload, receiving
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings

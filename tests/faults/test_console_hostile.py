@@ -17,8 +17,8 @@ import psutil
 import pytest
 
 from aerodb.flows.web.access_log import REFUSED
+from aerodb.flows.web.bodies import LARGEST_BODY
 from aerodb.flows.web.connections import HEAD_SECONDS
-from aerodb.flows.web.security import LARGEST_BODY
 from tests.flows.web.test_console_command import running, signed_in
 from tests.support.command import aerodb
 from tests.support.console_workspace import TOKEN

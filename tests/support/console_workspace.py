@@ -14,7 +14,7 @@ from starlette.testclient import TestClient
 
 from aerodb.flight import Flight
 from aerodb.flows.web.app import create_app
-from aerodb.flows.web.security import guard_of
+from aerodb.flows.web.guard import guard_of
 from aerodb.flows.web.server import listening, server_of
 from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue

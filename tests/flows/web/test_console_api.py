@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from aerodb.flows.web.app import create_app
 from aerodb.flows.web.console import part
-from aerodb.flows.web.security import guard_of
+from aerodb.flows.web.guard import guard_of
 from tests.support.catalogue_samples import h
 from tests.support.console_workspace import HOSTILE, TOKEN, Made, made_workspace
 from tests.support.shared_workspace import SharedWorkspaces

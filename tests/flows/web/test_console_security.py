@@ -13,14 +13,10 @@ from typer.testing import CliRunner
 from aerodb.errors import InputError
 from aerodb.flows.cli.main import app
 from aerodb.flows.web.access_log import REFUSED
-from aerodb.flows.web.security import (
-    COOKIE,
-    LARGEST_BODY,
-    MOST_WRONG,
-    Attempts,
-    Guard,
-    guard_of,
-)
+from aerodb.flows.web.bodies import LARGEST_BODY
+from aerodb.flows.web.guard import Guard, guard_of
+from aerodb.flows.web.sessions import COOKIE
+from aerodb.flows.web.tokens import MOST_WRONG, Attempts
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import NameEvent, UserRole
 from aerodb.tasks.actors import hash_of_token, new_token

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 from starlette.testclient import TestClient
 
-from aerodb.flows.web.security import LARGEST_BODY
+from aerodb.flows.web.bodies import LARGEST_BODY
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import hash_of_token, new_token

@@ -6,7 +6,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from aerodb.flows.web.security import guard_of
+from aerodb.flows.web.guard import guard_of
 from aerodb.flows.web.server import listening, server_of
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
