@@ -20,8 +20,10 @@ from aerodb.simulation import Stretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
 from aerodb.vehicle import parse_vehicle
 
-#: Duration and step of the flight, s.
-_DURATION, _STEP = 12.0, 0.05
+#: Duration of the flight [s]: enough for a reconstruction, and no more.
+_DURATION = 12.0
+#: Time step of the flight [s]: that of common logs.
+_STEP = 0.05
 
 
 def compile_kernels() -> None:

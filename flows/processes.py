@@ -25,8 +25,10 @@ from aerodb.storage.workspace_settings import (
     load_settings,
 )
 
-#: The delay [s] before a restart doubles from the first to the second value.
-_FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0
+#: Delay before the first restart [s]; it doubles with each further one.
+_FIRST_WAIT: Final = 1.0
+#: Longest delay before a restart [s]: a cause that has passed holds nobody up for long.
+_LONGEST_WAIT: Final = 60.0
 #: A process that has run this long [s] had started well: its next restart is not delayed.
 _WELL: Final = 120.0
 _LOG_BYTES: Final = 20_000_000

@@ -31,9 +31,11 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _BEAT: Final = 1.0
 _CLEAR_UP_EVERY: Final = 30.0
-#: Delays [s] before files are announced again: the same files, and when more have arrived. The
-#: server needs a moment to turn an event into a run.
-_REMIND, _PAUSE = 20.0, 5.0
+#: Delay before the same files are announced again [s], in case no run came of it.
+_REMIND: Final = 20.0
+#: Delay before files are announced again when more have arrived [s]: the server needs a moment to
+#: turn an event into a run.
+_PAUSE: Final = 5.0
 #: Delay [s] after a failed sweep (a full disk, for example), and the longest after many failures.
 _AFTER_FAILURE: Final = 60.0
 _AT_MOST: Final = 3600.0

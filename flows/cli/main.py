@@ -41,7 +41,16 @@ from aerodb.flows.cli import (
 from aerodb.flows.cli.groups import Program
 from aerodb.flows.cli.output import Session, complaint, visible
 
-DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
+#: Exit code of a command that did what it was asked for.
+DONE = 0
+#: Exit code of a failure that is no fault of the input: a bug, or the machine.
+FAILED = 1
+#: Exit code of a wrong command line, as shells and click have it.
+USAGE = 2
+#: Exit code of an input that cannot be used.
+REFUSED = 3
+#: Exit code of a version that the promotion gate refuses.
+GATE = 4
 
 app = typer.Typer(
     name="aerodb",

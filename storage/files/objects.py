@@ -35,8 +35,12 @@ _BLOCK: Final = 8 << 20
 _AT_ONCE: Final = 4 << 20
 #: Maximum size of an object that the service copies.
 _COPIED: Final = 5 << 30
-#: Timeouts of connection and response [s], and number of attempts.
-_CONNECT, _ANSWER, _ATTEMPTS = 5.0, 30.0, 3
+#: Longest time for a connection [s].
+_CONNECT: Final = 5.0
+#: Longest time without an answer [s], longer because a large object takes its time.
+_ANSWER: Final = 30.0
+#: Number of attempts, the first included: a single failure often passes.
+_ATTEMPTS: Final = 3
 _NAMED: Final = re.compile(r"AWS Error ([A-Z_0-9]+)(?: \(HTTP status (\d+)\))?")
 _PASSING: Final = re.compile(
     r"NETWORK_CONNECTION|SLOW_DOWN|THROTTLING|REQUEST_TIMEOUT|SERVICE_UNAVAILABLE|INTERNAL_FAILURE"

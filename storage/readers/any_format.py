@@ -16,7 +16,10 @@ from aerodb.recording import Recording, Topic
 from aerodb.storage.files import write_topics
 from aerodb.storage.writers import write_ulog
 
-_ULOG, _MCAP, _DATAFLASH = b"ULog", b"\x89MCAP", b"\xa3\x95"
+#: First bytes of the files.
+_ULOG: Final = b"ULog"
+_MCAP: Final = b"\x89MCAP"
+_DATAFLASH: Final = b"\xa3\x95"
 _ULOG_SUFFIXES: Final = (".ulg", ".ulog")
 _MCAP_SUFFIX: Final = ".mcap"
 _DATAFLASH_SUFFIX: Final = ".bin"

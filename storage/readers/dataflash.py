@@ -43,7 +43,11 @@ _UNITS: Final = {
     **dict.fromkeys(("UNKNOWN", "instance"), ""),
 }
 #: Messages that describe others or are metadata, as in AP_Logger/LogStructure.h.
-_PARAMETERS, _TEXTS, _UNITS_OF, _UNIT, _MULTIPLIER = "PARM", "MSG", "FMTU", "UNIT", "MULT"
+_PARAMETERS: Final = "PARM"
+_TEXTS: Final = "MSG"
+_UNITS_OF: Final = "FMTU"
+_UNIT: Final = "UNIT"
+_MULTIPLIER: Final = "MULT"
 _GPS_EPOCH: Final = datetime(1980, 1, 6, tzinfo=UTC)
 #: GPS time less UTC since 2017.
 _LEAP_SECONDS: Final = 18

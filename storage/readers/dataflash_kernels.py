@@ -5,7 +5,10 @@ from numba import njit
 from aerodb.storage.readers.ulog_kernels import Bytes
 from aerodb.support import Integers
 
-FMT, FMT_BYTES = 128, 89
+#: Message id of FMT, the message that describes the others.
+FMT = 128
+#: Size of an FMT record with its header [bytes], the same in all logs.
+FMT_BYTES = 89
 
 
 @njit(cache=True)

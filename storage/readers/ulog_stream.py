@@ -29,8 +29,10 @@ _DATA = ord("D")
 _PATIENCE = 2000
 #: Longest time between samples that is believed [s].
 _LONGEST_PAUSE = 3600.0
-#: Bytes read at a time, and how often a file is looked at for more [s].
-_PIECE, _GLANCE = 1 << 16, 0.2
+#: Most bytes read at a time [bytes]: about half a second of a usual log, so that samples come soon.
+_PIECE = 1 << 16
+#: Time between two looks at a file for more [s]: short beside the flush of a logger.
+_GLANCE = 0.2
 
 
 class UlogStream:

@@ -26,8 +26,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
 
-#: Largest number of ancestors and children drawn; the lineage query lists all.
-_ANCESTORS, _CHILDREN = 5, 6
+#: Most ancestors drawn, so that the figure stays readable; the lineage query lists all.
+_ANCESTORS: Final = 5
+#: Most children drawn, the newest, for the same reason.
+_CHILDREN: Final = 6
 
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:

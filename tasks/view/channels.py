@@ -38,8 +38,12 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
 #: Channels shown first, in this order, if the flight has them; surfaces follow.
 FIRST: Final = ("V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude")
 PANELS: Final = 12
-#: Bounds of the number of points of one series; most series of one answer.
-FEWEST_POINTS, MOST_POINTS, MOST_SERIES = 10, 20_000, 40
+#: Fewest points of one series that can be asked for: fewer show no curve.
+FEWEST_POINTS: Final = 10
+#: Most points of one series that can be asked for, which bounds the size of an answer.
+MOST_POINTS: Final = 20_000
+#: Most series of one answer.
+MOST_SERIES: Final = 40
 _STRETCHES: Final = 100
 
 

@@ -25,7 +25,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 _PART: Final = 1 << 20
 #: Information of a PX4 log by which people know it.
 _SYSTEM: Final = ("sys_name", "ver_sw_branch", "ver_sw", "ver_hw", "sys_os_name", "sys_mcu")
-_PARAMETER, _CHANGED = "param:", "param_last:"
+#: Prefix of a parameter as it was at the start of a log.
+_PARAMETER: Final = "param:"
+#: Prefix of a parameter as it was changed last during a log.
+_CHANGED: Final = "param_last:"
 #: Last byte of a PX4 release number.
 _RELEASES: Final = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: ""}
 
