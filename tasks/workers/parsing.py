@@ -81,6 +81,7 @@ def parsing(log: Path, folder: Path, limits: Limits) -> Job:
         environment=confined_environment(),
         needs=(log.suffix.lower(),),
         once=True,
+        scratch=str(folder),
     )
 
 

@@ -56,7 +56,7 @@ class Job:
     the log or flight, what runs, and what to do with higher limits, for errors. actor,
     environment, folder : as in the calling process. needs : modules, or suffixes of logs, that are
     imported before the fork. once : the worker does nothing before or after it, and its answer is
-    JSON, which can do no harm here.
+    JSON, which can do no harm here. scratch : folder that is removed if this process dies first.
     """
 
     function: Callable[..., Any]
@@ -72,6 +72,7 @@ class Job:
     folder: str = field(default_factory=os.getcwd)
     needs: tuple[str, ...] = _SCIENCE
     once: bool = False
+    scratch: str = ""
 
 
 class OverLimitError(CalculationError):
@@ -183,12 +184,12 @@ class _Server:
             self._process = _begun(theirs.fileno(), needs)
         self._control = Connection(ours.detach())
 
-    def fork(self, needs: tuple[str, ...]) -> "_Worker":
-        """Return a new worker that has imported what it `needs`; OSError or EOFError if this
+    def fork(self, job: Job) -> "_Worker":
+        """Return a new worker that has imported what a job needs; OSError or EOFError if this
         server has ended."""
         ours, theirs = socket.socketpair()
         with theirs, self._lock:
-            self._control.send(needs)
+            self._control.send((job.needs, job.scratch))
             with socket.socket(fileno=os.dup(self._control.fileno())) as carrier:
                 socket.send_fds(carrier, [b"."], [theirs.fileno()])
             pid = self._control.recv()
@@ -277,14 +278,14 @@ def _take(job: Job) -> _Worker:
             return mine[-1]
         server = _server()
     with suppress(OSError, EOFError):
-        return server.fork(job.needs)
+        return server.fork(job)
     with _lock:  # it was ended from outside: once more with another
         if server in _servers:
             _servers.remove(server)
             server.close()
         server = _server()
     try:
-        return server.fork(job.needs)
+        return server.fork(job)
     except (OSError, EOFError) as error:
         raise StoreError(
             f"no process for flights can be started: {error}",

@@ -2,10 +2,11 @@
 
 It imports what jobs need once, has one thread, no connection to a catalogue and none of the secrets
 of the process that started it, and never reads a log, so that a fork is sound and cheap. A request
-is what the worker needs (names of modules, suffixes of logs), with the worker's end of a socket,
-answered by the worker's process id; or a process id, which ends that worker, answered by its exit
-code. What its arguments name it imports in advance, and serves requests in between. It ends, and
-its workers with it, when the process that started it closes the connection or ends.
+is what the worker needs (names of modules, suffixes of logs) and its scratch folder, with the
+worker's end of a socket, answered by the worker's process id; or a process id, which ends that
+worker, answered by its exit code. What its arguments name it imports in advance, and serves
+requests in between. It ends, and its workers with it, when the process that started it closes the
+connection or ends.
 """
 
 import gc
@@ -20,18 +21,23 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from multiprocessing.connection import Connection
-from typing import Any, NoReturn
+from pathlib import Path
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from aerodb.errors import CalculationError, failing_alone
 from aerodb.storage.confinement import confine, lift_memory_limit, subordinate
+from aerodb.storage.disk_errors import remove
 from aerodb.storage.readers import prepare_reader
 from aerodb.tasks.actors import acting_as
 from aerodb.tasks.workers.freed_memory import return_freed_memory
 from aerodb.tasks.workers.memory_cache import clear_cache
 from aerodb.tasks.workers.pool import Job, become_worker
+
+#: Workers that have not been ended, and the folders in which they work.
+_scratch: Final[dict[int, str]] = {}
 
 
 def main() -> None:
@@ -48,6 +54,10 @@ def main() -> None:
                 _serve(control)
         while True:
             _serve(control)
+    for child, folder in _scratch.items():
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        remove(Path(folder))
 
 
 @cache
@@ -65,19 +75,23 @@ def _serve(control: Connection) -> None:
     """Answer the next request; EOFError or OSError if the connection is closed."""
     request = control.recv()
     if isinstance(request, int):
+        _scratch.pop(request, None)
         with suppress(ProcessLookupError):
             os.kill(request, signal.SIGKILL)
         control.send(os.waitstatus_to_exitcode(os.waitpid(request, 0)[1]))
         return
     with socket.socket(fileno=os.dup(control.fileno())) as carrier:
         _, descriptors, _, _ = socket.recv_fds(carrier, 1, 1)
-    for name in request:
+    needs, scratch = request
+    for name in needs:
         _prepare(name)
     child = os.fork()
     if child == 0:
         control.close()
         _work(Connection(descriptors[0]))
     os.close(descriptors[0])
+    if scratch:
+        _scratch[child] = scratch
     control.send(child)
 
 
