@@ -48,10 +48,9 @@ from aerodb.consistency.smoother import (
     state_noise,
 )
 from aerodb.flight import Flight
-from aerodb.logs import angles_from_pressures
 from aerodb.signals import bridge
 from aerodb.support import Array, in_threads
-from aerodb.vehicle import Vehicle
+from aerodb.vehicle import Vehicle, angles_from_pressures
 
 #: A channel without a sensor is given if its standard error is within this many accuracy limits of
 #: the vehicle.

@@ -11,12 +11,10 @@ from typing import Final
 import numpy as np
 
 from aerodb.consistency.output_error import ReconstructedPath
-from aerodb.five_hole import Curve, FiveHole
 from aerodb.flight import Flight
-from aerodb.logs import angles_from_pressures
 from aerodb.physics import GRAVITY, density
 from aerodb.support import Array
-from aerodb.vehicle import AirData, Vehicle
+from aerodb.vehicle import AirData, Curve, FiveHole, Vehicle, angles_from_pressures
 
 #: Pressure difference of a pair of holes -> the flow angle that it measures.
 HOLES: Final = {"probe_dp_alpha": "alpha", "probe_dp_beta": "beta"}

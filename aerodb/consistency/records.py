@@ -18,7 +18,6 @@ from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressu
 from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs import velocity_at_cg
 from aerodb.physics import HIGHEST_LATITUDE, Earth
 from aerodb.signals import (
     FEWEST_SAMPLES,
@@ -26,7 +25,7 @@ from aerodb.signals import (
     smooth,
 )
 from aerodb.support import Array
-from aerodb.vehicle import Vehicle, mass_channels
+from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
 
 #: Gaps in the inertial channels up to this length (s) are bridged; longer ones end a record.
 SHORT_GAP = 0.2

@@ -9,7 +9,7 @@ The way through:
    (`found_channels`).
 3. `map_recording` makes the `Flight` (`mapping`): it cleans clocks, converts units (`mapped_log`),
    resamples (`time_grid`), derives channels (`derivations`), moves air data from the probe to the
-   CG (`probe`), completes them (`air_data`) and flags captive flight (`captive`).
+   CG (`aerodb.vehicle`), completes them (`air_data`) and flags captive flight (`captive`).
 4. `usable_flight` also flags unusable samples, and refuses a log that gives no coefficient
    (`usable_flight`).
 5. `consequences_of_missing` says in words what the absent channels rule out (`completeness`).

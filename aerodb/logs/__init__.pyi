@@ -7,7 +7,6 @@ from .inspection import TopicSummary, describe, missing_by_topic
 from .mapping import choose_mapping, map_recording
 from .mapping_draft import MappingDraft, draft_mapping
 from .mapping_file import Mapping, parse_mapping
-from .probe import angles_from_pressures, velocity_at_cg
 from .usable_flight import mapped_clock_suspicions, usable_flight
 from .vehicle_draft import draft_vehicle
 
@@ -19,7 +18,6 @@ __all__ = [
     "MappingDraft",
     "TopicSummary",
     "airspeed_remedy",
-    "angles_from_pressures",
     "channels_found",
     "choose_mapping",
     "consequence_of_zeros",
@@ -35,7 +33,6 @@ __all__ = [
     "parse_mapping",
     "read_autopilot",
     "usable_flight",
-    "velocity_at_cg",
     "wingless_sentence",
     "with_mapped_clock",
     "zero_channels",

@@ -21,12 +21,11 @@ from aerodb.logs.mapping_file import (
     Source,
     parse_mapping,
 )
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.logs.time_grid import Signal, common_grid, on_grid
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording
 from aerodb.support import Array
-from aerodb.vehicle import LogSource, Vehicle, add_combinations
+from aerodb.vehicle import LogSource, Vehicle, add_combinations, air_data_at_cg
 
 __all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recording", "parse_mapping"]
 

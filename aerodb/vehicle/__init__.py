@@ -5,8 +5,10 @@
    still there.
 2. `add_combinations`, `with_mass_channels`, `mass_channels` and `cg_positions` give the channels of
    a flight that follow from the file.
+3. `flow_angles` turns the pressures of a five-hole probe into angles; `air_data_at_cg` moves air
+   data from the probe to the CG.
 
-Modules: `description` (the file), `on_flights`, `template`.
+Modules: `description` (the file), `on_flights`, `template`, `five_hole` and `probe`.
 """
 
 import lazy_loader as lazy

@@ -14,13 +14,17 @@ from .description import (
     parse_vehicle,
     with_measured,
 )
+from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
 from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
+from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
 from .template import placeholders, vehicle_template
 
 __all__ = [
     "MASS_CHANNELS",
     "Accuracy",
     "AirData",
+    "Curve",
+    "FiveHole",
     "LogSource",
     "MassProperties",
     "Reference",
@@ -31,11 +35,16 @@ __all__ = [
     "Vehicle",
     "VerticalAir",
     "add_combinations",
+    "air_data_at_cg",
+    "angles_from_pressures",
     "cg_positions",
+    "flow_angles",
     "mass_channels",
     "parse_vehicle",
     "placeholders",
+    "pressure_ratio",
     "vehicle_template",
+    "velocity_at_cg",
     "with_mass_channels",
     "with_measured",
 ]

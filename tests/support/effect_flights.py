@@ -11,12 +11,12 @@ import numpy as np
 
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
-from aerodb.logs.probe import velocity_at_cg
 from aerodb.simulation.motion import inertia_matrix
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import transfer_moments
 from aerodb.vehicle import Vehicle, parse_vehicle
+from aerodb.vehicle.probe import velocity_at_cg
 
 RATE, SECONDS = 50.0, 16.0
 AREA, CHORD, SPAN, DENSITY = 16.0, 1.5, 11.0, 1.1

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.consistency.sensors.models import Installation
 from aerodb.consistency.sensors.prediction import Record
-from aerodb.five_hole import Curve, FiveHole
+from aerodb.vehicle.five_hole import Curve, FiveHole
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, truth
 
 NOISE = {

@@ -12,13 +12,13 @@ from aerodb.consistency import records
 from aerodb.consistency.pressures import angles_from_holes, correct_port_errors, recalibrated
 from aerodb.consistency.records import air_data_at_probe, inertial_inputs, records_from_flight
 from aerodb.flight import Flight
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS
 from aerodb.physics.geodesy import EARTH_RATE, normal_gravity
 from aerodb.storage.files.flights import read_results
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import parse_vehicle
+from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.command import asked
 from tests.support.consistent_flights import NAME, log, stored_sigma
 from tests.support.installed_flights import (

@@ -7,8 +7,8 @@ import numpy as np
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.sensors import Record, earth_to_body
 from aerodb.errors import InputError
-from aerodb.five_hole import flow_angles
 from aerodb.support import Array
+from aerodb.vehicle import flow_angles
 
 #: A heading that is not logged is taken from the track over this time, s.
 _TRACK = 5.0

@@ -21,7 +21,6 @@ from functools import cached_property
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.five_hole import Curve, FiveHole, pressure_ratio
 from aerodb.support import (
     Array,
     Dual,
@@ -35,7 +34,12 @@ from aerodb.support import (
     root,
     sine,
 )
-from aerodb.vehicle import Vehicle
+from aerodb.vehicle import (
+    Curve,
+    FiveHole,
+    Vehicle,
+    pressure_ratio,
+)
 
 _PORTS = ("static_port_error", "static_port_offset", "total_port_error")
 
@@ -70,7 +74,7 @@ def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Install
     vehicle : the vehicle.
     cg : (3,), mean CG relative to the datum, body axes [m].
     raw : whether air data are as the probe shows them; otherwise boom, upwash and calibration have
-        already been removed (`aerodb.logs.probe.air_data_at_cg`).
+        already been removed (`aerodb.vehicle.probe.air_data_at_cg`).
     """
     gps = (
         (0.0, 0.0, 0.0)

@@ -11,7 +11,7 @@
 - ``static_port_error``, ``static_port_offset``, ``total_port_error``: of the pressures behind V,
   qbar and pressure altitude.
 - ``probe_<angle>_offset``, ``_slope``, ``_square``, ``_cross``, ``_bend``: calibration of a
-  five-hole probe (`aerodb.five_hole`).
+  five-hole probe (`aerodb.vehicle.five_hole`).
 - ``initial_<state>``: of a record.
 """
 

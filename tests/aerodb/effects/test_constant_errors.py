@@ -11,12 +11,12 @@ from aerodb.effects.measurement.constant_errors import sensor_consider_parameter
 from aerodb.flight import Flight
 from aerodb.increments.estimate import ConsiderParameter, estimate_increments
 from aerodb.increments.model_file import parse_model_file
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import add_combinations
+from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database as whole_database
 from tests.support.effect_flights import flown, logged, vehicle
 from tests.support.synthetic import comparison, database, flight, smooth_noise

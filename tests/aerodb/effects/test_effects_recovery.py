@@ -19,7 +19,6 @@ from aerodb.effects.library import AERODYNAMIC, hypotheses_for
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES
 from aerodb.support.arrays import Array
 from aerodb.tables.consolidation import consolidate
@@ -28,6 +27,7 @@ from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, add_combinations, parse_vehicle
+from aerodb.vehicle.probe import air_data_at_cg
 from tests.support import effect_flights
 from tests.support.single_terms import of_term
 from tests.support.synthetic import smooth_noise

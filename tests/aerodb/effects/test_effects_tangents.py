@@ -15,7 +15,6 @@ from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
 from aerodb.flight import Flight
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
@@ -24,6 +23,7 @@ from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
 from aerodb.tables.sensitivity import slopes_by
 from aerodb.vehicle import Vehicle, add_combinations
+from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database, flown, logged, vehicle
 
 #: Size of the perturbation; the tangent must meet the difference within TOLERANCE of its rms on

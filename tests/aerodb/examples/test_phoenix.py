@@ -13,7 +13,6 @@ from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.increments.model_file import check_channels, parse_model_file
 from aerodb.logs.mapping import map_recording
-from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, CHANNELS, is_surface
 from aerodb.recording import Recording
 from aerodb.simulation.airframe_model import MovingAir, airframe
@@ -23,6 +22,7 @@ from aerodb.storage.mappings import builtin_mappings
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
+from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.linearised import jacobian
 from tests.support.paths import ROOT
 

@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.five_hole import flow_angles
 from aerodb.flight import Bits, Flight
 from aerodb.support import (
     Array,
     Dual,
     body_to_earth,
 )
-from aerodb.vehicle import AirData, Vehicle, mass_channels
+from aerodb.vehicle.description import AirData, Vehicle
+from aerodb.vehicle.five_hole import flow_angles
+from aerodb.vehicle.on_flights import mass_channels
 
 _PRESSURES = ("probe_dp_alpha", "probe_dp_beta", "qbar")
 

@@ -11,13 +11,13 @@ see docs/method/tracing.md, "References").
 import numpy as np
 from pydantic import Field
 
-from aerodb.quantities import Number, Radians
 from aerodb.support import (
     Array,
     Dual,
     Strict,
     dead_zone,
 )
+from aerodb.units import Number, Radians
 
 #: Newton steps from the linear solution, and the residual angle [rad] at which it has converged.
 _STEPS, _TOLERANCE = 20, 1e-9
