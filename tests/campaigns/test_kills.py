@@ -21,12 +21,11 @@ from tests.support.shared_workspace import SharedWorkspaces
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 
-#: At a write of each kind: a file in its place, a row, a commit; and after a time.
+#: At a file in its place, and at a row; `test_catalogue_safety.py` kills within a transaction, and
+#: after a time.
 REDUCED = [
-    ("vehicle add", Moment("process", "COMMIT#1")),
     ("database import", Moment("group", "INSERT versions#1")),
     ("flight ingest", Moment("process", "rename flights#2")),
-    ("database inputs", Moment("process", delay=0.05)),
 ]
 #: What the small glider, which only pitches, may not have: a steady flight; a calibration, a ULog.
 _MAY_REFUSE = {

@@ -28,15 +28,21 @@ FOLDERS = {
 _DOTTED = re.compile(r"\b(?:aerodb|tests)(?:\.\w+)+")
 
 
+def modules(root: Path = ROOT) -> dict[str, Path]:
+    """Dotted name -> file of every module below `root`."""
+    found = {}
+    for package, folder in FOLDERS.items():
+        for path in sorted((root / folder).rglob("*.py")):
+            parts = path.relative_to(root / folder).with_suffix("").parts
+            found[".".join([package, *parts]).removesuffix(".__init__")] = path
+    return found
+
+
 class Graph:
     """Modules below `root` and, for each, what it reaches directly."""
 
     def __init__(self, root: Path = ROOT) -> None:
-        self.files = {}
-        for package, folder in FOLDERS.items():
-            for path in (root / folder).rglob("*.py"):
-                parts = path.relative_to(root / folder).with_suffix("").parts
-                self.files[".".join([package, *parts]).removesuffix(".__init__")] = path
+        self.files = modules(root)
         self.texts = {name: path.read_text("utf-8") for name, path in self.files.items()}
         self._faces = {
             name: _face(name, path.with_suffix(".pyi"))
@@ -172,15 +178,16 @@ def changed_files(root: Path = ROOT) -> list[Path]:
 
 
 def reached(changed: Iterable[Path], root: Path = ROOT) -> list[str]:
-    """Files with tests that reach one of those changed, the nearest first: pytest's, and modules
-    with examples in their docstrings."""
+    """Files with tests that reach one of those changed, the nearest first, and tests of examples in
+    the docstrings of such modules, as pytest takes them."""
     graph = Graph(root)
-    return [
-        str(graph.files[name].relative_to(root))
-        for name in graph.reaching(each for path in changed for each in graph.changed(path))
-        if name.rpartition(".")[2].startswith("test_")
-        or (name.startswith("aerodb") and ">>> " in graph.texts[name])
-    ]
+    found = []
+    for name in graph.reaching(each for path in changed for each in graph.changed(path)):
+        if name.rpartition(".")[2].startswith("test_"):
+            found.append(str(graph.files[name].relative_to(root)))
+        elif name.startswith("aerodb") and ">>> " in graph.texts[name]:
+            found.append(f"tests/test_doctests.py::test_examples_are_true[{name}]")
+    return found
 
 
 if __name__ == "__main__":
