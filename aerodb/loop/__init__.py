@@ -20,11 +20,11 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    open, for declared increments; `sensor_rivals` the errors of sensors that the loop finds where
    they are declared.
 
-Modules: `flights` (what a source of flights gives) and `without_store`, `freezing` and `library`,
-`evidence` (of one flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall`
-and `stall_loop`,
-`refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`,
-`between_flights`, `shapes` and `model_error`, `consider`, `rivals`. The method:
+Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
+`frozen_library`, `evidence` (of one flight and a database), `rounds` and what it says in `remarks`,
+`manoeuvre_units` (too few flights), `stall`, `stall_windows` and `stall_hysteresis`, `refit` (gains
+and shapes once more), `validation` and `within_flight`, `unexplained`, `between_flights`, `shapes`
+and `model_error`, `consider`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 

@@ -1,9 +1,9 @@
 from .between_flights import dependences_between_flights
 from .consider import consider_parameters, noisier_flights
 from .evidence import evidence_beside
-from .flights import FlightSource, Reconstruction
+from .flight_source import FlightSource, Reconstruction
 from .freezing import freeze_library
-from .library import Library
+from .frozen_library import Library
 from .model_error import with_model_error
 from .rivals import SensorRival, sensor_rivals
 from .rounds import Accept, LoopResult, run_loop

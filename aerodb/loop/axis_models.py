@@ -24,8 +24,8 @@ from aerodb.increments import (
     estimate_increments,
     keep_slope_signs,
 )
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment

@@ -16,7 +16,7 @@ from aerodb.effects import (
 )
 from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
-from aerodb.loop.flights import Reconstruction
+from aerodb.loop.flight_source import Reconstruction
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import TracingSettings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle

@@ -11,8 +11,8 @@ from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, hypotheses_for_flight, view_of
 from aerodb.flight import Flight
-from aerodb.loop.flights import FlightSource, Reconstruction
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource, Reconstruction
+from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     LONG,

@@ -16,10 +16,14 @@ from aerodb.effects import (
     within_reconstruction_accuracy,
 )
 from aerodb.errors import InputError
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.stall import cross_fitted_laws, of_family, stalled_flights, with_laws
-from aerodb.loop.stall_loop import cross_fitted_loops, loop_of_family, with_loops
+from aerodb.loop.stall_hysteresis import (
+    cross_fitted_lift_hysteresis,
+    lift_hysteresis_of_family,
+    with_lift_hysteresis,
+)
 from aerodb.tables import AeroDatabase, Law, Relay
 from aerodb.tracing import TracingSettings, tracing_bandwidth
 from aerodb.vehicle import with_measured
@@ -52,7 +56,7 @@ def freeze_library(
     )
     stalled = stalled_flights(flights, identified)
     if stalled:
-        hypotheses = (*of_family(hypotheses), loop_of_family(database, vehicle))
+        hypotheses = (*of_family(hypotheses), lift_hysteresis_of_family(database, vehicle))
     settings = TracingSettings(bandwidth=tracing_bandwidth(database, vehicle, flown))
     sha256 = library_sha256(hypotheses, settings=None)
     if expected and not sha256.startswith(expected):
@@ -62,18 +66,18 @@ def freeze_library(
         )
         raise InputError(what, "close-loop", remedy)
     laws: dict[str, Law] = {}
-    loops: dict[str, Relay] = {}
+    lift_hysteresis: dict[str, Relay] = {}
     if stalled:
-        laws, loops = (
+        laws, lift_hysteresis = (
             cross_fitted_laws(flights, stalled, database),
-            cross_fitted_loops(flights, stalled, database),
+            cross_fitted_lift_hysteresis(flights, stalled, database),
         )
-        hypotheses = with_loops(
-            with_laws(hypotheses, laws, database, vehicle), loops, database, vehicle
+        hypotheses = with_lift_hysteresis(
+            with_laws(hypotheses, laws, database, vehicle), lift_hysteresis, database, vehicle
         )
     hypotheses = within_reconstruction_accuracy(
         hypotheses,
         [each.known for each in reconstructions],
         independent=not any(each.calibrated for each in reconstructions),
     )
-    return Library(hypotheses, settings, sha256, laws, loops, reconstructed)
+    return Library(hypotheses, settings, sha256, laws, lift_hysteresis, reconstructed)

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from aerodb.conditioning import STATES
 from aerodb.loop.evidence import evidence_beside
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import rolling_share
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import WIND_TO_BODY_AXES
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads

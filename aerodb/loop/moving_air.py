@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from aerodb.loop.evidence import evidence_beside, noise_within_limits
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (

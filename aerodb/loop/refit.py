@@ -5,8 +5,8 @@ the envelope.
 from collections.abc import Sequence
 
 from aerodb.effects import WIND_TO_BODY_AXES, Hypothesis
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, RefinedShape, Refit
 from aerodb.tracing import Refined, refine

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import Hypothesis
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import Accept, run_loop
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding

@@ -14,8 +14,8 @@ from aerodb.effects import FlightView, add_effects, envelopes_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.axis_models import AxisModel, axis_models
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms
@@ -29,7 +29,12 @@ from aerodb.loop.remarks import (
 )
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
-from aerodb.loop.stall_loop import added_loop, is_loop, one_stall, with_unused_states
+from aerodb.loop.stall_hysteresis import (
+    added_lift_hysteresis,
+    is_lift_hysteresis,
+    one_stall,
+    with_unused_states,
+)
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
@@ -387,7 +392,7 @@ def _with_linear_terms(
 
 def _separates(finding: Finding) -> bool:
     """Whether it is a stall with separating flow, which is added with its own fit on all axes."""
-    return finding.effect == EFFECT and not is_loop(finding.hypothesis)
+    return finding.effect == EFFECT and not is_lift_hysteresis(finding.hypothesis)
 
 
 def _bearable(
@@ -444,10 +449,10 @@ def _added(
         if not new:
             return database
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    if any(is_loop(finding.hypothesis) for finding in new):
-        stalled = [flight for flight in flights if flight in library.loops]
-        database, closed_loop = added_loop(source, database, stalled)
-        known[closed_loop.id] = closed_loop
+    if any(is_lift_hysteresis(finding.hypothesis) for finding in new):
+        stalled = [flight for flight in flights if flight in library.lift_hysteresis]
+        database, hysteresis = added_lift_hysteresis(source, database, stalled)
+        known[hysteresis.id] = hysteresis
     accepted = [known[finding.hypothesis] for finding in new]
 
     def view_beside_database(id: str) -> FlightView:

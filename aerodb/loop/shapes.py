@@ -6,8 +6,8 @@ docs/method/tracing.md, section 26.
 from collections.abc import Sequence
 
 from aerodb.effects import FlightView, surfaces_of
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.support import Array, in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
 from aerodb.tracing import FEWEST_SHAPED, Finding, FlightResidual, evidence_of, with_checked_shapes

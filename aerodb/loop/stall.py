@@ -26,7 +26,7 @@ from aerodb.effects import (
 )
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
-from aerodb.loop.flights import FlightSource
+from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.tables import (

@@ -16,7 +16,7 @@ import numpy as np
 from aerodb.coefficients import Comparison, band_limited
 from aerodb.flight import Flight
 from aerodb.increments import with_extrapolated_slopes
-from aerodb.loop.flights import FlightSource
+from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.stall import NEAR
 from aerodb.signals import bridge, rms
 from aerodb.support import Array

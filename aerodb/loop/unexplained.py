@@ -12,8 +12,8 @@ import numpy as np
 from aerodb.effects import FlightView, view_of
 from aerodb.increments import UNCHANGED
 from aerodb.loop.evidence import copies_with_noise
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase

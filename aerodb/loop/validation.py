@@ -14,8 +14,8 @@ from aerodb.increments import (
     validate_by_leaving_one_out,
     validate_on_held_out,
 )
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import Accept, LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis, add_effects, envelopes_of, view_of
 from aerodb.increments import AxisValidation, Update, keep_slope_signs, validate_by_leaving_one_out
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.loop.manoeuvre_units import manoeuvre_spans
 from aerodb.loop.rounds import LoopResult
 from aerodb.tables import AeroDatabase

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from aerodb.effects import FlightView, view_of
 from aerodb.loop.evidence import evidence_beside
-from aerodb.loop.flights import FlightSource
-from aerodb.loop.library import Library
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import NormalEquations, normal_equations_of, thinned
 

@@ -121,8 +121,8 @@ class StoredFlights:
         settings = {"library": library.sha256, "tracing": library.settings.sha256}
         if flight in library.stall:
             settings["stall"] = str(library.stall[flight])
-        if flight in library.loops:
-            settings["loop"] = str(library.loops[flight])
+        if flight in library.lift_hysteresis:
+            settings["loop"] = str(library.lift_hysteresis[flight])
         result = StoredResult(self.access, "gram", "gram", inputs, settings, flight=flight)
         path = result.stored()
         if path is not None:

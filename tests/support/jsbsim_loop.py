@@ -12,8 +12,8 @@ from aerodb.effects.adding import add_effects, envelopes_of
 from aerodb.effects.aerodynamic.lift_like import zero_lift_alpha
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.library import hypotheses_for
-from aerodb.effects.stall import stall_loop
-from aerodb.effects.stall.stall_loop import fitted
+from aerodb.effects.stall import lift_hysteresis
+from aerodb.effects.stall.lift_hysteresis import fitted
 from aerodb.effects.stall.stall_shape import StallFlight
 from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
@@ -76,7 +76,7 @@ def closed(
     library.
     """
     law, others = _loops(database, vehicle, flights[:IDENTIFIED]) if stall else (None, {})
-    user = [] if law is None else [stall_loop.template(law, others)]
+    user = [] if law is None else [lift_hysteresis.template(law, others)]
     hypotheses = hypotheses_for(database, vehicle, set(flights[0].channels), user=user)
     known = {hypothesis.id: hypothesis for hypothesis in hypotheses}
     settings = TracingSettings(bandwidth=tracing_bandwidth(database, vehicle, flights))
@@ -113,9 +113,9 @@ def closed(
             np.array([finding.value for finding in new]),
         )
         if law is not None and any(
-            hypothesis.subject == stall_loop.SUBJECT for hypothesis in accepted
+            hypothesis.subject == lift_hysteresis.SUBJECT for hypothesis in accepted
         ):
-            database = stall_loop.with_state(database, law)
+            database = lift_hysteresis.with_state(database, law)
             state = database.states[-1]
             along = [
                 state.along(view.time, view.channels, database.reference.chord) for view in views

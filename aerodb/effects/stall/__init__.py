@@ -3,8 +3,8 @@
 `fit_shape` fits the shape of one family to stalled flights (`StallFlight`); `cross_fit_shapes` fits
 for each flight the shape on all others (both in `stall_shape`). `stall_hypotheses` makes hypotheses
 on lift, drag and pitching moment from the law of a shape, and `stall_hysteresis.with_stall` adds an
-accepted one to a database together with its state model. `stall_loop` is the alternative in which
-the lift has a closed static loop.
+accepted one to a database together with its state model. `lift_hysteresis` is the alternative in
+which the lift has a closed static loop.
 """
 
 import lazy_loader as lazy

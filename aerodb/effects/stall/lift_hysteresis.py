@@ -1,4 +1,4 @@
-"""Closed stall loop: lift with two static branches that meet at the angles where the flow switches.
+"""Lift hysteresis of a stall: two static branches that meet at the angles where the flow switches.
 
 Model, with X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`): ``C_lift
 += k (1 - X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike a loss of a share
@@ -11,7 +11,7 @@ Data needed: flight into the stall and back out of it. The two angles are fitted
 each flight's estimate on the *other* flights.
 
 >>> from aerodb.effects.template import value
->>> value(LOOP.format("alpha", 0.1, 0.3), alpha=0.2, flow_attachment=0.0)
+>>> value(LIFT_LOST.format("alpha", 0.1, 0.3), alpha=0.2, flow_attachment=0.0)
 0.002
 """
 
@@ -31,7 +31,7 @@ from aerodb.errors import InputError
 from aerodb.support import Array
 from aerodb.tables import STATE_CHANNEL, AeroDatabase, Expression, Relay, StateModel, parse
 
-LOOP: Final = f"(1 - {STATE_CHANNEL})*{{}}*max(alpha - {{!r}}, 0)*max({{!r}} - alpha, 0)"
+LIFT_LOST: Final = f"(1 - {STATE_CHANNEL})*{{}}*max(alpha - {{!r}}, 0)*max({{!r}} - alpha, 0)"
 SOURCE = "Mueller, J. Aircraft 22(9), 1985"
 SUBJECT: Final = "loop"
 #: Plausible gain, 1/rad^3: lift is lost.
@@ -43,12 +43,12 @@ _NARROWEST: Final = 0.05
 
 
 def regressor(database: AeroDatabase, law: Relay) -> Expression:
-    """Regressor of the loop gain over alpha and `flow_attachment`."""
-    return parse(LOOP.format(from_zero_lift(database), law.low, law.high))
+    """Regressor of the gain over alpha and `flow_attachment`."""
+    return parse(LIFT_LOST.format(from_zero_lift(database), law.low, law.high))
 
 
 def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
-    """Template of the loop with this law, in addition to the library's stall hysteresis.
+    """Template of the lift hysteresis with this law, in addition to the library's stall hysteresis.
 
     others : flight id -> law on which that flight is judged (cross-fitted); `law` for the rest.
     """
@@ -87,7 +87,7 @@ def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
     return Template(
         "stall_hysteresis",
         "aerodynamic",
-        f"C_lift += k*{LOOP.format('(alpha - alpha_0)', 0, 0)}",
+        f"C_lift += k*{LIFT_LOST.format('(alpha - alpha_0)', 0, 0)}",
         SOURCE,
         expanded,
     )

@@ -9,7 +9,7 @@ from aerodb.conditioning import Segment
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView
 from aerodb.flight import Flight
-from aerodb.loop.library import Library
+from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import NormalEquations
 from aerodb.vehicle import Vehicle

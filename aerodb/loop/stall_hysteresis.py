@@ -1,4 +1,4 @@
-"""The hysteresis loop of a stall's lift, a rival of flow that separates smoothly.
+"""The hysteresis of a stall's lift, a rival of flow that separates smoothly.
 
 The tests over flights decide between them. The two angles of each flight are fitted to the others,
 as the shapes in `aerodb.loop.stall` are; what is added has those of all together.
@@ -16,10 +16,10 @@ from aerodb.effects import (
     Hypothesis,
     LibraryContext,
     from_zero_lift,
-    stall_loop,
+    lift_hysteresis,
 )
 from aerodb.errors import InputError
-from aerodb.loop.flights import FlightSource
+from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.stall import EFFECT, stall_flights
 from aerodb.tables import AeroDatabase, Relay
 from aerodb.tracing import Finding
@@ -31,23 +31,23 @@ FEWEST: Final = 3
 _ANY: Final = Relay(0.1, 0.3)
 
 
-def is_loop(named: Hypothesis | str) -> bool:
-    """Return whether this hypothesis (or id) is the hysteresis loop."""
+def is_lift_hysteresis(named: Hypothesis | str) -> bool:
+    """Return whether this hypothesis (or id) is the lift hysteresis."""
     id = named if isinstance(named, str) else named.id
-    return id == f"stall_hysteresis@C_lift:{stall_loop.SUBJECT}"
+    return id == f"stall_hysteresis@C_lift:{lift_hysteresis.SUBJECT}"
 
 
-def loop_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
-    """Return the loop as it is frozen and hashed, without the angles of any flight."""
+def lift_hysteresis_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
+    """Return the lift hysteresis as it is frozen and hashed, without the angles of any flight."""
     formula = (
-        f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each"
-        " flight from the others"
+        f"C_lift += k*{lift_hysteresis.LIFT_LOST.format(from_zero_lift(database), 0, 0)}, angles of"
+        " each flight from the others"
     )
     family = replace(_with(_ANY, {}, database, vehicle), formula=formula)
-    return with_loops([family], {}, database, vehicle)[0]
+    return with_lift_hysteresis([family], {}, database, vehicle)[0]
 
 
-def with_loops(
+def with_lift_hysteresis(
     hypotheses: Sequence[Hypothesis],
     laws: Mapping[str, Relay],
     database: AeroDatabase,
@@ -64,38 +64,38 @@ def with_loops(
             else dict.fromkeys(replacement.axes, np.zeros(len(view.time)))
         )
 
-    return tuple(replace(h, tangent=tangent) if is_loop(h) else h for h in hypotheses)
+    return tuple(replace(h, tangent=tangent) if is_lift_hysteresis(h) else h for h in hypotheses)
 
 
-def cross_fitted_loops(
+def cross_fitted_lift_hysteresis(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Relay]:
     """Return, for each flight (its id), the angles that the others agree with.
 
-    Empty below FEWEST flights and where they show no loop.
+    Empty below FEWEST flights and where they show none.
     """
     if len(flights) < FEWEST:
         return {}
     try:
         measured = stall_flights(source, flights, database)
         return {
-            one.flight: stall_loop.fitted([other for other in measured if other is not one])
+            one.flight: lift_hysteresis.fitted([other for other in measured if other is not one])
             for one in measured
         }
     except InputError:
         return {}
 
 
-def added_loop(
+def added_lift_hysteresis(
     source: FlightSource, database: AeroDatabase, flights: Sequence[str]
 ) -> tuple[AeroDatabase, Hypothesis]:
-    """Return `database` with the state of the loop that all these flights (ids) agree with, and its
-    hypothesis.
+    """Return `database` with the state of the lift hysteresis that all these flights (ids) agree
+    with, and its hypothesis.
 
     Raises InputError where they show none, and where the database has such a state already.
     """
-    law = stall_loop.fitted(stall_flights(source, flights, database))
-    return stall_loop.with_state(database, law), _with(law, {}, database, source.vehicle)
+    law = lift_hysteresis.fitted(stall_flights(source, flights, database))
+    return lift_hysteresis.with_state(database, law), _with(law, {}, database, source.vehicle)
 
 
 def with_unused_states(view: FlightView) -> FlightView:
@@ -110,24 +110,24 @@ def with_unused_states(view: FlightView) -> FlightView:
 
 
 def one_stall(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings with at most one law of separation, loop or smooth, whichever has the
+    """Return the findings with at most one law of separation, static or smooth, whichever has the
     lower p.
     """
     stalls = [finding for finding in findings if finding.effect == EFFECT]
     if not stalls:
         return list(findings)
-    loop = is_loop(min(stalls, key=lambda finding: finding.p_adjusted).hypothesis)
+    static = is_lift_hysteresis(min(stalls, key=lambda finding: finding.p_adjusted).hypothesis)
     return [
         finding
         for finding in findings
-        if finding.effect != EFFECT or is_loop(finding.hypothesis) == loop
+        if finding.effect != EFFECT or is_lift_hysteresis(finding.hypothesis) == static
     ]
 
 
 def _with(
     law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
 ) -> Hypothesis:
-    (hypothesis,) = stall_loop.template(law, others).hypotheses(
+    (hypothesis,) = lift_hysteresis.template(law, others).hypotheses(
         LibraryContext(database, vehicle, frozenset())
     )
     return hypothesis

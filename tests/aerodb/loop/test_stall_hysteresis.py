@@ -4,7 +4,7 @@ refused where there is none."""
 import numpy as np
 import pytest
 
-from aerodb.effects.stall import stall_loop
+from aerodb.effects.stall import lift_hysteresis
 from aerodb.effects.stall.stall_shape import StallFlight
 from aerodb.errors import InputError
 from aerodb.tables.database import AeroDatabase
@@ -32,21 +32,21 @@ def flight(number: int, top: float, gain: float = GAIN) -> StallFlight:
 
 
 def test_the_angles_come_back() -> None:
-    law = stall_loop.fitted([flight(1, 0.36), flight(2, 0.38)])
+    law = lift_hysteresis.fitted([flight(1, 0.36), flight(2, 0.38)])
     assert law.low == pytest.approx(TRUTH.low, abs=0.01)
     assert law.high == pytest.approx(TRUTH.high, abs=0.01)
 
 
 def test_no_stall_no_loop() -> None:
     with pytest.raises(InputError, match="no flight"):
-        stall_loop.fitted([])
+        lift_hysteresis.fitted([])
     with pytest.raises(InputError, match="no flight goes into a stall and back out of it"):
-        stall_loop.fitted([flight(1, 0.05)])
+        lift_hysteresis.fitted([flight(1, 0.05)])
 
 
 def test_a_database_has_one_law_of_separation() -> None:
     empty = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
-    once = stall_loop.with_state(empty, TRUTH)
+    once = lift_hysteresis.with_state(empty, TRUTH)
     assert once.states[0].law == TRUTH
     with pytest.raises(InputError, match="already has a state model of flow_attachment"):
-        stall_loop.with_state(once, TRUTH)
+        lift_hysteresis.with_state(once, TRUTH)

@@ -13,16 +13,16 @@ class Library:
     """Hypotheses, settings of tracing, and the hash of both; fixed before any residual is read.
 
     stall : flight -> the law of its stall that the *other* flights agree with; its family is part
-    of the hash, its numbers are not. Empty where fewer than two flights stall. loops : likewise,
-    angles of the hysteresis loop that is its rival. reconstructed : flow angles that no flight has
-    a sensor of: no sensor of theirs is a hypothesis.
+    of the hash, its numbers are not. Empty where fewer than two flights stall. lift_hysteresis :
+    likewise, angles of the lift hysteresis that is its rival. reconstructed : flow angles that
+    no flight has a sensor of: no sensor of theirs is a hypothesis.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     settings: TracingSettings
     sha256: str
     stall: Mapping[str, Law] = field(default_factory=dict)
-    loops: Mapping[str, Relay] = field(default_factory=dict)
+    lift_hysteresis: Mapping[str, Relay] = field(default_factory=dict)
     reconstructed: frozenset[str] = frozenset()
 
     @property
