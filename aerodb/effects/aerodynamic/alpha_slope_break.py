@@ -21,8 +21,10 @@ from aerodb.tables import WIND_AXES, body_to_wind, breakpoints_over, neutral_poi
 
 SIZES = {"CX": 1.0, "CZ": 2.0, "Cm": 1.0}
 SOURCE = "003, eq. 7"
-#: A kink counts when it is this share of the largest slope and this many times the median kink.
-_SHARE, _TIMES = 0.05, 3.0
+#: A kink counts when it is at least this share of the largest slope,
+_SHARE = 0.05
+#: and this many times the median kink.
+_TIMES = 3.0
 
 
 def regressor(at: float) -> str:

@@ -14,7 +14,8 @@ Data needed: sideslip at several angles of attack.
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import LibraryContext, Template, additive
 
-LONGITUDINAL, LATERAL = "abs(beta)", "alpha*beta"
+LONGITUDINAL = "abs(beta)"
+LATERAL = "alpha*beta"
 SIZES = {"CX": 0.3, "CZ": 0.6, "Cm": 0.3, "CY": 5.0, "Cl": 5.0, "Cn": 6.0}
 SOURCE = "003, eq. 6; DHC6.xml against the Twin Otter records"
 EFFECT = "sideslip_coupling"

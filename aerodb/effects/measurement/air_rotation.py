@@ -27,9 +27,11 @@ from aerodb.nomenclature import FORCE_AXES
 from aerodb.signals import first_order_lag, smooth
 from aerodb.support import Array
 
-#: Time constants with which the air's rotation follows the gust's rate of change, in spans over
+#: Time constant with which the air's pitch rate follows the gust's rate of change, in spans over
 #: (pi V) (MIL-F-8785C, 3.7.5).
-_PITCH_LAG, _YAW_LAG = 4.0, 3.0
+_PITCH_LAG = 4.0
+#: The same of the air's yaw rate.
+_YAW_LAG = 3.0
 
 #: Channels from which the inertial rates of the flow angles follow.
 _NEEDED: Final = ("V", "alpha", "p", "q", "r", "phi", "theta", "qbar", "mass", "alphadot")

@@ -40,9 +40,12 @@ BLOCK: Final = 0.25
 #: At least one flight must separate this share of the flow.
 _SEPARATED: Final = 0.5
 
-#: Bounds of the shapes: sharpness [1/rad] (beyond 200 the step is narrower than alpha is known),
-#: lag and relaxation [chords].
-_SHARPNESS, _LAG, _RELAXATION = (5.0, 200.0), (0.0, 40.0), (0.0, 40.0)
+#: Bounds of a shape's sharpness [1/rad]: beyond 200 the step is narrower than alpha is known.
+_SHARPNESS: Final = (5.0, 200.0)
+#: Bounds of its lag [chords].
+_LAG: Final = (0.0, 40.0)
+#: Bounds of its relaxation [chords].
+_RELAXATION: Final = (0.0, 40.0)
 
 #: How far beyond the greatest angle of attack [rad] flow may be half separated: a lag carries the
 #: effective angle there.

@@ -175,17 +175,17 @@ def _constant(
     test = tests.tested(terms, freed)
     sign = np.sign(test.mean[index])
     nearest = max(0.0, sign * min(test.interval(index), key=abs))
-    reach = dict[int, float]()
+    largest_shift = dict[int, float]()
     for sensor in tests.campaign.sensors:
         low, high = _may_be(tests, test, sensor)
         constant = tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
         if constant and low <= high:
-            reach[sensor] = float(max(0.0, *(sign * each[sensor] * np.array([low, high]))))
-    able = [sensor for sensor, most in reach.items() if most >= nearest and most > 0.0]
+            largest_shift[sensor] = float(max(0.0, *(sign * each[sensor] * np.array([low, high]))))
+    able = [sensor for sensor, most in largest_shift.items() if most >= nearest and most > 0.0]
     if able:
         return able
-    together = sorted(reach, key=lambda sensor: -reach[sensor])
-    size = np.sqrt(np.cumsum(np.square([reach[sensor] for sensor in together])))
+    together = sorted(largest_shift, key=lambda sensor: -largest_shift[sensor])
+    size = np.sqrt(np.cumsum(np.square([largest_shift[sensor] for sensor in together])))
     enough = int(np.searchsorted(size, nearest))
     return together[: enough + 1] if enough < len(together) else []
 

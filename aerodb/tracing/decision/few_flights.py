@@ -41,8 +41,10 @@ LINEAR: Final = (
     ),
     "control_effectiveness",
 )
-#: Part of a manoeuvre that its window must hold; correlation times between two windows.
-_SHARE, _APART = 0.5, 5.0
+#: Part of a manoeuvre that its window must hold.
+_SHARE = 0.5
+#: Distance between two windows, in correlation times.
+_APART = 5.0
 #: Candidates per step that are fitted, each judged by the noise that remains with it.
 _TRIED = 8
 #: Standard errors from zero at which the other units support the only unit in a test: 5 %,

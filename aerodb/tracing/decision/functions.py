@@ -19,9 +19,10 @@ Indices = NDArray[np.intp]
 
 #: Nodes of a function of one variable: quantiles of its values over all flights.
 _QUANTILES: Final = (0.005, 0.17, 0.33, 0.5, 0.67, 0.83, 0.995)
-#: Functions that one alternative may consist of, and how many of the best inside the training
-#: flights are tried on each other.
-_MOST, _TRIED = 2, 4
+#: Functions that one alternative may consist of.
+_MOST: Final = 2
+#: How many of the best inside the training flights are tried on each other.
+_TRIED: Final = 4
 #: Ridge on a column of a function, in parts of its own information in a flight.
 _RIDGE: Final = 1e-2
 #: Least part of the remaining error by which a function must lower it.

@@ -206,9 +206,9 @@ def _problem(flights: Campaign, of: Sequence[int], settings: TracingSettings) ->
     k, sensors = len(of), list(flights.sensors)
     matrix, wanted = flights.products.matrix, [*range(k), -1]
     among = matrix[:, sensors][:, :, sensors] + np.diag(flights.precision[sensors])
-    across = matrix[:, sensors][:, :, wanted]
-    left = matrix[:, wanted][:, :, wanted] - across.transpose(0, 2, 1) @ np.linalg.solve(
-        among, across
+    cross = matrix[:, sensors][:, :, wanted]
+    left = matrix[:, wanted][:, :, wanted] - cross.transpose(0, 2, 1) @ np.linalg.solve(
+        among, cross
     )
     unit = flights.scale[list(of)]
     ratio = np.r_[flights.scale[:k] / unit, 1.0]

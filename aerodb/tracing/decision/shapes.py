@@ -34,9 +34,10 @@ from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which shapes are compared.
 FEWEST_SHAPED: Final = 4
-#: Part of a sensor's gain that a function must reach to stand beside it; and where the sensor gains
-#: on no other axis.
-_AS_WELL, _ON_ONE_AXIS = 0.8, 0.25
+#: Part of a sensor's gain that a function must reach to stand beside it.
+_AS_WELL: Final = 0.8
+#: The same where the sensor gains on no other axis.
+_ON_ONE_AXIS: Final = 0.25
 
 
 def with_checked_shapes(

@@ -57,31 +57,36 @@ class EliminationCache:
         sensors: Indices,
         prior: Array,
         inverse: Array,
-        reach: Array,
-        across: Array,
+        gain: Array,
+        of_intercepts: Array,
     ) -> None:
-        """sensors : their columns; prior (s,) : P; inverse (g, s, s), reach (g, s, k + 1); across
-        (g, o, c) : products of the intercepts with all columns.
+        """sensors : their columns; prior (s,) : P; inverse (g, s, s), gain (g, s, k + 1);
+        of_intercepts (g, o, c) : products of the intercepts with all columns.
         """
-        self._products, self._sensors, self._prior, self._inverse, self._reach = (
+        self._products, self._sensors, self._prior, self._inverse, self._gain = (
             products,
             sensors,
             prior,
             inverse,
-            reach,
+            gain,
         )
-        self._across, self._owed = across, across[:, :, sensors]
+        self._of_intercepts, self._sensors_of_intercepts = (
+            of_intercepts,
+            of_intercepts[:, :, sensors],
+        )
         self._position = {int(sensor): number for number, sensor in enumerate(sensors)}
-        (flights, s, core), offsets = reach.shape, across.shape[1]
+        (flights, s, core), offsets = gain.shape, of_intercepts.shape[1]
         self._onto, self._intercepts = slice(core, core + s), slice(core + s, None)
         self.pairs, self.beside = (
             np.empty((flights, 2 * s, 2 * s)),
             np.empty((flights, 2 * s, core + s + offsets)),
         )
         self.pairs[:, :s, :s] = np.diag(prior) - np.outer(prior, prior) * inverse
-        self.beside[:, :s, :core] = prior[:, None] * reach
+        self.beside[:, :s, :core] = prior[:, None] * gain
         self.beside[:, :s, self._onto] = np.eye(s) - prior[:, None] * inverse
-        self.beside[:, :s, self._intercepts] = (prior * (self._owed @ inverse)).transpose(0, 2, 1)
+        self.beside[:, :s, self._intercepts] = (
+            prior * (self._sensors_of_intercepts @ inverse)
+        ).transpose(0, 2, 1)
 
     def positions(self, members: Indices) -> Indices:
         """Return the row of each column in the cache; compute the columns that are new."""
@@ -98,7 +103,7 @@ class EliminationCache:
         return np.array([self._position[member] for member in members.tolist()], dtype=np.intp)
 
     def _add(self, new: Indices) -> None:
-        first, s, core = len(self._position), len(self._sensors), self._reach.shape[2]
+        first, s, core = len(self._position), len(self._sensors), self._gain.shape[2]
         self._position |= {int(member): first + number for number, member in enumerate(new)}
         last = len(self._position)
         if last > self.pairs.shape[1]:
@@ -108,10 +113,10 @@ class EliminationCache:
         shared = block[:, :, self._sensors]
         onto = shared @ self._inverse
         self.beside[:, first:last, self._onto] = onto
-        self.beside[:, first:last, :core] = block[:, :, :core] - shared @ self._reach
+        self.beside[:, first:last, :core] = block[:, :, :core] - shared @ self._gain
         self.beside[:, first:last, self._sensors] = onto * self._prior
         self.beside[:, first:last, self._intercepts] = (
-            self._across[:, :, new] - self._owed @ onto.transpose(0, 2, 1)
+            self._of_intercepts[:, :, new] - self._sensors_of_intercepts @ onto.transpose(0, 2, 1)
         ).transpose(0, 2, 1)
         pairs = block[:, :, core:] - shared @ self.beside[:, s:last, self._onto].transpose(0, 2, 1)
         pairs = np.concatenate([onto * self._prior, pairs], axis=2)
@@ -129,7 +134,7 @@ class SensorElimination:
     """Products with the sensors eliminated: estimates without any term, and what terms need.
 
     sensors (s,) : their columns; precision (s,) : scaled, of their priors. inverse (g, s, s) :
-    ``(H_ss + P)^-1``; reach (g, s, k + 1) : that times ``H_s``. information_before (g, k) :
+    ``(H_ss + P)^-1``; gain (g, s, k + 1) : that times ``H_s``. information_before (g, k) :
     ``H_hh`` of the hypotheses, for offsets that of their intercepts. column (columns,) : where a
     hypothesis, a sensor or an offset stands in the cache's `beside`, w columns. quadratic, linear
     (g, w), given the sensors alone: ``A_hh`` and ``A_hy`` of a hypothesis; posterior variance and
@@ -149,28 +154,30 @@ class SensorElimination:
         self.inverse: Array = np.asarray(
             np.linalg.inv(shared[:, :, self.sensors] + np.diag(self.prior)), dtype=np.float64
         )
-        self.reach: Array = self.inverse @ shared
-        weight, across = products.constants()
-        on = across[:, :, self.sensors]
-        owed = on @ self.inverse
+        self.gain: Array = self.inverse @ shared
+        weight, of_intercepts = products.constants()
+        on = of_intercepts[:, :, self.sensors]
+        intercept_gain = on @ self.inverse
         self.information_before = np.diagonal(matrix, axis1=1, axis2=2)[:, :k].copy()
         self.information_before[:, list(products.offsets)] = weight
-        known = self.reach[:, :, -1]
-        after = np.diagonal(matrix, axis1=1, axis2=2) - np.einsum("gsk,gsk->gk", shared, self.reach)
+        known = self.gain[:, :, -1]
+        after = np.diagonal(matrix, axis1=1, axis2=2) - np.einsum("gsk,gsk->gk", shared, self.gain)
         cross = matrix[:, :, -1] - np.einsum("gsk,gs->gk", shared, known)
         of_sensors = np.diagonal(self.inverse, axis1=1, axis2=2)
-        self.quadratic: Array = np.concatenate([after, of_sensors, (owed * on).sum(axis=2)], axis=1)
+        self.quadratic: Array = np.concatenate(
+            [after, of_sensors, (intercept_gain * on).sum(axis=2)], axis=1
+        )
         self.linear: Array = np.concatenate(
-            [cross, known, across[:, :, -1] - np.einsum("gos,gs->go", on, known)], axis=1
+            [cross, known, of_intercepts[:, :, -1] - np.einsum("gos,gs->go", on, known)], axis=1
         )
         self.shares: Array = np.concatenate(
-            [self.reach, self.inverse, owed.transpose(0, 2, 1)], axis=2
+            [self.gain, self.inverse, intercept_gain.transpose(0, 2, 1)], axis=2
         )
         self.column = np.arange(len(products.base))
         self.column[self.sensors] = k + 1 + np.arange(s)
         self.column[list(products.offsets)] = k + 1 + s + np.arange(len(products.offsets))
         self.cache = EliminationCache(
-            products, self.sensors, self.prior, self.inverse, self.reach, across
+            products, self.sensors, self.prior, self.inverse, self.gain, of_intercepts
         )
         self.parts = [slice(first, first + PART) for first in range(0, len(matrix), PART)]
         self.threads = Threads()
@@ -228,8 +235,13 @@ class ModelElimination:
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, positions, np.array([k]), indices, among)
-            reduction, cross_reduction = squares[:, : len(indices)], across[:, 0, : len(indices)]
+            squares, cross_products = self._contracted(
+                part, positions, np.array([k]), indices, among
+            )
+            reduction, cross_reduction = (
+                squares[:, : len(indices)],
+                cross_products[:, 0, : len(indices)],
+            )
             quadratic = base.quadratic[part, column] + np.where(column < k, -reduction, reduction)
             linear = base.linear[part, column] - cross_reduction
             after[part], cross[part] = quadratic, linear
@@ -241,7 +253,10 @@ class ModelElimination:
             after[part, offsets] = np.where(weight > 0.0, shown, 0.0)
             cross[part, offsets] = after[part, offsets] * linear[:, offsets]
             for index, variance, value in zip(
-                among, squares[:, len(indices) :].T, across[:, 0, len(indices) :].T, strict=True
+                among,
+                squares[:, len(indices) :].T,
+                cross_products[:, 0, len(indices) :].T,
+                strict=True,
             ):
                 after[part, index], cross[part, index] = self._member(
                     int(indices[index]), variance, value
@@ -301,10 +316,10 @@ class ModelElimination:
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, positions, sensors, indices, among)
+            squares, cross_products = self._contracted(part, positions, sensors, indices, among)
             cross_reduction, turned = (
-                across[:, :, : len(indices)],
-                across[:, :, len(indices) :],
+                cross_products[:, :, : len(indices)],
+                cross_products[:, :, len(indices) :],
             )  # minus what sensors have in common with
             sensor_bias = base.shares[part].take(column, axis=2)
             sensor_bias[:, :, which] *= -1.0
@@ -348,7 +363,7 @@ class ModelElimination:
         pairs, beside = self.base.cache.pairs[part], self.base.cache.beside[part]
         units = np.searchsorted(self.members, indices[among])
         squares = np.empty((len(pairs), len(indices) + len(units)))
-        across = np.empty((len(pairs), len(after), squares.shape[1]))
+        cross_products = np.empty((len(pairs), len(after), squares.shape[1]))
         contracted(
             pairs,
             beside,
@@ -358,6 +373,6 @@ class ModelElimination:
             self.base.column[indices],
             units,
             squares,
-            across,
+            cross_products,
         )
-        return squares, across
+        return squares, cross_products

@@ -51,14 +51,14 @@ def contracted(
     u_columns: Integers,
     units: Integers,
     squares: Array,
-    across: Array,
+    cross_products: Array,
 ) -> None:
     """Compute ``U' M^-1 U`` (its diagonal) and ``V' M^-1 U`` of g systems.
 
     ``M = pairs[members, members] + diag(extra)``. pairs (g, N, N); beside (g, N, w); members, extra
     (n,) : which of the N. V : columns `v_columns` (v,) of the members' `beside`; U : columns
     `u_columns` (r,) of it, and the unit vectors of the members with numbers `units` (u,). squares
-    (g, r + u), across (g, v, r + u) : written.
+    (g, r + u), cross_products (g, v, r + u) : written.
 
     Gaussian elimination without pivoting, which is stable for a quasi-definite M in any order
     (Vanderbei, SIAM J. Optim. 5(1), 1995).
@@ -68,7 +68,7 @@ def contracted(
     rows, over = np.zeros((n, end + v)), np.empty((v, n))
     factors, weights = np.empty(n), np.empty(n)
     for flight in range(len(pairs)):
-        squares[flight], across[flight] = 0.0, 0.0
+        squares[flight], cross_products[flight] = 0.0, 0.0
         for i in range(n):
             row, side = rows[i], beside[flight, members[i]]
             _gather(row[i:n], pairs[flight, members[i]], members[i:])
@@ -85,4 +85,4 @@ def contracted(
             for c in range(v):
                 over[c, i] = -row[end + c] * weights[i]
         for c in range(v):
-            _take_off(across[flight, c], over[c], rows, n, n)
+            _take_off(cross_products[flight, c], over[c], rows, n, n)

@@ -21,10 +21,12 @@ from aerodb.tracing.evidence import TOLERANCE
 KNOWN = 1e9
 
 #: Where less than this part of a column's information is signal, noise may have made the whole
-#: estimate. An estimate against no noise needs more: the power of the noise is known to some 20 %
-#: (one draw against one flight, of some hundred samples each), so that with a quarter of noise it
-#: errs by 10 % for it, with a half by 40 %.
-_LEAST_SIGNAL, _LEAST_SIGNAL_EXTRAPOLATED = 0.5, 0.75
+#: estimate.
+_LEAST_SIGNAL = 0.5
+#: The same for an estimate against no noise. The power of the noise is known to some 20 % (one draw
+#: against one flight, of some hundred samples each), so that with a quarter of noise it errs by
+#: 10 % for it, with a half by 40 %.
+_LEAST_SIGNAL_EXTRAPOLATED = 0.75
 
 #: Share of noise in a column's power up to which it is noise for the greater part only where other
 #: columns are nearly collinear with it.

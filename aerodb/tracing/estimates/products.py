@@ -59,10 +59,10 @@ class Products:
         all columns (g, o, c) divided by that; scaled.
         """
         indices, axes = list(self.offsets), list(self.offsets.values())
-        across = self.intercepts[:, axes] * self.varies[:, None]
-        across -= across[:, :, self.base] * self.base_share[:, None]
+        of_intercepts = self.intercepts[:, axes] * self.varies[:, None]
+        of_intercepts -= of_intercepts[:, :, self.base] * self.base_share[:, None]
         scale = 1.0 / self.factor[indices]
-        return self.weight[:, axes] / scale**2, across * np.outer(scale, self.factor)
+        return self.weight[:, axes] / scale**2, of_intercepts * np.outer(scale, self.factor)
 
     def block(self, rows: Indices, columns: Indices) -> Array:
         """(g, rows, columns) of any of the columns."""
@@ -123,11 +123,11 @@ def products_of(
         np.array(list(shape_terms), dtype=np.intp),
         np.array(list(shape_terms.values()), dtype=np.intp),
     )
-    across, own = _pairs(plain, behind, beside), diagonal[:, beside]
+    cross, own = _pairs(plain, behind, beside), diagonal[:, beside]
     base_share = np.zeros_like(plain.varies)
-    base_share[:, behind] = np.where(own > 0.0, across / np.where(own > 0.0, own, 1.0), 0.0)
+    base_share[:, behind] = np.where(own > 0.0, cross / np.where(own > 0.0, own, 1.0), 0.0)
     among = base_share[:, behind]
-    diagonal[:, behind] -= among * across + among * (across - among * own)
+    diagonal[:, behind] -= among * cross + among * (cross - among * own)
     largest = diagonal[:, :-1].max(axis=0)
     for index, axis in plain.offsets.items():
         largest[index] = plain.weight[:, axis].max()

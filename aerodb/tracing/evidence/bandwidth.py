@@ -14,8 +14,10 @@ from aerodb.tracing.settings import short_period_frequency
 from aerodb.vehicle import Vehicle, mass_channels
 
 #: The edge in natural frequencies of the fastest rigid-body mode (one to two are sensible:
-#: docs/method/tracing.md, section 5), and the least edge, Hz.
-FACTOR, LEAST = 1.5, 0.5
+#: docs/method/tracing.md, section 5).
+FACTOR = 1.5
+#: The least edge [Hz].
+LEAST = 0.5
 #: The edge in sampling rates, at most.
 _OF_SAMPLING = 0.2
 #: Step of the angle for the slopes, rad.

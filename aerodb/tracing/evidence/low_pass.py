@@ -30,9 +30,10 @@ SHORTEST = 8
 #: A sample near an end is left out whose noise the low-pass leaves more than this many times
 #: stronger (variance) than inside.
 NOISIER = 2.0
-#: Kept samples that are filtered by one product, and samples of all columns that are worked on at a
-#: time.
-BLOCK, _CACHED = 16, 1 << 18
+#: Kept samples that are filtered by one product.
+BLOCK = 16
+#: Samples of all columns that are worked on at a time.
+_CACHED = 1 << 18
 
 
 def decimation(step: float, bandwidth: float) -> int:

@@ -26,8 +26,10 @@ TOLERANCE: Final = 0.5
 #: Ending of a shape-misfit term's name -> least sigma of alpha [rad], and of the size [its own
 #: rms], that this is stated for: where it hardly moves, no shape shows.
 LEAST: Final[Mapping[str, float]] = {"~alpha": 0.035, "~size": 0.3}
-#: Points at which regressors are compared, and the correlation from which two are one.
-_POINTS, _SAME = 200, 0.95
+#: Points at which regressors are compared.
+_POINTS: Final = 200
+#: Correlation from which two regressors are one.
+_SAME: Final = 0.95
 
 
 def parent(name: str) -> str:

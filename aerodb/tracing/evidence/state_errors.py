@@ -20,11 +20,13 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.vehicle import Vehicle
 
-#: Length of vertical gusts above 2000 ft [m] (MIL-F-8785C, 1980, 3.7.2.1); one sigma of the air's
-#: roll rate in ``sigma_w / sqrt(L b)``, and its bandwidth in ``V / sqrt(L b)`` (Yeager, NASA
-#: CR-1998-206937, table 1).
+#: Length L of vertical gusts above 2000 ft [m] (MIL-F-8785C, 1980, 3.7.2.1).
 _LENGTH: Final = 533.4
-_SIZE, _BANDWIDTH = 1.9, 2.6
+#: One sigma of the air's roll rate in ``sigma_w / sqrt(L b)`` (Yeager, NASA CR-1998-206937, table
+#: 1).
+_SIZE: Final = 1.9
+#: Bandwidth of the air's roll rate in ``V / sqrt(L b)`` (the same table).
+_BANDWIDTH: Final = 2.6
 
 
 def noisy_copies(
