@@ -36,7 +36,7 @@ COMPLETE: Final = 0.99
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenAcceleration:
     """Angular accelerations that were chosen for a flight.
 
     source : ``differentiated`` or ``logged``. acceleration : (n, 3) [rad/s2], at the bandwidth.
@@ -50,7 +50,7 @@ class Choice:
     because: str
 
 
-def choose_angular_accelerations(flight: Flight, bandwidth: float) -> Choice:
+def choose_angular_accelerations(flight: Flight, bandwidth: float) -> ChosenAcceleration:
     """Return the angular accelerations with less noise, of rates that are all logged.
 
     Parameters
@@ -63,7 +63,7 @@ def choose_angular_accelerations(flight: Flight, bandwidth: float) -> Choice:
     """
     step = flight.step
     rates = [smooth(flight[name], step, bandwidth) for name in RATES]
-    own = Choice(
+    own = ChosenAcceleration(
         "differentiated",
         np.column_stack([each.rate for each in rates]),
         np.array([each.rate_sigma for each in rates]),
@@ -100,7 +100,7 @@ def choose_angular_accelerations(flight: Flight, bandwidth: float) -> Choice:
         noisy = names[int(np.argmax(sigma - own.sigma))]
         return _kept(own, f"{noisy} is noisier than the rate differentiated")
     less = float(np.max(sigma / own.sigma))
-    return Choice(
+    return ChosenAcceleration(
         "logged",
         np.column_stack([each.value - b for each, b in zip(logged, bias, strict=True)]),
         sigma,
@@ -110,9 +110,9 @@ def choose_angular_accelerations(flight: Flight, bandwidth: float) -> Choice:
     )
 
 
-def _kept(own: Choice, reason: str) -> Choice:
+def _kept(own: ChosenAcceleration, reason: str) -> ChosenAcceleration:
     because = f"angular accelerations: rates differentiated, not the logged ones: {reason}"
-    return Choice("differentiated", own.acceleration, own.sigma, because)
+    return ChosenAcceleration("differentiated", own.acceleration, own.sigma, because)
 
 
 def _same_record(

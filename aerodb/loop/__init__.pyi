@@ -1,7 +1,7 @@
 from .between_flights import dependences_between_flights
 from .consider import consider_parameters, noisier_flights
 from .evidence import evidence_beside
-from .flight_source import FlightSource, Reconstruction
+from .flight_source import FlightSource, ReconstructionErrors
 from .freezing import freeze_library
 from .frozen_library import Library
 from .model_error import with_model_error
@@ -17,7 +17,7 @@ __all__ = [
     "FlightSource",
     "Library",
     "LoopResult",
-    "Reconstruction",
+    "ReconstructionErrors",
     "SensorRival",
     "StallWindow",
     "WithoutStore",

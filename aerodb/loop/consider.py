@@ -16,7 +16,7 @@ from aerodb.effects import (
 )
 from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
-from aerodb.loop.flight_source import Reconstruction
+from aerodb.loop.flight_source import ReconstructionErrors
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import TracingSettings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle
@@ -29,7 +29,7 @@ _COPIES = 4
 
 
 def consider_parameters(
-    reconstructions: Mapping[str, Reconstruction],
+    reconstructions: Mapping[str, ReconstructionErrors],
     vehicle: Vehicle,
     database: AeroDatabase,
     flights: Sequence[Flight],
@@ -64,7 +64,7 @@ def consider_parameters(
 
 
 def noisier_flights(
-    reconstructions: Mapping[str, Reconstruction],
+    reconstructions: Mapping[str, ReconstructionErrors],
     vehicle: Vehicle,
     database: AeroDatabase,
     flights: Sequence[Flight],

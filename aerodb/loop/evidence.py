@@ -11,7 +11,7 @@ from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, hypotheses_for_flight, view_of
 from aerodb.flight import Flight
-from aerodb.loop.flight_source import FlightSource, Reconstruction
+from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
@@ -29,7 +29,7 @@ from aerodb.tracing import (
 
 
 def noise_within_limits(
-    reconstruction: Reconstruction,
+    reconstruction: ReconstructionErrors,
     view: FlightView,
     settings: TracingSettings,
 ) -> StateNoise | None:
@@ -45,7 +45,7 @@ def noise_within_limits(
 def copies_with_noise(
     view: FlightView,
     duration: float,
-    reconstruction: Reconstruction,
+    reconstruction: ReconstructionErrors,
     settings: TracingSettings,
     rotating_air: bool = False,
 ) -> list[tuple[Flight, Comparison]]:

@@ -16,7 +16,7 @@ from aerodb.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class Reconstruction:
+class ReconstructionErrors:
     """Results of the flight-path reconstruction of a flight.
 
     noise : spectrum of the errors of its states, None where nothing was reconstructed. angles :
@@ -51,7 +51,7 @@ class FlightSource(Protocol):
         """Return the channels of a flight after reconstruction."""
         ...
 
-    def reconstruction(self, flight: str) -> Reconstruction:
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
         """Return the results of the reconstruction of a flight."""
         ...
 

@@ -18,7 +18,7 @@ from aerodb.increments import AxisValidation, choose_hold_out
 from aerodb.loop import (
     Accept,
     LoopResult,
-    Reconstruction,
+    ReconstructionErrors,
     WithoutStore,
     freeze_library,
     run_loop,
@@ -188,7 +188,7 @@ class FlightsInMemory(WithoutStore):
         """Return the channels of a flight after reconstruction."""
         return self.flown[flight].measured.flight
 
-    def reconstruction(self, flight: str) -> Reconstruction:
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
         """Return the results of the reconstruction of a flight."""
         return reconstruction_of(self.flown[flight].measured.reconstructed.document)
 

@@ -3,14 +3,14 @@ stored."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
 from aerodb.effects import FlightView, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
-from aerodb.loop import Library, Reconstruction, evidence_beside
+from aerodb.loop import Library, ReconstructionErrors, evidence_beside
 from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
@@ -31,11 +31,14 @@ from aerodb.vehicle import Vehicle
 
 Value = TypeVar("Value")
 
+#: Step and kind under which normal equations are stored.
+_STORED: Final = "gram"
 
-def reconstruction_of(document: Mapping[str, Any]) -> Reconstruction:
+
+def reconstruction_of(document: Mapping[str, Any]) -> ReconstructionErrors:
     """Return what the closed loop needs of a reconstruction, from the document of a consistent
     flight."""
-    return Reconstruction(
+    return ReconstructionErrors(
         noise=noise_of(document),
         angles=reconstructed_angles(document),
         errors={e["parameter"]: e["standard_error"] for e in document.get("estimates", ())},
@@ -78,11 +81,11 @@ class StoredFlights:
         """Return the consistent flight from which the coefficients are computed."""
         return self._loaded(flight).flight
 
-    def reconstruction(self, flight: str) -> Reconstruction:
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
         """Return the reconstruction, from the stored document of the consistent flight."""
         return self._once(lambda: self._reconstruction(flight), "reconstruction", flight)
 
-    def _reconstruction(self, flight: str) -> Reconstruction:
+    def _reconstruction(self, flight: str) -> ReconstructionErrors:
         row = self.access.catalogue.flight(flight)
         return reconstruction_of(load_consistent(self.access, row, self.run).document)
 
@@ -123,7 +126,7 @@ class StoredFlights:
             settings["stall"] = str(library.stall[flight])
         if flight in library.lift_hysteresis:
             settings["loop"] = str(library.lift_hysteresis[flight])
-        result = StoredResult(self.access, "gram", "gram", inputs, settings, flight=flight)
+        result = StoredResult(self.access, _STORED, _STORED, inputs, settings, flight=flight)
         path = result.stored()
         if path is not None:
             return read_normal_equations(path)
@@ -138,7 +141,7 @@ class StoredFlights:
         results."""
         known: frozenset[str] | None = None
         for flight in flights:
-            for result in self.access.catalogue.results_of(flight, "gram"):
+            for result in self.access.catalogue.results_of(flight, _STORED):
                 if result.settings["library"] != library.sha256:
                     ids = frozenset(
                         read_normal_equations(self.access.file_of(result.path)).hypotheses

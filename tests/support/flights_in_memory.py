@@ -7,7 +7,7 @@ from aerodb.coefficients import Coefficients
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.conditioning.segmentation import Segment, segments
 from aerodb.flight import Flight
-from aerodb.loop import Library, Reconstruction, WithoutStore
+from aerodb.loop import Library, ReconstructionErrors, WithoutStore
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 
@@ -24,8 +24,8 @@ class FlightsInMemory(WithoutStore):
     def flight(self, flight: str) -> Flight:
         return self.flown[flight][0]
 
-    def reconstruction(self, flight: str) -> Reconstruction:
-        return Reconstruction()
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
+        return ReconstructionErrors()
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
         return segments(self.flown[flight][0])

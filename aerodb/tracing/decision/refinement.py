@@ -228,7 +228,7 @@ def _better_gains(problem: ShapeProblem, terms: int, settings: TracingSettings) 
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenShape:
     """One option taken: its number, its ridge, and the share by which it lowers the remaining error
     of left-out flights.
     """
@@ -239,7 +239,7 @@ class Choice:
 
 
 def _ridge(
-    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[Choice]
+    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[ChosenShape]
 ) -> Array:
     ridge = np.zeros(len(problem.unit))
     for each in chosen:
@@ -249,25 +249,25 @@ def _ridge(
 
 def search(
     problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: TracingSettings
-) -> list[Choice]:
+) -> list[ChosenShape]:
     """Return options one after the other, the one that predicts left-out flights best first.
 
     Until none does so significantly.
     """
-    chosen: list[Choice] = []
+    chosen: list[ChosenShape] = []
     folds = np.arange(len(problem.total))
     while len(chosen) < len(groups):
         active = [*range(terms), *(i for each in chosen for i in groups[each.option])]
         ridge = _ridge(problem, groups, chosen)
         before = problem.left_out(folds, active, ridge)
-        best: Choice | None = None
+        best: ChosenShape | None = None
         for option in sorted(set(range(len(groups))) - {each.option for each in chosen}):
             wider = [*active, *groups[option]]
             after = _nested(problem, wider, groups[option], ridge)
             fall = float((after - before).sum() / (problem.total - before).sum())
             better = fall > WORTH and paired_p(after, before) < settings.level / len(groups)
             if better and (best is None or fall > best.fall):
-                best = Choice(
+                best = ChosenShape(
                     option, _best_ridge(problem, folds, wider, groups[option], ridge), fall
                 )
         if best is None:

@@ -12,7 +12,7 @@ from aerodb.tracing.evidence import Evidence, band_limited, stretches
 from aerodb.tracing.settings import TracingSettings
 
 
-class Record(NamedTuple):
+class ResidualRecord(NamedTuple):
     """One axis of a flight in the band.
 
     variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain; further
@@ -45,7 +45,7 @@ def records_in_band(
     names: Sequence[str],
     more: Sequence[str],
     settings: TracingSettings,
-) -> dict[str, Record]:
+) -> dict[str, ResidualRecord]:
     """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of
     what the columns of the evidence (sensors) could explain, in the tracing band; the residual
     without its part in that basis.
@@ -55,7 +55,7 @@ def records_in_band(
     evidence, variables = flight.evidence, [flight.variables[name] for name in names]
     variables += [flight.further[name] for name in more]
     known = np.logical_and.reduce([np.isfinite(row) for row in variables])
-    records: dict[str, Record] = {}
+    records: dict[str, ResidualRecord] = {}
     for same in evidence.usable_alike(axes):
         usable = evidence.usable[same[0]]
         tangents = {
@@ -85,13 +85,13 @@ def records_in_band(
     return records
 
 
-def _record(variables: Array, residual: Array, tangents: Array, further: Array) -> Record:
+def _record(variables: Array, residual: Array, tangents: Array, further: Array) -> ResidualRecord:
     if len(residual) == 0:
-        return Record(variables, residual, np.zeros((0, 0)), further)
+        return ResidualRecord(variables, residual, np.zeros((0, 0)), further)
     explained = np.column_stack([np.ones(len(residual)), tangents])
     size = np.linalg.norm(explained, axis=0)
     left, singular, _ = np.linalg.svd(
         explained[:, size > 0.0] / size[size > 0.0], full_matrices=False
     )
     basis = left[:, singular > RANK * singular[0]]
-    return Record(variables, residual - basis @ (basis.T @ residual), basis, further)
+    return ResidualRecord(variables, residual - basis @ (basis.T @ residual), basis, further)

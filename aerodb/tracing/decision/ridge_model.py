@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from aerodb.support import Array
 from aerodb.tracing.decision.functions import separable
-from aerodb.tracing.decision.residual_records import Record
+from aerodb.tracing.decision.residual_records import ResidualRecord
 
 #: Knots of a variable's function: quantiles of its values over all flights.
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -62,7 +62,7 @@ class Features:
     made_of: tuple[frozenset[str], ...]
 
 
-def variables_of(records: Sequence[Record]) -> tuple[int, ...]:
+def variables_of(records: Sequence[ResidualRecord]) -> tuple[int, ...]:
     """The arrays of variables, which axes may share."""
     return tuple(id(record.variables) for record in records)
 
@@ -91,7 +91,7 @@ def features_of(variables: Sequence[Array], names: Sequence[str]) -> Features:
 
 
 def ridge_problem(
-    records: Sequence[Record], features: Features, inflation_limit: float
+    records: Sequence[ResidualRecord], features: Features, inflation_limit: float
 ) -> RidgeProblem:
     """Per flight: the features' products without the flight's own level, and without what sensors
     could explain, which is taken out of them as it is out of the residual."""

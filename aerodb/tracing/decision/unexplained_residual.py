@@ -21,7 +21,7 @@ from aerodb.tracing.decision.functions import (
     Functions,
     functions_of,
 )
-from aerodb.tracing.decision.residual_records import FlightResidual, Record, records_in_band
+from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
     Features,
     RidgeProblem,
@@ -163,7 +163,7 @@ def model_errors(
         return dict.fromkeys(axes, 0.0)
     names = sorted(_known_in_all([flight.variables for flight in left]))
 
-    def records_of(flight: FlightResidual) -> dict[str, Record]:
+    def records_of(flight: FlightResidual) -> dict[str, ResidualRecord]:
         has = [axis for axis in axes if axis in flight.evidence.residual]
         return records_in_band(flight, has, names, (), settings)
 
@@ -191,7 +191,9 @@ def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
     )
 
 
-def _functions(records: Sequence[Record], names: Sequence[str], used: Sequence[str]) -> Functions:
+def _functions(
+    records: Sequence[ResidualRecord], names: Sequence[str], used: Sequence[str]
+) -> Functions:
     """Functions of one or two of the `used` variables, not of their rates of change: the noise of a
     flow angle in these is that of the residual."""
     variables, columns = [], {name: names.index(name) for name in used}
@@ -202,7 +204,7 @@ def _functions(records: Sequence[Record], names: Sequence[str], used: Sequence[s
 
 
 def _few(
-    records: Sequence[Record], functions: Functions, inflation_limit: float
+    records: Sequence[ResidualRecord], functions: Functions, inflation_limit: float
 ) -> tuple[Array, tuple[str, ...]]:
     """Per flight, skill of functions of one or two variables that the others chose; and the
     variables of those that all flights choose."""
