@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.effects.template import on_axis
-from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, remarks_on_shapes
+from aerodb.loop.refit import axes_of_misfit_shapes, refit_of
+from aerodb.loop.remarks import on_shapes
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, RefinedShape, Refit
@@ -43,7 +44,7 @@ def test_axes_are_those_of_the_refined_terms_alone() -> None:
     )
     assert axes_of_misfit_shapes(database(Refit((LIFT,)))) == {"CX", "CZ"}
     assert axes_of_misfit_shapes(database(Refit(), two)) == {"Cn", "CY"}
-    said = remarks_on_shapes(database(Refit((LIFT,))))[0]
+    said = on_shapes(database(Refit((LIFT,))))[0]
     assert (
         "[a@Cn (confirmed); gain fitted once more beside the rest, shape refined of"
         " stall@C_lift:loop over alpha, mach" in said
@@ -68,9 +69,9 @@ def test_a_refit_names_the_axis_on_which_a_term_is_written() -> None:
 
 def test_only_new_gains_cast_no_suspicion() -> None:
     assert axes_of_misfit_shapes(database(Refit())) == frozenset()
-    assert remarks_on_shapes(database(Refit()))
+    assert on_shapes(database(Refit()))
     assert axes_of_misfit_shapes(EMPTY) == frozenset()
-    assert remarks_on_shapes(EMPTY) == ()
+    assert on_shapes(EMPTY) == ()
 
 
 def test_a_claim_on_such_an_axis_is_suspected_and_says_why() -> None:
