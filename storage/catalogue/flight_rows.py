@@ -149,8 +149,9 @@ class FlightLedger(Ledger):
     @staticmethod
     def _add_event(connection: sa.Connection, flight: str, **values: str | None) -> int:
         event = {"flight": flight, "at_utc": enc.time_text(enc.now()), **values}
-        added = connection.execute(sa.insert(s.flight_events).values(event))
-        return int(added.inserted_primary_key[0])
+        key = connection.execute(sa.insert(s.flight_events).values(event)).inserted_primary_key
+        assert key is not None
+        return int(key[0])
 
     def flight(self, ref: str, vehicle: str | None = None) -> FlightRow:
         """The flight referred to by `ref`: an exact id, a name (of `vehicle`, when given), or a
