@@ -7,11 +7,11 @@ The way through:
    equation error.
 2. `METHODS` lists the methods by their names on the command line, each a `Method`.
 3. `compare_methods` puts the answers beside each other (`Agreement` per parameter) and says which
-   to believe and why; `fit_report` writes one of them out.
+   to believe and why.
 4. `with_fitted_estimates` makes the answer of a method a candidate database.
 
 `equations` states the increments, `methods` lists the methods, `agreement` compares them,
-`fit_report` writes them, `candidate` turns them into a database.
+`candidate` turns them into a database.
 
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
 (`online`).
@@ -19,9 +19,6 @@ While a log is being written, `OnlineEstimation` gives the estimates so far by r
 A file may declare a linear model of the flights' channels instead (`parse_state_space`,
 `state_space_fit`: model_file); methods of equation error take its rows as equations
 (`state_equations`).
-
-`design_manoeuvre` finds the manoeuvre, within limits, that determines parameters best
-(`experiment`).
 
 Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
 with unknown parameters. `conversion` turns dimensional derivatives of linear models

@@ -2,10 +2,7 @@ from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
 from .declared_terms import with_known_terms, with_terms
 from .derivative_file import converted, parse_derivative_file
-from .envelope_expansion import Expansion, Growth, Margins, expand_envelope
 from .equations import no_database, no_database_beside, parameter_name
-from .experiment import DesignedManoeuvre, design_manoeuvre, expected_noise, manoeuvre_text
-from .fit_report import fit_report
 from .flight_dynamics import FlightDynamics, flight_dynamics
 from .identification_flight import IdentificationFlight
 from .methods import METHODS, REGRESSION, Method, chosen_methods
@@ -25,12 +22,8 @@ __all__ = [
     "ONLINE_METHODS",
     "REGRESSION",
     "Agreement",
-    "DesignedManoeuvre",
-    "Expansion",
     "FlightDynamics",
-    "Growth",
     "IdentificationFlight",
-    "Margins",
     "Method",
     "MethodComparison",
     "OnlineEstimation",
@@ -40,15 +33,10 @@ __all__ = [
     "compare_methods",
     "converted",
     "declares_state_space",
-    "design_manoeuvre",
-    "expand_envelope",
-    "expected_noise",
     "file_records",
-    "fit_report",
     "fits_of",
     "flight_dynamics",
     "flight_records",
-    "manoeuvre_text",
     "no_database",
     "no_database_beside",
     "parameter_name",

@@ -5,6 +5,7 @@ from .diff_figures import diff_figure
 from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
 from .estimates_page import estimates_report
 from .findings import meaning
+from .fit_report import fit_report
 from .flight_page import FlightStory, flight_report
 from .glossary import advice_words, channel_words, effect_words, hypothesis_words, in_words
 from .head import Head
@@ -45,6 +46,7 @@ __all__ = [
     "estimates_report",
     "excluded_sizes",
     "extremes",
+    "fit_report",
     "flagged_stretches",
     "flight_report",
     "for_people",

@@ -3,8 +3,9 @@
 `flight_model` makes a `FlightModel` of a database, `simulate` flies it over given inputs (engine;
 layout, kernel and integration are its compiled part). `trim` finds the steady flight at a
 `Condition`, `linear_model` the `LinearModel` about it, `modes` its modes, and `sweep` all of these
-along one variable. `flown_of` makes of a vehicle file and a database what flies: masses at a fuel
-state, propulsion, limits and the model (flown_vehicle). Simulated flights of a glider with logs:
+along one variable. `planning` designs manoeuvres and the steps of an envelope expansion. `flown_of`
+makes of a vehicle file and a database what flies: masses at a fuel state, propulsion, limits and
+the model (flown_vehicle). Simulated flights of a glider with logs:
 
 1. `airframe` joins a vehicle of constant mass and a database into an `Airframe` (airframe_model).
 2. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed

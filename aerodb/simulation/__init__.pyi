@@ -16,14 +16,17 @@ from .linear_model import LinearModel, linear_model
 from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
 from .modes import Mode, modes
 from .oscillation import Oscillation, at_rest_from, oscillation
-from .replay import (
-    RESPONSES,
-    Stretch,
-    fly_stretch,
-    moved_controls,
-    stretch_of,
-    with_trim_offset,
+from .planning import (
+    DesignedManoeuvre,
+    Expansion,
+    Growth,
+    Margins,
+    design_manoeuvre,
+    expand_envelope,
+    expected_noise,
+    manoeuvre_text,
 )
+from .replay import RESPONSES, Stretch, fly_stretch, moved_controls, stretch_of, with_trim_offset
 from .sensors import Instrument, Signal, at_instruments, measure
 from .stabilisation import stabilising_feedback
 from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
@@ -47,15 +50,19 @@ __all__ = [
     "CheckResult",
     "Condition",
     "ControlDerivatives",
+    "DesignedManoeuvre",
     "DrydenGusts",
     "Event",
+    "Expansion",
     "FlightModel",
     "FlownVehicle",
+    "Growth",
     "HeldSweep",
     "History",
     "Instrument",
     "LinearModel",
     "Manoeuvre",
+    "Margins",
     "Mode",
     "MovingAir",
     "NoTrimError",
@@ -75,12 +82,16 @@ __all__ = [
     "check_responses",
     "control_derivatives",
     "control_inputs",
+    "design_manoeuvre",
+    "expand_envelope",
+    "expected_noise",
     "flight_model",
     "flown_of",
     "fly",
     "fly_stretch",
     "held_sweep",
     "linear_model",
+    "manoeuvre_text",
     "measure",
     "modes",
     "moved_controls",

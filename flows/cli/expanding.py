@@ -13,7 +13,7 @@ from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
-    from aerodb.identification import Growth
+    from aerodb.simulation import Growth
 
 
 def expand(
@@ -65,7 +65,7 @@ def expand(
     Example: aerodb version expand released --speed 30 --altitude 300 --variable V --from 25
     --to 17 --step 2 --growth Cm:delta_elevator=8
     """
-    from aerodb.identification import Margins
+    from aerodb.simulation import Margins
     from aerodb.tasks.references import version_of
     from aerodb.tasks.steps import expand_flight
     from aerodb.tasks.view import sweep_value
@@ -117,7 +117,7 @@ def expand(
 
 
 def _growth(text: str) -> "Growth":
-    from aerodb.identification import Growth
+    from aerodb.simulation import Growth
 
     name, equals, size = text.rpartition("=")
     axis, colon, term = name.partition(":")

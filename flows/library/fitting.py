@@ -15,7 +15,6 @@ from aerodb.identification import (
     IdentificationFlight,
     chosen_methods,
     declares_state_space,
-    fit_report,
     fits_of,
     flight_records,
     no_database_beside,
@@ -23,7 +22,7 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
-from aerodb.report import derivative_unit
+from aerodb.report import derivative_unit, fit_report
 from aerodb.tasks.steps import manoeuvre_windows
 
 

@@ -10,15 +10,18 @@ from aerodb.errors import InputError
 from aerodb.identification import (
     METHODS,
     REGRESSION,
-    DesignedManoeuvre,
-    design_manoeuvre,
-    expected_noise,
     fits_of,
-    manoeuvre_text,
     with_terms,
 )
 from aerodb.increments import ModelFile, parse_model_file
-from aerodb.simulation import Trim, surface_limits
+from aerodb.simulation import (
+    DesignedManoeuvre,
+    Trim,
+    design_manoeuvre,
+    expected_noise,
+    manoeuvre_text,
+    surface_limits,
+)
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.methods import identification_flights

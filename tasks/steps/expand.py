@@ -6,13 +6,12 @@ from typing import Any
 from aerodb.identification import (
     METHODS,
     REGRESSION,
-    Growth,
-    Margins,
     fits_of,
     parameter_name,
     with_known_terms,
 )
 from aerodb.increments import expand, parse_model_file
+from aerodb.simulation import Growth, Margins
 from aerodb.tasks.steps.methods import identification_flights
 from aerodb.tasks.view import SteadyFlight, expansion_document
 from aerodb.tasks.workspace_access import access_workspace

@@ -15,7 +15,6 @@ from aerodb.identification import (
     chosen_methods,
     compare_methods,
     declares_state_space,
-    fit_report,
     fits_of,
     flight_records,
     no_database_beside,
@@ -23,6 +22,7 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
+from aerodb.report import fit_report
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase

@@ -8,12 +8,14 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.identification import Growth, Margins, expand_envelope
 from aerodb.simulation import (
     Condition,
+    Growth,
     LinearModel,
+    Margins,
     Mode,
     Trim,
+    expand_envelope,
     flown_of,
     held_sweep,
     linear_model,

@@ -23,9 +23,20 @@ from scipy.stats import beta as beta_distribution
 
 from aerodb.errors import InputError
 from aerodb.estimation import Parameters, output_error
-from aerodb.identification import Expansion, Margins, expand_envelope, flight_dynamics
-from aerodb.identification.envelope_expansion import POINTS
-from aerodb.simulation import Condition, FlightModel, Stretch, Trim, flight_model, simulate, trim
+from aerodb.identification import flight_dynamics
+from aerodb.simulation import (
+    Condition,
+    Expansion,
+    FlightModel,
+    Margins,
+    Stretch,
+    Trim,
+    expand_envelope,
+    flight_model,
+    simulate,
+    trim,
+)
+from aerodb.simulation.planning.envelope_expansion import POINTS
 from tests.support.flying_increments import (
     ALTITUDE,
     BODY,

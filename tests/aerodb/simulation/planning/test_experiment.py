@@ -5,9 +5,17 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.estimation import TimeHistory, output_error
-from aerodb.identification import design_manoeuvre, flight_dynamics, manoeuvre_text
-from aerodb.identification.experiment import NOISE, STEP
-from aerodb.simulation import Condition, Stretch, parse_manoeuvre, simulate, trim
+from aerodb.identification import flight_dynamics
+from aerodb.simulation import (
+    Condition,
+    Stretch,
+    design_manoeuvre,
+    manoeuvre_text,
+    parse_manoeuvre,
+    simulate,
+    trim,
+)
+from aerodb.simulation.planning.experiment import NOISE, STEP
 from tests.support.flying_increments import ALTITUDE, BODY, SPEED, light_aircraft
 
 DEFLECTIONS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.35, 0.35))

@@ -8,18 +8,17 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.simulation import (
-    Event,
+from aerodb.simulation.engine import (
     FlightModel,
-    Manoeuvre,
-    Stretch,
-    Trim,
-    Wave,
-    control_inputs,
     simulate,
-    stabilising_feedback,
     with_feedback,
 )
+from aerodb.simulation.inputs import Event
+from aerodb.simulation.manoeuvre import Manoeuvre, Wave
+from aerodb.simulation.replay import Stretch
+from aerodb.simulation.stabilisation import stabilising_feedback
+from aerodb.simulation.trim import Trim
+from aerodb.simulation.trim_problem import control_inputs
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
