@@ -5,18 +5,15 @@ layout, kernel and integration are its compiled part). `trim` finds the steady f
 `Condition`, `linear_model` the `LinearModel` about it, `modes` its modes, and `sweep` all of these
 along one variable. `planning` designs manoeuvres and the steps of an envelope expansion. `flown_of`
 makes of a vehicle file and a database what flies: masses at a fuel state, propulsion, limits and
-the model (flown_vehicle). Simulated flights of a glider with logs:
+the model (flown_vehicle). Flights with a controller and logs:
 
-1. `airframe` joins a vehicle of constant mass and a database into an `Airframe` (airframe_model).
-2. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
+1. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
    (autopilot); `superposed` adds test inputs, each an `Event`, to its commands (inputs).
-3. `fly` flies many flights at once in closed loop, with wind and `DrydenGusts` (turbulence), and
-   returns their true channels as a `History` (flight).
-4. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
+2. `fly` flies many flights of a `FlownVehicle` at once in closed loop, with wind and `DrydenGusts`
+   (turbulence), and returns their true channels as a `History` (closed_loop).
+3. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
    them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
    (sensors).
-
-`motion` has the equations of motion of those gliders.
 """
 
 import lazy_loader as lazy

@@ -1,5 +1,5 @@
-from .airframe_model import Airframe, MovingAir, airframe
 from .autopilot import Autopilot, ControlDerivatives, control_derivatives
+from .closed_loop import History, fly
 from .engine import (
     Actuator,
     FlightModel,
@@ -9,7 +9,6 @@ from .engine import (
     simulate,
     with_feedback,
 )
-from .flight import History, fly
 from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
 from .inputs import Event, superposed
 from .linear_model import LinearModel, linear_model
@@ -45,7 +44,6 @@ from .turbulence import DrydenGusts
 __all__ = [
     "RESPONSES",
     "Actuator",
-    "Airframe",
     "Autopilot",
     "CheckResult",
     "Condition",
@@ -64,7 +62,6 @@ __all__ = [
     "Manoeuvre",
     "Margins",
     "Mode",
-    "MovingAir",
     "NoTrimError",
     "Oscillation",
     "Propulsion",
@@ -76,7 +73,6 @@ __all__ = [
     "Tolerances",
     "Trim",
     "Wave",
-    "airframe",
     "at_instruments",
     "at_rest_from",
     "check_responses",

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from aerodb.nomenclature import AXES
 from aerodb.physics import GRAVITY
-from aerodb.simulation.airframe_model import Airframe
+from aerodb.simulation.flown_vehicle import FlownVehicle
 from aerodb.support import Array
+from aerodb.tables import transfer_moments
 
 
 @dataclass(frozen=True)
@@ -35,34 +37,34 @@ class ControlDerivatives:
 
 
 def control_derivatives(
-    airframe: Airframe,
+    flown: FlownVehicle,
     condition: Mapping[str, float],
     pitch: Mapping[str, tuple[str, ...]],
     aileron: tuple[str, ...],
     rudder: str,
 ) -> ControlDerivatives:
-    """Return derivatives of the airframe's coefficients about the CG at one flight condition.
+    """Return derivatives of a vehicle's coefficients about the CG at one flight condition.
 
     They are central differences.
 
     Parameters
     ----------
-    airframe : the vehicle
+    flown : the vehicle with the database
     condition : name to value in SI, every channel that the aerodynamics read
     pitch : name of a pitch control to the channels that move together for it; the first is the
         elevator
     aileron, rudder : channels of the roll and yaw controls
     """
-    v = condition["V"]
-    chord, span = airframe.lengths[1], airframe.lengths[0]
+    v, database = condition["V"], flown.model.database
+    reference = database.reference
+    chord, span = reference.chord, reference.span
+    cg = [flown.masses[f"cg_{axis}"] for axis in "xyz"]
 
     def coefficients(**changed: float) -> Array:
         channels = {name: np.array([changed.get(name, value)]) for name, value in condition.items()}
-        force, moment = airframe.loads(channels)
-        scale = channels["qbar"] * airframe.area
-        return np.concatenate(
-            [airframe.mass * force / scale, moment / scale / airframe.lengths[:, None]]
-        )[:, 0]
+        about = database.predict(channels).coefficients
+        about = transfer_moments(about, database.reference.moment_reference, cg, reference)
+        return np.concatenate([about[axis] for axis in AXES])
 
     def slope(names: tuple[str, ...], step: float) -> Array:
         up = coefficients(**{n: condition[n] + step for n in names})
@@ -91,7 +93,7 @@ class Autopilot:
 
     Parameters
     ----------
-    airframe : the vehicle
+    flown : the vehicle
     known : derivatives at the design point
     step : float, control step [s]
     pitch_frequency, roll_frequency : float, [rad/s]
@@ -101,7 +103,7 @@ class Autopilot:
     integral : (k,), accumulated error of angle of attack [rad s]
     """
 
-    airframe: Airframe
+    flown: FlownVehicle
     known: ControlDerivatives
     step: float
     pitch_frequency: float = 3.5
@@ -133,8 +135,9 @@ class Autopilot:
             + self.pitch_integral * self.integral
             - 2 * self.pitch_damping * self.pitch_frequency * (c["q"] - path_rate)
         )
-        chord = self.airframe.lengths[1]
-        scale = c["qbar"] * self.airframe.area * chord / self.airframe.inertia[1, 1]
+        reference = self.flown.vehicle.reference
+        chord = reference.chord
+        scale = c["qbar"] * reference.area * chord / self.flown.masses["Iyy"]
         natural = k.Cm + k.Cm_alpha * (c["alpha"] - k.alpha) + k.Cm_q * c["q"] * chord / c["V"]
         natural = natural + sum(k.Cm_controls[name] * value for name, value in others.items())
         elevator = next(iter(k.Cm_controls.values()))
@@ -143,20 +146,20 @@ class Autopilot:
 
     def aileron(self, channels: Mapping[str, Array], bank_command: Array) -> Array:
         """Return the asymmetric deflection (k,) [rad] for a commanded bank angle (k,) [rad]."""
-        c, k, span = channels, self.known, self.airframe.lengths[0]
+        c, k, span = channels, self.known, self.flown.vehicle.reference.span
         commanded = (
             self.roll_frequency**2 * (bank_command - c["phi"])
             - 2 * self.roll_damping * self.roll_frequency * c["p"]
         )
-        scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[0, 0]
+        scale = c["qbar"] * self.flown.vehicle.reference.area * span / self.flown.masses["Ixx"]
         natural = k.Cl_beta * c["beta"] + k.Cl_p * c["p"] * span / c["V"]
         result: Array = (commanded / scale - natural) / k.Cl_aileron
         return result
 
     def rudder(self, channels: Mapping[str, Array]) -> Array:
         """Return the rudder (k,) [rad] that damps yaw about the rate of a coordinated turn."""
-        c, span = channels, self.airframe.lengths[0]
+        c, span = channels, self.flown.vehicle.reference.span
         turn = GRAVITY / c["V"] * np.sin(c["phi"]) * np.cos(c["theta"])
-        scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[2, 2]
+        scale = c["qbar"] * self.flown.vehicle.reference.area * span / self.flown.masses["Izz"]
         result: Array = -self.yaw_damping * (c["r"] - turn) / scale / self.known.Cn_rudder
         return result

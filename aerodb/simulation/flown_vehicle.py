@@ -24,12 +24,14 @@ class FlownVehicle:
 
     Parameters
     ----------
+    vehicle : its file.
     model : the database with the vehicle's propulsion.
     masses : each of `MASS_PROPERTIES`.
     propulsion : of a vehicle whose thrust is an input ("thrust"); else a further force.
     limits : input -> lower and upper limit [rad].
     """
 
+    vehicle: Vehicle
     model: FlightModel
     masses: Mapping[str, float]
     propulsion: tuple[Propulsion, ...]
@@ -70,7 +72,7 @@ def flown_of(
     )
     model = flight_model(database, engines=propulsion)
     limits = {n: ends for n, ends in surface_limits(vehicle).items() if n in model.inputs}
-    return FlownVehicle(model, masses, propulsion, limits)
+    return FlownVehicle(vehicle, model, masses, propulsion, limits)
 
 
 def stretch_model(

@@ -7,7 +7,7 @@ import numpy as np
 
 from aerodb.physics import DENSITY_0
 from aerodb.recording import Topic
-from aerodb.simulation.flight import History
+from aerodb.simulation.closed_loop import History
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
-from aerodb.simulation.motion import inertia_matrix
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import transfer_moments
@@ -232,9 +231,10 @@ def flown_together(
     of = of or vehicle()
     t = np.arange(round((seconds or SECONDS) * RATE)) / RATE
     cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
-    inertia = inertia_matrix(
-        *(float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz"))
+    xx, yy, zz, xz = (
+        float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz")
     )
+    inertia = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
     inverse, lengths = np.linalg.inv(inertia), np.array([SPAN, CHORD, SPAN])
 
     def loads(state: Mapping[str, Array], rates: Array) -> tuple[Array, Array]:

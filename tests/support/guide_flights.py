@@ -16,10 +16,9 @@ import numpy as np
 from pyulog import ULog
 
 from aerodb.exchange.native import read_native
-from aerodb.physics import quaternion_from_euler
-from aerodb.simulation.airframe_model import airframe
 from aerodb.simulation.autopilot import Autopilot, control_derivatives
-from aerodb.simulation.flight import History, fly
+from aerodb.simulation.closed_loop import History, fly
+from aerodb.simulation.flown_vehicle import flown_of
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts
@@ -37,7 +36,7 @@ _SERVOS = ("aileron_right", "aileron_left", "elevator", "rudder")
 @dataclass
 class Pilot:
     """Turns that show the wind, and test inputs of each flight's own; a Controller of
-    `aerodb.simulation.flight`."""
+    `aerodb.simulation.closed_loop`."""
 
     autopilot: Autopilot
     inputs: Mapping[str, Array]
@@ -119,14 +118,14 @@ def fly_glider(
     manoeuvres alone. height : at the start [m]. wind_at_6m : of Dryden's turbulence [m/s]; 0: none.
     """
     generator = np.random.default_rng(seed)
-    frame = airframe(vehicle, flown)
+    frame = flown_of(vehicle, flown)
     condition = dict.fromkeys(handbook.inputs, 0.0) | {
         "V": SPEED,
         "alpha": ALPHA,
         "qbar": 0.6 * SPEED**2,
     }
     known = control_derivatives(
-        airframe(vehicle, handbook),
+        flown_of(vehicle, handbook),
         condition,
         {"elevator": ("delta_elevator",)},
         ("delta_aileron",),
@@ -142,8 +141,7 @@ def fly_glider(
         inputs = {name: np.concatenate([part[name] for part in parts]) for name in inputs}
     history = fly(
         frame,
-        vehicle.surfaces,
-        _start(heading, wind, height),
+        {"V": SPEED, "alpha": ALPHA, "theta": ALPHA - GLIDE, "psi": heading, "altitude": height},
         {name: np.zeros(flights) for name in vehicle.surfaces},
         Pilot(Autopilot(frame, known, STEP), inputs),
         step=STEP,
@@ -206,18 +204,6 @@ def write_flights(
         vehicle, read_native(database_text), read_native(steeper(database_text)), flights, 7
     )
     return write_logs(folder, flown, instruments(vehicle, boom=boom), 7)
-
-
-def _start(heading: Array, wind: Array, height: float) -> Array:
-    """State (13, k): gliding through the moving air."""
-    k = len(heading)
-    state, theta = np.zeros((13, k)), np.full(k, ALPHA - GLIDE)
-    along = wind[0] * np.cos(heading) + wind[1] * np.sin(heading)
-    state[0], state[2] = SPEED * np.cos(ALPHA) + along, SPEED * np.sin(ALPHA)
-    state[1] = wind[1] * np.cos(heading) - wind[0] * np.sin(heading)
-    state[6:10] = quaternion_from_euler(np.zeros(k), theta, heading)
-    state[12] = -height
-    return state
 
 
 def instruments(

@@ -17,19 +17,18 @@ from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.instruments import instruments, lags, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange import read_native
-from aerodb.physics import DENSITY_0, GRAVITY, quaternion_from_euler, standard_atmosphere
+from aerodb.physics import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.recording import Topic
 from aerodb.simulation import (
-    Airframe,
     Autopilot,
     ControlDerivatives,
     DrydenGusts,
     Event,
+    FlownVehicle,
     History,
-    MovingAir,
-    airframe,
     at_instruments,
     control_derivatives,
+    flown_of,
     measure,
     superposed,
 )
@@ -180,9 +179,9 @@ def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
 
 @dataclass
 class Guidance:
-    """Guidance, autopilot and test inputs: a Controller of `aerodb.simulation.flight`."""
+    """Guidance, autopilot and test inputs: a Controller of `aerodb.simulation.closed_loop`."""
 
-    frame: Airframe
+    flown: FlownVehicle
     autopilot: Autopilot
     plan: Plan
     capture: NDArray[np.bool_] = field(init=False)
@@ -253,7 +252,8 @@ class Guidance:
         bend = np.where(self.flare, c["velocity_down"] / FLARE_TIME / GRAVITY, 0.0)
         load = np.cos(path) + bend + ground_speed * gain * (wanted - path) / GRAVITY
         known = self.autopilot.known
-        lift = np.clip(load, 0.2, 1.8) * self.frame.mass * GRAVITY / (c["qbar"] * self.frame.area)
+        weight = self.flown.masses["mass"] * GRAVITY
+        lift = np.clip(load, 0.2, 1.8) * weight / (c["qbar"] * self.flown.vehicle.reference.area)
         alpha = np.clip(
             known.alpha + (-lift - known.CZ) / known.CZ_alpha, np.deg2rad(1.0), np.deg2rad(14.0)
         )
@@ -299,36 +299,31 @@ def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDeriv
 
     They are those of the preflight database on the approach, never of the true aerodynamics.
     """
-    frame = airframe(vehicle, preflight)
     condition = dict.fromkeys(preflight.inputs, 0.0) | APPROACH
     pitch = {
         "elevator": ELEVATOR,
         "body_flap": ("delta_body_flap",),
         "speed_brake": ("delta_speed_brake",),
     }
-    return control_derivatives(frame, condition, pitch, AILERON, "delta_rudder")
+    return control_derivatives(
+        flown_of(vehicle, preflight), condition, pitch, AILERON, "delta_rudder"
+    )
 
 
-def drop_state(planned: Plan) -> Array:
-    """Return the state (13, k) at the drop.
+def drop_start(planned: Plan) -> dict[str, Array]:
+    """Return the start of each flight, as `aerodb.simulation.simulate` takes it.
 
     The flight is level at DROP_SPEED through the moving air, at the angle of attack of the dive.
     """
-    k = len(planned.speed)
     density = float(standard_atmosphere(GROUND + DROP_HEIGHT).density)
-    speed = np.full(k, DROP_SPEED * np.sqrt(DENSITY_0 / density))
-    state = np.zeros((13, k))
-    theta = planned.dive
-    along = planned.wind[0] * np.cos(planned.heading) + planned.wind[1] * np.sin(planned.heading)
-    across = planned.wind[1] * np.cos(planned.heading) - planned.wind[0] * np.sin(planned.heading)
-    state[0], state[1], state[2] = (
-        (speed + along) * np.cos(theta),
-        across,
-        (speed + along) * np.sin(theta),
-    )
-    state[6:10] = quaternion_from_euler(np.zeros(k), theta, planned.heading)
-    state[12] = -DROP_HEIGHT
-    return state
+    speed = np.full(len(planned.speed), DROP_SPEED * np.sqrt(DENSITY_0 / density))
+    return {
+        "V": speed,
+        "alpha": planned.dive,
+        "theta": planned.dive,
+        "psi": planned.heading,
+        "altitude": np.full_like(speed, GROUND + DROP_HEIGHT),
+    }
 
 
 def simulate(
@@ -340,28 +335,31 @@ def simulate(
     """
     generator = np.random.default_rng([seed, 1])
     planned = plan(generator, flights)
-    frame = airframe(vehicle, database, GROUND)
+    flown = flown_of(vehicle, database)
     known = known_derivatives(vehicle, preflight)
-    start = drop_state(planned)
 
-    def guidance() -> Guidance:
-        return Guidance(frame, Autopilot(frame, known, STEP), planned)
+    def fly_from(deflections: Mapping[str, Array], duration: float) -> History:
+        return fly_closed_loop(
+            flown,
+            drop_start(planned),
+            deflections,
+            Guidance(flown, Autopilot(flown, known, STEP), planned),
+            step=STEP,
+            duration=duration,
+            wind=planned.wind,
+            gusts=DrydenGusts(planned.turbulence, generator) if duration else None,
+            ground_altitude=GROUND,
+            touchdown_height=TOUCHDOWN_HEIGHT,
+        )
 
     # The servos follow the autopilot before the drop: they start at its first command.
-    resting = {name: np.zeros(flights) for name in vehicle.surfaces}
-    channels, _ = frame.evaluate(start, MovingAir(planned.wind, 0 * planned.wind), resting)
-    first = guidance()(0.0, channels)
-    return fly_closed_loop(
-        frame,
-        vehicle.surfaces,
-        start,
-        {name: np.clip(first[name], *surface.limits) for name, surface in vehicle.surfaces.items()},
-        guidance(),
-        step=STEP,
-        duration=LONGEST,
-        wind=planned.wind,
-        gusts=DrydenGusts(planned.turbulence, generator),
-        touchdown_height=TOUCHDOWN_HEIGHT,
+    first = fly_from({name: np.zeros(flights) for name in vehicle.surfaces}, 0.0).commands
+    return fly_from(
+        {
+            name: np.clip(first[name][0], *surface.limits)
+            for name, surface in vehicle.surfaces.items()
+        },
+        LONGEST,
     )
 
 

@@ -15,15 +15,15 @@ from aerodb.increments.model_file import check_channels, parse_model_file
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import AXES, CHANNELS, is_surface
 from aerodb.recording import Recording
-from aerodb.simulation.airframe_model import MovingAir, airframe
-from aerodb.simulation.flight import History
+from aerodb.simulation import flown_of, simulate
+from aerodb.simulation.closed_loop import History
+from aerodb.simulation.layout import X
 from aerodb.simulation.sensors import at_instruments
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
 from aerodb.vehicle.probe import air_data_at_cg
-from tests.support.linearised import jacobian
 from tests.support.paths import ROOT
 
 FLIGHTS = 3
@@ -76,17 +76,19 @@ def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroData
     lift = c["CX"] * np.sin(alpha) - c["CZ"] * np.cos(alpha)
     drag = -c["CX"] * np.cos(alpha) - c["CZ"] * np.sin(alpha)
     assert np.max(lift / drag) == pytest.approx(5.5, abs=0.4)
-    frame = airframe(vehicle, database, mission.GROUND)
-    state = np.zeros(13)
-    state[0], state[2], state[6], state[12] = 71 * np.cos(0.16), 71 * np.sin(0.16), 1.0, -300.0
-
-    def rate(states: Array) -> Array:
-        still = np.zeros((3, states.shape[1]))
-        return frame.state_rate(
-            states, MovingAir(still, still), dict.fromkeys(vehicle.surfaces, still[0])
-        )
-
-    longitudinal = jacobian(rate, state)[np.ix_([0, 2, 4], [0, 2, 4])]
+    flown = flown_of(vehicle, database)
+    start = {"V": 71.0, "alpha": 0.16, "altitude": mission.GROUND + 300.0}
+    given = {**flown.masses, "ground_altitude": mission.GROUND}
+    given |= dict.fromkeys(flown.model.inputs, 0.0)
+    step = 1e-4
+    base = simulate(flown.model, np.array([0.0]), start, given).state
+    rows = [X.u, X.w, X.q]
+    moved = np.repeat(base, 6, axis=1)
+    for k, row in enumerate(rows):
+        moved[row, 2 * k] += step
+        moved[row, 2 * k + 1] -= step
+    rates = simulate(flown.model, np.array([0.0]), moved, given).rates[rows]
+    longitudinal = (rates[:, ::2] - rates[:, 1::2]) / (2 * step)
     assert np.log(2.0) / np.linalg.eigvals(longitudinal).real.max() < 0.5
 
 
@@ -107,11 +109,10 @@ def test_truth_differs_as_the_phoenix_paper_reports(
     before, after = polar(preflight, alpha), polar(database, alpha)
     slope = [np.diff(c["CZ"])[0] for c in (before, after)]
     assert 1.085 < slope[1] / slope[0] < 1.105
-    cg = [airframe(vehicle, d) for d in (preflight, database)]
     known = [mission.known_derivatives(vehicle, d) for d in (preflight, database)]
     own = next(e.value for e in effects if e.axis == "Cm" and e.parameter == "Cm_alpha")
     assert abs(own) < 0.03 * known[0].Cm_alpha
-    assert cg[0].reference_arm[0] > 0
+    assert database.reference.moment_reference[0] > vehicle.mass.cg[0]
     turning = {name: np.zeros(2) for name in preflight.inputs} | {
         "V": np.full(2, 90.0),
         "q": np.array([0.0, 0.3]),
