@@ -10,19 +10,24 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 #: What flight-path reconstruction finds of a flight; subjects: channels.
-RESIDUAL, DEPARTURE = "residual_beyond_limit", "channel_left_estimate"
+RESIDUAL: Final = "residual_beyond_limit"
+DEPARTURE: Final = "channel_left_estimate"
 RATES_AGAINST_ATTITUDE: Final = "rates_against_attitude"
 SENSOR_ERROR: Final = "sensor_error_beyond_serviceable"
 KNOWN_SENSOR_ERROR: Final = "calibrated_error_beyond_serviceable"
-NOT_CONVERGED, NOT_CHECKED = "reconstruction_not_converged", "kinematics_not_checked"
+NOT_CONVERGED: Final = "reconstruction_not_converged"
+NOT_CHECKED: Final = "kinematics_not_checked"
 POSITION_AGAINST_VELOCITY: Final = "position_against_velocity"
 FLOW_AGAINST_VELOCITY: Final = "flow_against_velocity"
 #: The same with words of whoever found it.
-FAULT, MOVING_AIR, MISPLACED = "sensor_fault", "moving_air", "vane_misplaced"
+FAULT: Final = "sensor_fault"
+MOVING_AIR: Final = "moving_air"
+MISPLACED: Final = "vane_misplaced"
 SOLUTION: Final = "navigation_solution"
-#: What a flight contradicts in the released version, and what it is only suspected of beside it;
-#: subjects: the version's label and the channel.
-CONTRADICTS, SUSPECTED = "contradicts_version", "suspected_beside_version"
+#: What a flight contradicts in the released version; subjects: its label and the channel.
+CONTRADICTS: Final = "contradicts_version"
+#: What a flight is only suspected of beside the version; the same subjects.
+SUSPECTED: Final = "suspected_beside_version"
 #: What has no words of its own here: the text is the sentence.
 SAID: Final = "said"
 

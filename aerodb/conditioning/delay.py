@@ -19,8 +19,10 @@ from aerodb.flight import Flight
 from aerodb.signals import bridge, decimated, low_passed
 from aerodb.support import Array
 
-#: Default band [Hz] and largest delay [s] searched for.
-BAND, LARGEST = (0.1, 2.0), 0.5
+#: Default band [Hz] in which channels are compared.
+BAND = (0.1, 2.0)
+#: Largest delay searched for by default [s].
+LARGEST = 0.5
 #: Samples per period of the band's upper frequency after decimation.
 SAMPLES_PER_PERIOD = 10.0
 #: Least share of a channel's motion in the band that its kinematics must explain for a delay to be

@@ -39,12 +39,18 @@ ABSOLUTE_CHANNELS = ("V", "qbar", "altitude", "phi", "theta", "psi", "latitude",
 RELATIVE_CHANNELS = ("ax", "ax_imu", "north", "east")
 #: What storing numbers in single precision costs, relative to the largest.
 _SINGLE_PRECISION = 1e-6
-#: Time constant [s] of the low pass before turning points are looked for, and how far [s] from ends
-#: and flags they count.
-BLUR, MARGIN = 0.15, 0.6
-#: Differences of height and of time in a mark; their rounding: natural logarithm of a height, time
-#: [s]; longest time [s].
-LENGTH, HEIGHT_STEP, TIME_STEP, LONGEST_WAIT = 5, 0.15, 0.1, 9.9
+#: Time constant of the low pass before turning points are looked for [s].
+BLUR = 0.15
+#: Distance from ends and flags from which turning points count [s].
+MARGIN = 0.6
+#: Number of differences of height and of time in a mark.
+LENGTH = 5
+#: Rounding of the natural logarithm of a height.
+HEIGHT_STEP = 0.15
+#: Rounding of a difference of time [s].
+TIME_STEP = 0.1
+#: Longest difference of time in a mark [s].
+LONGEST_WAIT = 9.9
 #: Marks in common, at one offset in time, from which two records are compared sample by sample.
 FEWEST_MARKS = 2
 #: Two records agree where the difference of each channel stays below this part of the channel's own

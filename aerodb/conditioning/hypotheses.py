@@ -20,14 +20,22 @@ from aerodb.support import Array
 
 Channels = Mapping[str, Array]
 
-#: Frequency band of manoeuvres [Hz]; longest stretch [s] examined, the one with most motion.
-BAND, LONGEST = (0.05, 1.0), 600.0
-#: Agreement at most before and at least after the correction of a fault; agreement from which a
-#: channel counts as right before, and how much of it the correction may cost.
-DISAGREES, AGREES, HELD, MAY_LOSE = 0.3, 0.85, 0.5, 0.2
-#: Faults whose total agreement differs by less than the first value cannot be distinguished;
-#: radians declared as degrees are rarer than the reverse, which costs the second value.
-ALIKE, RARE = 0.35, 0.3
+#: Frequency band of manoeuvres [Hz].
+BAND = (0.05, 1.0)
+#: Longest stretch examined, the one with most motion [s].
+LONGEST = 600.0
+#: Agreement at most before the correction of a fault.
+DISAGREES = 0.3
+#: Agreement at least after the correction of a fault.
+AGREES = 0.85
+#: Agreement from which a channel counts as right before the correction.
+HELD = 0.5
+#: Agreement of such a channel that the correction may cost.
+MAY_LOSE = 0.2
+#: Faults whose total agreement differs by less than this cannot be distinguished.
+ALIKE = 0.35
+#: Agreement that radians declared as degrees cost: they are rarer than the reverse.
+RARE = 0.3
 #: Least motion (rms in the band; angles rad, V m/s, altitude m) for a comparison.
 LEAST_MOTION: Final = {"V": 0.5, "altitude": 1.0}
 LEAST_ANGLE = 2e-3

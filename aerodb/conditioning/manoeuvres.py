@@ -16,17 +16,24 @@ from aerodb.signals import bridge
 from aerodb.support import Array
 
 DEGREE = np.pi / 180
-#: Least deflection [rad] from trim that is an input, and how many times the motion around it it
-#: must be.
-LEAST_INPUT, ABOVE_ACTIVITY = 0.45 * DEGREE, 4.0
+#: Least deflection from trim that is an input [rad].
+LEAST_INPUT = 0.45 * DEGREE
+#: How many times the motion around it an input must be.
+ABOVE_ACTIVITY = 4.0
 #: The same for a pulse, a step or an irregular sequence, which pilots make all the time.
 LEAST_PLAIN = 1.0 * DEGREE
-#: Time [s] over which a quiet surface is looked for; the time it must stay back at trim; the rest
-#: elsewhere that is a new trim; the longest input.
-QUIET, BACK, NEW_TRIM, LONGEST = 0.8, 1.0, 5.0, 120.0
-#: Part of the largest deflection that bounds a pulse, and the part within which a surface counts as
-#: back at trim.
-PULSE_LEVEL, HOME_LEVEL = 0.45, 0.3
+#: Time over which a quiet surface is looked for [s].
+QUIET = 0.8
+#: Time that a surface must stay back at trim [s].
+BACK = 1.0
+#: Rest elsewhere that is a new trim [s].
+NEW_TRIM = 5.0
+#: Longest input [s].
+LONGEST = 120.0
+#: Part of the largest deflection that bounds a pulse.
+PULSE_LEVEL = 0.45
+#: Part of the largest deflection within which a surface counts as back at trim.
+HOME_LEVEL = 0.3
 #: Stretch [s] before and after an input that says how restless the surface is anyway.
 SURROUNDINGS = 30.0
 #: A single deflection longer than this [s] is a step.
@@ -41,8 +48,10 @@ PATTERNS = {
     (1, 1, 1, 1): "doublet",
 }
 PLAIN = ("pulse", "step", "multistep")
-#: Fewest pulses of a sweep, and how much its first must outlast its last (or the reverse).
-FEWEST_OF_SWEEP, SWEEP_RATIO = 6, 1.8
+#: Fewest pulses of a sweep.
+FEWEST_OF_SWEEP = 6
+#: Ratio by which a sweep's first pulse must outlast its last (or the reverse).
+SWEEP_RATIO = 1.8
 
 
 @dataclass(frozen=True)

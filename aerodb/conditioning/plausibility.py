@@ -26,12 +26,16 @@ from aerodb.support import Array
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
 _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
-#: Least motion [rad, rad/s] of two other sensors, and least share of a record with one constant
-#: value, for a sensor to be called stuck.
-LEAST_MOTION, LEAST_SHARE = 2e-3, 0.02
-#: Least correlation taken as significant, least standard deviation [rad] of a flow angle for it,
-#: and least missing force per mass [m/s^2].
-STRONG, LEAST_SWING, LEAST_FORCE = 0.7, 0.005, 0.4
+#: Least motion of two other sensors for a sensor to be called stuck [rad, rad/s].
+LEAST_MOTION = 2e-3
+#: Least share of a record with one constant value for a sensor to be called stuck.
+LEAST_SHARE = 0.02
+#: Least correlation taken as significant.
+STRONG = 0.7
+#: Least standard deviation of a flow angle for such a correlation [rad].
+LEAST_SWING = 0.005
+#: Least missing force per mass [m/s^2].
+LEAST_FORCE = 0.4
 #: Least standard deviation [rad] of the bank angle for which the aircraft must turn.
 LEAST_BANK = 0.1
 #: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
@@ -44,9 +48,10 @@ FEWEST_STAMPS = 10
 #: Largest plausible alpha, beta or theta [rad].
 LARGEST_ANGLE = np.pi / 2 + 0.1
 #: Largest plausible distance of a centre of gravity from its datum [m], which may lie ahead of the
-#: longest aircraft (84 m), and, where the vehicle is known, in spans: slender aircraft are three
-#: spans long.
-FARTHEST, FARTHEST_SPANS = 100.0, 5.0
+#: longest aircraft (84 m).
+FARTHEST = 100.0
+#: The same in spans, where the vehicle is known: slender aircraft are three spans long.
+FARTHEST_SPANS = 5.0
 #: A start later than the moment of reading by no more than this can be local time taken for UTC.
 _AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")

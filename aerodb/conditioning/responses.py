@@ -90,28 +90,44 @@ class _Sines:
         return _DampedSine(float(share[best]), float(self.period[best]), size)
 
 
-#: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs
-#: this range of alpha.
-LIFT_LOST, STALL_TIME, LINE_RANGE = 0.10, 0.3, 4.0 * DEGREE
-#: Load factors, compensated for bank above and as measured below, that are a pull-up and a
-#: push-over, and their least time [s].
-PULL_UP, LOW_G, LOAD_TIME = 1.5, 0.5, 1.0
-#: Steady flight: greatest range within STEADY_WINDOW [s] of speed (relative), pitch and bank [rad],
-#: and its least time [s].
-STEADY_SPEED, STEADY_PITCH, STEADY_BANK, STEADY_WINDOW, STEADY_TIME = (
-    0.01,
-    1.0 * DEGREE,
-    2.0 * DEGREE,
-    5.0,
-    10.0,
-)
+#: Lift short of its straight line, as a part of it, that is a stall.
+LIFT_LOST = 0.10
+#: Least time for which a stall's lift is short [s].
+STALL_TIME = 0.3
+#: Range of alpha that the straight line of lift needs [rad].
+LINE_RANGE = 4.0 * DEGREE
+#: Load factor, compensated for bank, above which a pull-up is [g].
+PULL_UP = 1.5
+#: Load factor, as measured, below which a push-over is [g].
+LOW_G = 0.5
+#: Least time of a pull-up or push-over [s].
+LOAD_TIME = 1.0
+#: Greatest range of speed, relative, within `STEADY_WINDOW` of steady flight.
+STEADY_SPEED = 0.01
+#: The same of pitch [rad].
+STEADY_PITCH = 1.0 * DEGREE
+#: The same of bank [rad].
+STEADY_BANK = 2.0 * DEGREE
+#: Window in which steady flight is judged [s].
+STEADY_WINDOW = 5.0
+#: Least time of steady flight [s].
+STEADY_TIME = 10.0
 #: A surface left alone moves by less than this [rad] within two seconds.
 ALONE = 0.25 * DEGREE
-#: Least amplitude [m/s] of a slow oscillation, share of the motion it must explain, periods that
-#: must be seen, and least correlation of height with loss of speed.
-PHUGOID_SPEED, PHUGOID_SHARE, PHUGOID_PERIODS, EXCHANGE = 1.5, 0.8, 1.25, 0.8
-#: Least change of bank [rad] of a spiral, its least time [s] and its greatest rate [rad/s].
-SPIRAL_BANK, SPIRAL_TIME, SPIRAL_RATE = 15 * DEGREE, 20.0, 3 * DEGREE
+#: Least amplitude of a slow oscillation [m/s].
+PHUGOID_SPEED = 1.5
+#: Share of the motion that a slow oscillation must explain.
+PHUGOID_SHARE = 0.8
+#: Periods of it that must be seen.
+PHUGOID_PERIODS = 1.25
+#: Least correlation of height with loss of speed.
+EXCHANGE = 0.8
+#: Least change of bank of a spiral [rad].
+SPIRAL_BANK = 15 * DEGREE
+#: Least time of a spiral [s].
+SPIRAL_TIME = 20.0
+#: Greatest rate of a spiral [rad/s].
+SPIRAL_RATE = 3 * DEGREE
 
 
 def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Response]:

@@ -24,20 +24,25 @@ from aerodb.nomenclature import FLAGS
 from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
-#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi; height [m]
-#: up to which it still rolls.
-SLOW, ROLLING_HEIGHT = 0.3, 4.0
+#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi.
+SLOW = 0.3
+#: Height up to which it still rolls [m].
+ROLLING_HEIGHT = 4.0
 #: Airspeed [m/s] that nothing with wings stays below in flight.
 LEAST_AIRSPEED = 6.0
 #: Shortest time [s] on the ground or in the air that is believed.
 SHORTEST_STAY = 5.0
-#: What is moved now and then rather than flown with, and by how much a new position differs (rad;
-#: gear: 1).
+#: What is moved now and then rather than flown with.
 _MOVED = (
     r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
 )
 CONFIGURATION: Final = re.compile(rf"delta_({_MOVED})(_left|_right)?")
-POSITION_STEP, GEAR_STEP, SHORTEST_POSITION = 1.0 * DEGREE, 0.05, 1.0
+#: Difference of a new position [rad].
+POSITION_STEP = 1.0 * DEGREE
+#: Difference of a new position of the gear, of its whole travel.
+GEAR_STEP = 0.05
+#: Shortest time at a position [s].
+SHORTEST_POSITION = 1.0
 #: Surfaces that aircraft are flown with.
 PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "ruddervator", "canard")
 #: An irregular input is a companion of a simultaneous one this many times as large: dampers and

@@ -20,8 +20,10 @@ RAREST = 0.02
 LONGEST_SPIKE = 3
 #: Half width [samples] of the neighbourhood whose usual change a spike is compared with.
 NEARBY = 12
-#: Shortest time [s] over which a constant value is stuck, and its length relative to usual runs.
-SHORTEST_STUCK, STUCK_FACTOR = 0.5, 6.0
+#: Shortest time over which a constant value is stuck [s].
+SHORTEST_STUCK = 0.5
+#: Length of a stuck run relative to usual runs of one value.
+STUCK_FACTOR = 6.0
 
 #: Physical range of a channel, in its unit, for any aircraft, from small models to winged re-entry.
 PHYSICAL: Final[dict[str, tuple[float, float]]] = {
@@ -62,9 +64,10 @@ _MOVING = (
     "theta",
     "psi",
 )
-#: Air data that are constant at rest, near zero, and the part of their largest value up to which
-#: they may be.
-_STILL_AT_REST, _AT_REST = ("V", "qbar"), 0.05
+#: Air data that are constant at rest, near zero.
+_STILL_AT_REST = ("V", "qbar")
+#: Part of their largest value up to which they may be constant.
+_AT_REST = 0.05
 #: Smallest departure, as part of a channel's physical range, that can be a spike.
 _FINEST = 2e-6
 

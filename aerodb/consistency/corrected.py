@@ -56,8 +56,10 @@ from aerodb.vehicle import Vehicle, angles_from_pressures
 #: the vehicle.
 LIMITS = 2.0
 
-#: Number of draws of the smoother's error for its spectrum, and of wind stretches to draw from.
-DRAWS, MOST_DRAWN = 8, 3
+#: Number of draws of the smoother's error for its spectrum.
+DRAWS = 8
+#: Largest number of wind stretches to draw from.
+MOST_DRAWN = 3
 
 _AIR: Final = ("V", "alpha", "beta")
 _ATTITUDE: Final = ("phi", "theta", "psi")

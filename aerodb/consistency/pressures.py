@@ -22,9 +22,10 @@ HOLES: Final = {"probe_dp_alpha": "alpha", "probe_dp_beta": "beta"}
 #: Parameters of the pressure ports.
 PORTS: Final = ("static_port_error", "static_port_offset", "total_port_error")
 
-#: Angles that agree to this median difference (rad) were computed from the same pressures; number
-#: of samples compared.
-_ALIKE, _ENOUGH = 1e-3, 2000
+#: Angles that agree to this median difference were computed from the same pressures [rad].
+_ALIKE = 1e-3
+#: Number of samples compared.
+_ENOUGH = 2000
 
 #: Densities that agree to this relative difference were computed from the same static pressure.
 _SAME = 1e-6

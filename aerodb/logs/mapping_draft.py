@@ -65,8 +65,10 @@ _RATES: Final = (("phi", "p"), ("theta", "q"), ("psi", "r"))
 _LEAST_CORRELATION: Final = 0.9
 #: Tables of fewer rows than this share of the longest are not along the flight.
 _LEAST_SHARE: Final = 0.1
-#: Speed of sound [m/s] from -60 to 50 degC, with what instruments are off.
-_SLOWEST_SOUND, _FASTEST_SOUND = 285.0, 365.0
+#: Speed of sound at -60 degC, with what instruments are off [m/s].
+_SLOWEST_SOUND = 285.0
+#: Speed of sound at 50 degC, with what instruments are off [m/s].
+_FASTEST_SOUND = 365.0
 
 
 @dataclass(frozen=True)

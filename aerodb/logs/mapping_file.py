@@ -122,9 +122,11 @@ class Geometry(Strict):
         return _LEAST_FILLED < area / (span * chord) < _MOST_FILLED
 
 
-#: Area of a wing over the product of its span and chord: from deltas and high taper (a mean
-#: aerodynamic chord exceeds the mean one) to rectangles, with what fuselages are counted in.
-_LEAST_FILLED, _MOST_FILLED = 0.5, 1.2
+#: Least area of a wing over the product of its span and chord: of deltas and high taper (a mean
+#: aerodynamic chord exceeds the mean one).
+_LEAST_FILLED = 0.5
+#: Largest such ratio: of rectangles, with what fuselages are counted in.
+_MOST_FILLED = 1.2
 
 
 class Mapping(Strict):

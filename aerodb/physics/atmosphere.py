@@ -15,7 +15,10 @@ from aerodb.support import Array
 GRAVITY: Final = 9.80665
 GAS_CONSTANT: Final = 287.05287  # J/(kg K), dry air, ICAO Doc 7488
 HEAT_RATIO: Final = 1.4
-PRESSURE_0, TEMPERATURE_0 = 101325.0, 288.15
+#: Static pressure of the standard atmosphere at sea level [Pa].
+PRESSURE_0 = 101325.0
+#: Temperature of the standard atmosphere at sea level [K].
+TEMPERATURE_0 = 288.15
 DENSITY_0: Final = PRESSURE_0 / (GAS_CONSTANT * TEMPERATURE_0)
 SOUND_0: Final = float(np.sqrt(HEAT_RATIO * GAS_CONSTANT * TEMPERATURE_0))
 #: Layers of ICAO Doc 7488: geopotential altitude of the base [m] and temperature gradient [K/m].

@@ -19,7 +19,10 @@ FLATTENING: Final = 1.0 / 298.257223563
 ECCENTRICITY_SQUARED: Final = FLATTENING * (2.0 - FLATTENING)
 EARTH_RATE: Final = 7.292115e-5  # rad/s
 GRAVITATION: Final = 3.986004418e14  # m3/s2
-_EQUATOR, _SOMIGLIANA = 9.7803253359, 0.00193185265241
+#: Gravity on the ellipsoid at the equator [m/s^2].
+_EQUATOR = 9.7803253359
+#: Constant k of Somigliana's formula.
+_SOMIGLIANA = 0.00193185265241
 #: m = omega^2 a^2 b / GM, the ratio of centrifugal acceleration to gravitation at the equator.
 _RATIO: Final = EARTH_RATE**2 * SEMI_MAJOR**3 * (1.0 - FLATTENING) / GRAVITATION
 #: Curvature of the plumb line: gravity has a northward component of this times height times

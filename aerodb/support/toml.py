@@ -6,11 +6,12 @@ from typing import Any, Final
 
 from aerodb.errors import InputError
 
-#: Characters of a text, parts of a dotted key, and arrays and tables inside each other: far more
-#: than any file of this program needs. tomllib takes memory with the square of a key's parts, and
-#: recurses into values.
+#: Most characters of a text: far more than any file of this program needs, as are the next two.
 MOST_CHARACTERS: Final = 50_000_000
-MOST_PARTS, DEEPEST = 64, 64
+#: Most parts of a dotted key: tomllib takes memory with their square.
+MOST_PARTS: Final = 64
+#: Most arrays and tables inside each other: tomllib recurses into values.
+DEEPEST: Final = 64
 _PART: Final = r"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
 _LONG_KEY: Final = re.compile(
     rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS},}}+"

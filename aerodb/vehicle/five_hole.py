@@ -19,8 +19,10 @@ from aerodb.support import (
 )
 from aerodb.units import Number, Radians
 
-#: Newton steps from the linear solution, and the residual angle [rad] at which it has converged.
-_STEPS, _TOLERANCE = 20, 1e-9
+#: Newton steps from the linear solution.
+_STEPS = 20
+#: Residual angle at which the solution has converged [rad].
+_TOLERANCE = 1e-9
 
 
 class Curve(Strict):

@@ -24,7 +24,10 @@ from aerodb.recording import Damage
 MOST_EXPANSION: Final = 1032
 #: Bytes that a file may expand to.
 MOST_BYTES: Final = 4 << 30
-_MOST_VARIABLES, _DEEPEST = 20_000, 8
+#: Most variables of a file.
+_MOST_VARIABLES: Final = 20_000
+#: Most structures or groups inside each other.
+_DEEPEST: Final = 8
 
 _STORED: Final = {
     1: "i1",
@@ -39,8 +42,16 @@ _STORED: Final = {
     13: "u8",
 }
 _TEXT: Final = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
-_MATRIX, _COMPRESSED = 14, 15
-_STRUCT, _CHAR, _NUMERIC = 2, 4, range(6, 16)
+#: Type of an element that is an array.
+_MATRIX: Final = 14
+#: Type of an element that is compressed.
+_COMPRESSED: Final = 15
+#: Class of an array of structures.
+_STRUCT: Final = 2
+#: Class of an array of characters.
+_CHAR: Final = 4
+#: Classes of arrays of numbers.
+_NUMERIC: Final = range(6, 16)
 _UNSHAPED: Final = (16, 17)  # function handles and objects of classes: stored without a shape
 _COMPLEX: Final = 0x0800
 

@@ -59,9 +59,11 @@ from aerodb.vehicle import Accuracy, Vehicle
 #: Corrections are applied to every sample.
 SLOW = 0.04
 
-#: Largest number of one-minute records used to estimate sensor errors, of one flight and of several
-#: together; more add little.
-MOST_STRETCHES, MOST_STRETCHES_JOINT = 8, 48
+#: Largest number of one-minute records of one flight used to estimate sensor errors: more add
+#: little.
+MOST_STRETCHES = 8
+#: The same of several flights together.
+MOST_STRETCHES_JOINT = 48
 
 #: Gain of log-likelihood required to use a rotating earth: the rates of an attitude reference are
 #: often free of the earth's rate already.

@@ -15,20 +15,24 @@ from aerodb.support import Array
 #: Largest number of iterations.
 MOST_ITERATIONS = 100
 
-#: Converged if no step exceeds this fraction of its standard error, or if the log-likelihood gains
-#: less than this.
-SMALL_STEP, SMALL_GAIN = 1e-3, 1e-4
+#: Converged if no step exceeds this fraction of its standard error.
+SMALL_STEP = 1e-3
+#: Converged if the log-likelihood gains less than this.
+SMALL_GAIN = 1e-4
 
-#: This many successive steps that gain less log-likelihood than this also end the search: a
-#: likelihood ratio of 1 % is no evidence.
-_IDLE, NO_GAIN = 4, 1e-2
+#: This many successive steps that gain less than `NO_GAIN` also end the search.
+_IDLE = 4
+#: Gain of log-likelihood that counts for nothing: a likelihood ratio of 1 % is no evidence.
+NO_GAIN = 1e-2
 
 #: Damping (fraction of the diagonal) below which a step counts as undamped.
 _LIGHT = 1e-2
 
-#: Interval of the samples that the first steps of a search use, s: the motion is integrated at the
-#: full rate, but the sensors are compared at few points. Fewest such samples of a record.
-THIN_STEP, _FEWEST = 0.2, 50
+#: Interval of the samples that the first steps of a search use [s]: the motion is integrated at the
+#: full rate, but the sensors are compared at few points.
+THIN_STEP = 0.2
+#: Fewest such samples of a record.
+_FEWEST = 50
 
 #: Gain of log-likelihood with which a search over thinned samples ends: it is only a start.
 ROUGH_GAIN = 1.0

@@ -20,9 +20,10 @@ from aerodb.consistency.plan import Plan
 from aerodb.consistency.sensors import AIR_DATA, Record, parameter
 from aerodb.support import Array
 
-#: Standard errors beyond which a lead is evidence for another error, and a position for a vane that
-#: is elsewhere.
-EVIDENT, FAR = 2.0, 5.0
+#: Standard errors beyond which a lead is evidence for another error.
+EVIDENT = 2.0
+#: Standard errors beyond which a position is evidence for a vane that is elsewhere.
+FAR = 5.0
 
 #: Gain of log-likelihood, of independent samples and priors, from which a position explains the
 #: air data better than delays and scales: odds of 50 to 1.

@@ -61,7 +61,17 @@ _SIZE: Final[Mapping[str, float]] = {
     ),
     **dict.fromkeys(("qbar", "probe_dp_alpha", "probe_dp_beta"), 200.0),
 }
-_SCALE, _DELAY, _WIND, _ARM, _MOUNT = 0.2, 0.2, 10.0, 1.0, 0.03
+#: Natural size of a scale error, relative.
+_SCALE = 0.2
+#: Natural size of a delay [s].
+_DELAY = 0.2
+#: Natural size of a component of the wind [m/s].
+_WIND = 10.0
+#: Natural size of an error of a lever arm [m].
+_ARM = 1.0
+#: Natural size of an angle of installation [rad].
+_MOUNT = 0.03
+#: Natural sizes of the errors of a five-hole probe's calibration.
 _PROBE: Final = {"offset": 0.03, "slope": 0.2, "square": 0.5, "cross": 0.5, "bend": 0.2}
 
 #: Further parameters: kind and natural size.

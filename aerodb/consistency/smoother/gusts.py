@@ -28,9 +28,14 @@ from aerodb.consistency.smoother.path_error import (
 )
 from aerodb.support import Array, Threads
 
-#: Prior medians: intensity (m/s) and scale length (m) of gusts, in-run drift of accelerometers
-#: (m/s2) and gyros (rad/s); correlation time of the drift (s).
-_LIGHT, _LENGTH, _DRIFT, DRIFT_TIME = 0.77, 200.0, (3e-3, 3e-5), 60.0
+#: Prior median of the intensity of gusts [m/s].
+_LIGHT = 0.77
+#: Prior median of their scale length [m].
+_LENGTH = 200.0
+#: Prior medians of the in-run drift of accelerometers [m/s^2] and gyros [rad/s].
+_DRIFT = (3e-3, 3e-5)
+#: Correlation time of the drift [s].
+DRIFT_TIME = 60.0
 
 #: Prior standard deviations (natural logarithm) of horizontal intensity, ratio of vertical to
 #: horizontal, horizontal time, ratio of vertical to horizontal, drifts; and the search range around
@@ -39,8 +44,10 @@ _WIDTHS = np.array([1.5, 0.4, 1.0, 0.7, 1.0, 1.0])
 _SPAN = np.array([6.0, 6.0, 3.0, 3.0, 3.0, 3.0, 6.0])
 
 #: A channel is coloured if its low-frequency noise exceeds its white noise by this factor, more
-#: than chance explains. Then: upper limit of a residual's autocorrelation between grid points.
-_COLOURED, _SLOWEST = 1.5, 0.98
+#: than chance explains.
+_COLOURED = 1.5
+#: Upper limit of a residual's autocorrelation between grid points.
+_SLOWEST = 0.98
 
 #: Prior of the initial error states, one sigma of attitude (rad), velocity (m/s) and position (m):
 #: larger than any path's error.
@@ -52,10 +59,14 @@ MOST_RECORDS = 4
 #: Smallest noise, SI.
 _FAINT = 1e-9
 
-#: Largest number of iterations, and the gain of log-likelihood that ends the search; the one that
-#: ends a first search, which tells the channels that remain coloured; and the one that ends a
-#: search on the fine grid that follows one on a coarse grid.
-_PASSES, _ENOUGH, _FIRST, _LAST = 60, 0.003, 1.0, 0.1
+#: Largest number of iterations.
+_PASSES = 60
+#: Gain of log-likelihood that ends the search.
+_ENOUGH = 0.003
+#: Gain that ends a first search, which tells the channels that remain coloured.
+_FIRST = 1.0
+#: Gain that ends a search on the fine grid that follows one on a coarse grid.
+_LAST = 0.1
 
 #: Step of the grid on which the intensities are searched, s: it holds frequencies up to 2.5 Hz,
 #: while gusts act below 2 Hz and drifts far below; faster noise is known from single samples.
