@@ -79,7 +79,10 @@ class Calibration:
         return dict(zip(self.names, pairs, strict=True))
 
     def only(self, names: Iterable[str]) -> "Calibration":
-        """The marginal calibration of these parameters, in its own order."""
+        """The marginal calibration of these parameters, in its own order.
+
+        values (j,), covariance (j, j), SI, of the j that it has; the others are integrated out.
+        """
         wanted = set(names)
         index = [number for number, name in enumerate(self.names) if name in wanted]
         part = tuple(self.names[number] for number in index)
@@ -96,7 +99,10 @@ class Calibration:
 
     def valid_at(self, start: datetime | None) -> bool:
         """Whether it applies to a flight that started at `start`; an unknown start (None) needs a
-        calibration without limits."""
+        calibration without limits.
+
+        Aware times; the range is half open. Source: `docs/method/consistency.md`, "Calibrations".
+        """
         if start is None:
             return self.valid_from is None and self.valid_until is None
         return (self.valid_from is None or start >= self.valid_from) and (
@@ -104,7 +110,11 @@ class Calibration:
         )
 
     def document(self) -> dict[str, Any]:
-        """As a JSON document; `from_document` reads it back."""
+        """As a JSON document; `from_document` reads it back.
+
+        Parameters name -> value, SI; covariance (k, k) as lists in the order of `order`; times as
+        text.
+        """
         return {
             "vehicle": self.vehicle,
             "parameters": {
@@ -119,7 +129,11 @@ class Calibration:
 
 
 def from_document(document: Mapping[str, Any]) -> Calibration:
-    """The calibration in a stored document; raises InputError when it is not one."""
+    """The calibration in a stored document of `Calibration.document`: k values, covariance (k, k),
+    SI.
+
+    Raises InputError when it is not one.
+    """
     try:
         names = tuple(document["order"])
         return Calibration(

@@ -384,8 +384,11 @@ def march(
 
 
 def quaternion_start(initial: Array, directions: Array) -> tuple[Array, Array]:
-    """States (10,) and their derivatives (10, k) with a quaternion, from those with Euler angles,
-    (9,) and (9, k)."""
+    """First states and their derivatives with a quaternion, from those with Euler angles.
+
+    initial : (9,), SI, angles 3-2-1 [rad]. directions : (9, k), derivatives by k unknowns. Returns
+    (10,) and (10, k), body to earth.
+    """
     cosine, sine = np.cos(0.5 * initial[3:6]), np.sin(0.5 * initial[3:6])
     attitude = _half_angles(cosine, sine)
     by = np.empty((4, 3))

@@ -116,6 +116,8 @@ class Plan:
         """The plan in which a channel has no weight and its own errors are not sought.
 
         disagreement : rms of its residual while it had weight, SI.
+
+        Its noise floor becomes `NO_WEIGHT`.
         """
         own = [each for each in self.free if channels_of(each) == (name,)]
         return replace(
@@ -169,6 +171,8 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
 
     Which parameters are free follows from the channels that any record has and from whether a
     record turns; priors and noise come from the vehicle file.
+
+    Priors and noise floors are in SI units. Source: `docs/method/consistency.md`, "Model".
     """
     logged = {name for record in records for name in record.outputs}
     earth = any(name in logged for name in _EARTH)

@@ -34,8 +34,8 @@ _SAME = 1e-6
 def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
     """Whether alpha and beta of a flight were computed from logged five-hole probe pressures.
 
-    shown : channel -> (n,), V, alpha, beta at the air-data point. False when the vehicle file gives
-    no calibration.
+    shown : channel -> (n,), V [m/s], alpha, beta [rad] at the air-data point. False when the
+    vehicle file gives no calibration.
     """
     known = all(name in flight for name in (*HOLES, "qbar", "rho", "V"))
     if vehicle.air_data.five_hole is None or not known or not {"alpha", "beta"} <= set(shown):
@@ -58,7 +58,11 @@ def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Arra
 
 
 def recalibrated(probe: AirData, values: Mapping[str, float]) -> AirData:
-    """The probe with its calibration corrected by the estimated `values` (name -> value)."""
+    """The probe with its calibration corrected by the estimated `values` (name -> value, SI).
+
+    Parameters are those of `known_names` that begin with ``probe_``; a probe without calibration
+    stays.
+    """
     if probe.five_hole is None:
         return probe
     pairs = {
@@ -135,7 +139,8 @@ def correct_pressure_altitude(shown: Array, air: PortCorrected) -> Array:
 
 
 def residuals_as_angles(path: ReconstructedPath) -> ReconstructedPath:
-    """The path with residuals of five-hole probe pressures converted to alpha and beta, rad."""
+    """The path with residuals (n,) of five-hole probe pressures [Pa] converted to alpha and beta
+    [rad]."""
     record, probe = path.record, path.record.installation.five_hole
     if probe is None or record.density is None or not set(HOLES) & set(path.residuals):
         return path

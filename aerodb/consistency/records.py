@@ -74,7 +74,7 @@ class InertialInputs:
 
 
 def inertial_inputs(flight: Flight, vehicle: Vehicle) -> InertialInputs:
-    """Specific force at the CG and angular rates of a flight.
+    """Specific force [m/s^2] at the CG and angular rates [rad/s] of a flight, (n, 6).
 
     Specific force measured away from the CG is moved to it with the measured rates and their
     derivatives. Raises InputError when specific force, rates or attitude are not logged.
@@ -164,10 +164,10 @@ def air_data_from_probe(
 
 
 def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
-    """Whether qbar and V of a flight are one measurement.
+    """Whether qbar [Pa] and V [m/s] of a flight are one measurement.
 
     They are if qbar = rho V^2 / 2 to the last digits, with V at the CG or at the air-data point
-    (`shown`).
+    (`shown`, channel -> (n,)).
     """
     if not all(name in flight for name in ("qbar", "V", "rho")):
         return "qbar" not in flight

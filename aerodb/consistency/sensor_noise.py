@@ -27,6 +27,8 @@ def noise_beyond_declaration(
 
     paths : reconstructed records of a flight. sensors : of the vehicle file, by channel.
     moving_air : whether the residuals of the air data are gusts; these channels are then left out.
+
+    Residuals (n,) and noise of one channel in SI units; those of five-hole probes as angles [rad].
     """
     shown = [residuals_as_angles(path).residuals for path in paths]
     sentences = []

@@ -181,7 +181,11 @@ def judge(
 
 def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = ()) -> ProcessNoise:
     """Whether the air moved in at least a quarter of these records; the figures are those of the
-    worst one. `left_out`: channels that have left the estimate and prove nothing."""
+    worst one. `left_out`: channels that have left the estimate and prove nothing.
+
+    A record counts by its residuals (n,) of the air data, gusts [m/s]. Source:
+    `docs/method/consistency.md`, "Verdict".
+    """
     judged = [_moving(_without(residuals_as_angles(path), left_out)) for path in paths]
     worst = max(judged, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
     share = float(np.mean([entry.matters for entry in judged]))
@@ -252,7 +256,10 @@ def as_document(verdict: Verdict) -> dict[str, Any]:
 def judge_navigation(
     velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy
 ) -> Verdict:
-    """The verdict without logged accelerations, from checks of the navigation solution alone."""
+    """The verdict without logged accelerations, from checks of the navigation solution alone.
+
+    Velocities [m/s], angles [rad]. Source: `docs/method/consistency.md`, "Navigation solutions".
+    """
     words: list[VerdictWord] = []
     remarks, checks = list[Remark](), []
     if velocity is not None:

@@ -313,10 +313,12 @@ def solve(
 
 def biases_that_may_be_air(found: FlightReconstruction, accuracy: Accuracy) -> tuple[str, ...]:
     """Names of the biases whose error is mostly vertical air's, and not small beside the limit of a
-    flow angle.
+    flow angle [rad].
 
     The vane's bias is the same in all flights of an installation, the air is each flight's own:
     such an estimate, applied, would make flights differ that agree as they were measured.
+
+    accuracy : its `flow_angle` [rad] is the limit.
     """
     result = found.reconstruction
     labels = [entry.parameter.label for entry in result.estimates]

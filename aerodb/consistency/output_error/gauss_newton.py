@@ -68,6 +68,8 @@ class Problem:
     drivers: tuple[Record, ...] | None = None
 
     def sums(self, vector: Array) -> NormalEquations:
+        """The sums of the normal equations (k, k) at the unknowns `vector` (k,), SI; see
+        `accumulate`."""
         return accumulate(self.records, self.starts, self.items, vector, self.fixed, self.drivers)
 
     def thinned(self) -> "Problem | None":
@@ -87,6 +89,11 @@ class Problem:
         return replace(self, records=records, drivers=self.records)
 
     def cost(self, vector: Array, sums: NormalEquations) -> float:
+        """Negative log of the posterior density at `vector` (k,), SI, without constants.
+
+        sums : at that vector. It is `NormalEquations.cost` plus half the squares of `vector` over
+        its priors.
+        """
         return sums.cost(self.noise_floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
 
 
@@ -112,7 +119,11 @@ def make_problem(
     noise_floor: Mapping[str, float] | None,
     starts: Sequence[Array] | None,
 ) -> Problem:
-    """The problem of `reconstruction.reconstruct`, whose arguments these are."""
+    """The problem of `reconstruction.reconstruct`, whose arguments these are.
+
+    Gives k unknowns with priors (k,) and bounds (k,), SI. Raises InputError without records, or
+    with two of one name.
+    """
     names = [record.name for record in records]
     if not records or len(set(names)) < len(names):
         raise InputError(
@@ -148,7 +159,11 @@ def make_problem(
 
 
 def information(problem: Problem, sums: NormalEquations) -> Array:
-    """(k, k) information matrix of the unknowns: measurements and priors."""
+    """(k, k) information matrix of the unknowns: measurements and priors.
+
+    Inverse squares of SI units; each channel is divided by its residual variance, priors add to the
+    diagonal.
+    """
     noise = sums.variance(problem.noise_floor)
     total = np.diag(problem.prior**-2.0)
     for name, part in sums.information.items():

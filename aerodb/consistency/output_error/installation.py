@@ -221,12 +221,15 @@ class Lead:
 
     @property
     def evident(self) -> bool:
-        """Whether it leads beyond its error."""
+        """Whether it leads by more than `EVIDENT` standard errors [s]."""
         return self.seconds < -EVIDENT * self.standard_error
 
 
 def leads(result: Reconstruction) -> tuple[Lead, ...]:
-    """Delays that a reconstruction found to be negative, which no sensor's is."""
+    """Delays that a reconstruction found to be negative, which no sensor's is.
+
+    One `Lead` for each, delay and standard error [s]; empty if none.
+    """
     return tuple(
         Lead(entry.parameter.name, entry.value, entry.standard_error)
         for entry in result.estimates

@@ -44,15 +44,19 @@ class NormalEquations:
     gradient: Mapping[str, Array]
 
     def variance(self, floor: Mapping[str, float]) -> dict[str, float]:
-        """Residual variance by channel, not below the square of `floor`."""
+        """Residual variance by channel, SI squared, not below the square of `floor` (name -> one
+        sigma, SI)."""
         return {
             name: max(self.squares[name] / n, floor.get(name, 0.0) ** 2, 1e-30)
             for name, n in self.count.items()
         }
 
     def cost(self, floor: Mapping[str, float]) -> float:
-        """Negative log-likelihood with the noise variance estimated, ``sum N/2 (ln R + S/(N
-        R))``."""
+        """Negative log-likelihood with the noise variance estimated, ``sum N/2 (ln R + S/(N R))``.
+
+        Dimensionless scalar, without constants; R as in `variance`. floor : channel -> one sigma,
+        SI.
+        """
         noise = self.variance(floor)
         return sum(
             0.5 * (n * np.log(noise[name]) + self.squares[name] / noise[name])
@@ -68,8 +72,11 @@ def applies_to(item: Parameter, record: Record) -> bool:
 def usable_samples(
     record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]
 ) -> NDArray[np.bool_]:
-    """(n,) samples of an output that are used: finite, away from the ends of the record if the
-    channel is delayed, and no Euler angle near the vertical, where noise flips bank and heading."""
+    """(n,) samples of an output that are used.
+
+    They are finite, `MAX_DELAY` [s] away from the ends of the record if the channel is delayed, and
+    no Euler angle near the vertical (`VERTICAL` [rad]), where noise flips bank and heading.
+    """
     good = np.isfinite(record.outputs[name])
     delays = delays_of(name)
     if any(values.get(each, 0.0) != 0.0 for each in delays) or any(
@@ -84,7 +91,8 @@ def usable_samples(
 
 
 def residuals(record: Record, response: Response) -> dict[str, Array]:
-    """Measured minus reconstructed outputs, (n,) by channel; bank and heading modulo 360 deg."""
+    """Measured minus reconstructed outputs, (n,) by channel, SI; bank and heading between -pi and
+    pi [rad]."""
     differences = {}
     for name, shown in response.outputs.items():
         difference = record.outputs[name] - shown
@@ -97,7 +105,10 @@ def residuals(record: Record, response: Response) -> dict[str, Array]:
 def record_values(
     items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]
 ) -> dict[str, float]:
-    """Name -> value of the parameters that act on a record: fixed ones and those in `vector`."""
+    """Name -> value, SI, of the parameters that act on a record: fixed ones and those in `vector`.
+
+    items : k unknowns. vector : (k,), their values.
+    """
     own = {
         item.name: float(v)
         for item, v in zip(items, vector, strict=True)

@@ -53,8 +53,11 @@ class SensorEstimates:
     def updated(
         self, names: tuple[str, ...], values: Array, covariance: Array
     ) -> "SensorEstimates":
-        """The estimates updated (Kalman update) by independent values (m,) and covariance (m, m) of
-        some of the parameters."""
+        """The estimates updated (Kalman update) by independent values of some of the parameters.
+
+        values : (m,), SI. covariance : (m, m). Joseph's form keeps the variances positive. Raises
+        ValueError for a name that it does not have.
+        """
         index = [self.names.index(name) for name in names]
         across = self.covariance[:, index]
         gain = across @ np.linalg.inv(self.covariance[np.ix_(index, index)] + covariance)
@@ -69,7 +72,11 @@ class SensorEstimates:
         )
 
     def conditioned_on_zero(self, name: str) -> "SensorEstimates":
-        """The other parameters' estimates, conditioned on this one being zero."""
+        """The other parameters' estimates, conditioned on this one being zero.
+
+        Of k parameters k - 1 are left, covariance (k - 1, k - 1), SI. Raises ValueError for a name
+        that it does not have.
+        """
         gone = self.names.index(name)
         gain = self.covariance[:, gone] / self.covariance[gone, gone]
         rest = [number for number in range(len(self.names)) if number != gone]
@@ -83,8 +90,11 @@ class SensorEstimates:
 
 
 def shared_estimates(result: Reconstruction, still: bool = False) -> SensorEstimates:
-    """The sensor parameters of a reconstruction, winds and first states integrated out; `still`:
-    with the covariance that they had in air without vertical motion."""
+    """The sensor parameters of a reconstruction, winds and first states integrated out.
+
+    Of j parameters: values (j,), covariance (j, j), SI. still : with the covariance that they had
+    in air without vertical motion.
+    """
     index = [number for number, entry in enumerate(result.estimates) if not entry.parameter.scope]
     chosen = [result.estimates[number] for number in index]
     values = np.array([entry.value for entry in chosen])
@@ -121,7 +131,7 @@ def _beyond(name: str, stated: float, value: float, error: float) -> bool:
 
 
 def with_calibration(estimates: SensorEstimates, calibration: Calibration) -> SensorEstimates:
-    """The estimates updated by a calibration."""
+    """The estimates updated by the values (m,) and covariance (m, m), SI, of a calibration."""
     part = calibration.only(estimates.names)
     return estimates.updated(part.names, part.values, part.covariance) if part.names else estimates
 
@@ -129,7 +139,10 @@ def with_calibration(estimates: SensorEstimates, calibration: Calibration) -> Se
 def overridden_by_calibration(
     estimates: SensorEstimates, calibration: Calibration
 ) -> SensorEstimates:
-    """The estimates with those of a calibration in place of the flight's own."""
+    """The estimates with those of a calibration in place of the flight's own, SI.
+
+    Their covariance (m, m) is the calibration's; that with the flight's other parameters is zero.
+    """
     part = calibration.only(estimates.names)
     index = [estimates.names.index(name) for name in part.names]
     values, spread = estimates.values.copy(), estimates.covariance.copy()
@@ -140,7 +153,10 @@ def overridden_by_calibration(
 
 
 def is_early(name: str, value: float) -> bool:
-    """Whether a parameter is a delay that is negative: no sensor leads the motion."""
+    """Whether a parameter is a delay that is negative: no sensor leads the motion.
+
+    value : [s] for a delay.
+    """
     return value < 0.0 and parameter(name).kind == "delay"
 
 
@@ -160,6 +176,8 @@ def pooled(
 
     flights : independent estimates, without priors. names : parameters; those that no flight has
     are left out. stated : priors, name -> one sigma about zero, SI.
+
+    Gives values (m,), covariance (m, m), SI, as the sum of informations does.
     """
     known = tuple(dict.fromkeys(name for own in flights for name in own.names if name in names))
     information, push = np.zeros((len(known), len(known))), np.zeros(len(known))
@@ -184,6 +202,8 @@ def significant_parameters(
     `SIGNIFICANT` standard errors from zero once the removed ones are zero. Parameters at a bound or
     without relevant effect are removed first, then the least significant one at a time; the rest is
     conditioned on the removed ones being zero, so that of two that trade off, one stays.
+
+    accuracy : limits, SI, that tell which effects are relevant.
     """
     left = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
     for entry in result.estimates:

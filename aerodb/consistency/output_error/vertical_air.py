@@ -211,6 +211,8 @@ def air_information(pulls: Sequence[Pull], air: VerticalAir, k: int) -> Array:
     sigma^2 (1 + |t| / time) exp(-|t| / time)``; flights are independent.
 
     pulls : of the records. air : prior. k : number of unknowns.
+
+    air.sigma [m/s], air.time [s].
     """
     total = np.zeros((k, k))
     for flight in dict.fromkeys(each.flight for each in pulls):

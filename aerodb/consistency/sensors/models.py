@@ -126,7 +126,8 @@ class SensorModels:
         self.gravity, self.density, self.pressure = gravity, density, pressure
 
     def unknown(self, name: str, declared: float = 0.0) -> Dual:
-        """The declared value plus a parameter, with its derivative if the parameter is free."""
+        """The declared value plus a parameter, SI, with its derivative 1 if the parameter is free:
+        a scalar."""
         return Dual(declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {})
 
     def acts(self, *names: str) -> bool:
@@ -134,7 +135,10 @@ class SensorModels:
         return any(name in self.free or self.values.get(name, 0.0) != 0.0 for name in names)
 
     def channel(self, name: str) -> Dual:
-        """The true quantity behind an output, SI, with its derivatives."""
+        """The true quantity behind an output, SI, with its derivatives.
+
+        (n,). Raises KeyError for a name that is no output.
+        """
         if name in ("north", "east", "altitude"):
             return self._position(name)
         if name in self.states:
@@ -156,17 +160,20 @@ class SensorModels:
 
     @cached_property
     def rotation(self) -> tuple[Triple, Triple, Triple]:
-        """Rotation matrix from body to earth axes (north, east, down), by rows."""
+        """Rotation matrix from body to earth axes (north, east, down), by rows.
+
+        Euler angles 3-2-1 [rad]; every element (n,).
+        """
         return body_to_earth(self.states["phi"], self.states["theta"], self.states["psi"])
 
     @property
     def velocity(self) -> Triple:
-        """Velocity of the CG over the earth, body axes, m/s."""
+        """Velocity (u, v, w) of the CG over the earth, body axes, (n,) each [m/s]."""
         return self.states["u"], self.states["v"], self.states["w"]
 
     @cached_property
     def air(self) -> Triple:
-        """Velocity of the CG through the air, body axes, m/s."""
+        """Velocity of the CG through the air, body axes, (n,) each [m/s]."""
         names = ("wind_north", "wind_east", "wind_down")
         if not self.acts(*names):
             return self.velocity
@@ -193,7 +200,7 @@ class SensorModels:
 
     @cached_property
     def probe(self) -> Triple:
-        """Velocity of the air-data point through the air, in axes of the boom, m/s."""
+        """Velocity of the air-data point through the air, in axes of the boom, (n,) each [m/s]."""
         moved = self._moved(self.air, self._arm("air_data", self.arm))
         names = ("air_data_roll", "air_data_pitch", "air_data_yaw")
         if not any(self.installation.boom) and not self.acts(*names):
@@ -209,20 +216,22 @@ class SensorModels:
 
     @cached_property
     def speed(self) -> Dual:
-        """True airspeed at the air-data point, m/s."""
+        """True airspeed at the air-data point, (n,) [m/s]."""
         a, b, c = self.probe
         return root(a * a + b * b + c * c)
 
     @cached_property
     def flow(self) -> tuple[Dual, Dual]:
-        """Angles of attack and sideslip at the air-data point, rad."""
+        """Angles of attack and sideslip at the air-data point, (n,) each [rad]."""
         a, b, c = self.probe
         return angle(c, a), arcsine(b / self.speed)
 
     @cached_property
     def vanes(self) -> tuple[Dual, Dual]:
-        """Angles of attack and sideslip as vanes at the air-data point show them (upwash, flank
-        angle), rad."""
+        """Angles of attack and sideslip as vanes at the air-data point show them, (n,) each [rad].
+
+        They contain upwash, and the flank angle in place of sideslip where the vane measures it.
+        """
         a, b, _ = self.probe
         slip = angle(b, a) if self.installation.flank else self.flow[1]
         return self.flow[0] * (1.0 + self.installation.upwash[0]), slip * (
@@ -231,7 +240,7 @@ class SensorModels:
 
     @cached_property
     def over_earth(self) -> Triple:
-        """Velocity of the antenna over the earth, north, east, down, m/s."""
+        """Velocity of the antenna over the earth, north, east, down, (n,) each [m/s]."""
         moved = self._moved(self.velocity, self._arm("gps", self.installation.gps))
         north, east, down = (dot(row, moved) for row in self.rotation)
         return north, east, down
@@ -245,8 +254,10 @@ class SensorModels:
 
     @cached_property
     def dynamic_pressure(self) -> Dual:
-        """True dynamic pressure at the air-data point, Pa; density is solved for with it if it was
-        computed from the measured static pressure."""
+        """True dynamic pressure at the air-data point, (n,) [Pa].
+
+        Density is solved for with it if it was computed from the measured static pressure.
+        """
         incompressible = self.speed * self.speed * (0.5 * self._density())
         if self.pressure is None or not self.acts(*_PORTS):
             return incompressible
@@ -259,7 +270,7 @@ class SensorModels:
 
     @cached_property
     def shown_pressure(self) -> Dual:
-        """Dynamic pressure as the ports show it, Pa."""
+        """Dynamic pressure as the ports show it, (n,) [Pa]."""
         true = self.dynamic_pressure
         if not self.acts(*_PORTS):
             return true
@@ -268,7 +279,10 @@ class SensorModels:
 
     @cached_property
     def shown_speed(self) -> Dual:
-        """True airspeed computed from the pressures at the ports, m/s."""
+        """True airspeed computed from the pressures at the ports, (n,) [m/s].
+
+        Raises InputError when errors of the ports leave no dynamic pressure.
+        """
         if not self.acts(*_PORTS):
             return self.speed
         if not np.min(self.shown_pressure.value) > 0.0:
@@ -296,7 +310,7 @@ class SensorModels:
 
     @cached_property
     def height(self) -> Dual:
-        """Height of the CG above the ground, m."""
+        """Height of the CG above the ground, (n,) [m]."""
         return self.states["altitude"] - self.unknown("terrain_elevation")
 
     def _slant_range(self) -> Dual:

@@ -128,6 +128,8 @@ class Parameter:
 def parameter(name: str, scope: str = "") -> Parameter:
     """The parameter of that name; raises UnknownNameError with the nearest name otherwise.
 
+    Its natural size is in SI units.
+
     >>> parameter("alpha_scale").kind
     'scale'
     """
@@ -171,6 +173,8 @@ def channels_of(name: str) -> tuple[str, ...]:
     """Measured channels that a sensor parameter affects; empty for parameters of a flight and
     initial states.
 
+    Raises UnknownNameError for a name that is not in `known_names`.
+
     >>> channels_of("probe_beta_slope")
     ('probe_dp_beta',)
     """
@@ -193,6 +197,8 @@ def unknowns(
     states once per record, all others shared.
 
     names : parameter names without scope. flights : one per record. records : names of the records.
+
+    Raises UnknownNameError for a name that is not in `known_names`.
     """
     parameters: list[Parameter] = []
     for name in dict.fromkeys(names):

@@ -199,7 +199,11 @@ def predict_outputs(
 
 
 def thinned(record: Record, every: int) -> Record:
-    """The record with one sample of `every`, from the first on."""
+    """The record with one sample of `every`, from the first on: (n,) becomes (n / every,), rounded
+    up.
+
+    Its step [s] is `every` times longer.
+    """
     return replace(
         record,
         step=record.step * every,

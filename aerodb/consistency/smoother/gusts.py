@@ -108,12 +108,15 @@ class Intensities:
     noise: Mapping[str, float]
 
     def of(self, channels: Sequence[str]) -> Array:
-        """(c,) noise of these channels, infinite for those that are not used."""
+        """(c,) noise of these channels, infinite for those that are not used. SI."""
         return np.array([self.noise.get(name, np.inf) for name in channels])
 
 
 def transition(system: PathError, by: Intensities) -> Transition:
-    """The state equation of a record with these intensities."""
+    """The state equation of a record with these intensities.
+
+    by : gusts [m/s, s], drifts and noise, SI. Gives F, noise (m,) and first variances (m,).
+    """
     m = system.observation.shape[2]
     diagonal, noise, first = np.ones(m), np.zeros(m), np.zeros(m)
     for part, sigma in zip((ATTITUDE, VELOCITY, POSITION), _UNKNOWN, strict=True):
@@ -129,7 +132,7 @@ def transition(system: PathError, by: Intensities) -> Transition:
 
 
 def measurement_variances(system: PathError, by: Intensities) -> Array:
-    """(g, c) noise variances of the block means, zero where nothing was measured."""
+    """(g, c) noise variances of the block means, SI squared, zero where nothing was measured."""
     used = system.count > 0
     return np.where(used, by.of(system.channels) ** 2 / np.where(used, system.count, 1.0), 0.0)
 
@@ -330,6 +333,8 @@ def slow_noise(system: PathError, left: Array, name: str) -> float:
 
     The variance is ``s^2 (1 + r)/(1 - r)`` for a lag-one autocorrelation r. It refers to whole
     blocks and is zero if fewer than eight were measured. left : (g, c) residual after smoothing.
+
+    SI.
     """
     column = system.channels.index(name)
     count = system.count[:, column]
@@ -363,7 +368,10 @@ def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]
 def residual_after_smoothing(
     system: PathError, measured: Array, observation: Array, error: Array
 ) -> Array:
-    """(g, c) residual after smoothing, meaningless where nothing was measured."""
+    """(g, c) residual after smoothing, meaningless where nothing was measured.
+
+    measured : (g, c), SI. observation : (g, c, m). error : (g, m), smoothed error states.
+    """
     return measured - np.asarray(np.einsum("gcm,gm->gc", observation, error))
 
 
@@ -372,6 +380,8 @@ def adapted_gusts(by: Intensities, result: SmootherPass) -> Intensities:
     its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982).
 
     result : a pass with the variances of `GUST`.
+
+    Gusts [m/s].
     """
     square = np.mean(result.states[:, GUST, 0] ** 2 + result.variance, axis=0)
     horizontal, vertical = float(np.sqrt(square[:2].mean())), float(np.sqrt(square[2]))

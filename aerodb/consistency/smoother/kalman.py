@@ -126,7 +126,10 @@ def smooth(
 
 
 def propagate(model: Transition, states: Array) -> None:
-    """Add to each of the states (n, m, k), in place, F times the one before."""
+    """Add to each of the states (n, m, k), in place, F times the one before.
+
+    F is (m, m), sparse, as in `Transition`.
+    """
     _propagate(model.rows, model.columns, model.values, model.diagonal, states)
 
 

@@ -88,7 +88,7 @@ class PathError:
 
     @property
     def states(self) -> Array:
-        """(9, g) of the path at the grid points."""
+        """(9, g) states of the path at the grid points, SI, angles 3-2-1 [rad]."""
         return self.path.states[:, self.at]
 
 
@@ -171,7 +171,7 @@ def path_error(
 
 
 def predicted_outputs(system: PathError, error: Array) -> Array:
-    """(g, c) sensor outputs without delays, along the path corrected by error states (g, m)."""
+    """(g, c) sensor outputs [SI] without delays, on the path corrected by error states (g, m)."""
     return _outputs(system, error, slopes=False)[0]
 
 
@@ -242,7 +242,7 @@ def _left_jacobian(turn: Array) -> Array:
 
 
 def delay_of_channel(channel: str, values: Mapping[str, float]) -> float:
-    """Delay of a channel, s."""
+    """Delay of a channel, the sum of its parameters (`delays_of`) in `values` [s]."""
     return sum(values.get(name, 0.0) for name in delays_of(channel))
 
 

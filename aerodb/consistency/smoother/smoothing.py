@@ -174,6 +174,9 @@ def intensities_of(
     They are estimated from a few records spread over all of them: searched on a grid of
     `SEARCH_STEP`, with the last steps on that of `coarse`. Other parameters and errors as
     `smooth_flight`.
+
+    coarse : step of the grid [s]. noise_floor : channel -> one sigma, SI. Source:
+    `docs/method/consistency.md`, "Smoother".
     """
     own = [path for flight in flights for path in _paths(result, flight)]
     chosen = np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int))
