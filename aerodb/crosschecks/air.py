@@ -7,20 +7,25 @@ from aerodb.crosschecks.in_flight import HUGE, flying, middle
 from aerodb.flight import Flight
 from aerodb.physics import density, speed_of_sound, standard_atmosphere
 
-#: Temperatures [K] of the air in which aircraft fly: the coldest tropopause and the hottest desert,
-#: with a margin.
-COLDEST, HOTTEST = 170.0, 335.0
+#: Coldest air in which aircraft fly, that of the coldest tropopause, with a margin [K].
+COLDEST = 170.0
+#: Hottest such air, that of the hottest desert, with a margin [K].
+HOTTEST = 335.0
 #: Largest share by which density may differ from that of dry air: moist air of 40 degC is 2.8 %
 #: lighter; sensors add the rest.
 GAS = 0.05
 #: Largest share by which 2 qbar / (rho V^2) may differ from one: 2 % of airspeed, twice, and
 #: density.
 DYNAMIC = 0.06
-#: Largest difference [m], and share of the altitude, between altitude and pressure altitude: an
-#: altimeter setting of +-50 hPa, a ground 1000 m high, air 15 % colder or warmer than standard.
-ALTITUDE, SHARE = 1500.0, 0.15
-#: Density of any day over that of the standard atmosphere at the altitude.
-THINNEST, DENSEST = 0.7, 1.4
+#: Largest difference between altitude and pressure altitude [m]: an altimeter setting of +-50 hPa,
+#: a ground 1000 m high.
+ALTITUDE = 1500.0
+#: Share of the altitude that adds to it: air 15 % colder or warmer than standard.
+SHARE = 0.15
+#: Least density of any day over that of the standard atmosphere at the altitude.
+THINNEST = 0.7
+#: Largest such ratio.
+DENSEST = 1.4
 
 
 def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:

@@ -28,25 +28,37 @@ from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.vehicle import Vehicle
 
-#: Least standard errors, share of the motion explained by the fit, and share of the motion that the
-#: surface itself causes, for a claim; largest variance inflation.
-ERRORS, EXPLAINED, CAUSED, INFLATION = 6.0, 0.3, 0.4, 30.0
+#: Least standard errors for a claim.
+ERRORS = 6.0
+#: Least share of the motion explained by the fit for a claim.
+EXPLAINED = 0.3
+#: Least share of the motion that the surface itself causes for a claim.
+CAUSED = 0.4
+#: Largest variance inflation for a claim.
+INFLATION = 30.0
 #: Least and largest effect per rad of a whole control of this role: dCm/d delta of tailed aircraft
 #: is .5 to 3, dCl .03 to .4, dCn .03 to .3 (Roskam, Airplane Flight Dynamics, 1979, appendix C).
 EFFECT = {"pitch": (0.03, 12.0), "roll": (0.006, 1.6), "yaw": (0.006, 1.6)}
 #: Least motion [rad, rms in the band] of a surface for its effect to be called too small.
 MOVED = 0.01
-#: Roll damping over that of a wing of this aspect ratio, an eighth of its lift slope per p_hat
-#: of an elliptic load (strip theory), and what the fit must explain for it.
-DAMPING, DAMPED = (0.3, 2.5), 0.8
-#: Least rate [rad/s, rms in the band] about an axis, and largest share of its motion explained, for
-#: a surface that stands still to be missed.
-TURNING, UNEXPLAINED = 0.005, 0.75
+#: Roll damping over that of a wing of this aspect ratio, an eighth of its lift slope per p_hat of
+#: an elliptic load (strip theory).
+DAMPING = (0.3, 2.5)
+#: Share of the motion that the fit must explain for it.
+DAMPED = 0.8
+#: Least rate about an axis for a surface that stands still to be missed [rad/s, rms in the band].
+TURNING = 0.005
+#: Largest share of its motion explained for the same.
+UNEXPLAINED = 0.75
 #: Kind of suspicion of a surface that may have stood still: said, but no fault of the flight.
 UNMOVED = "unmoved"
-#: Largest delay searched for, least delay named [s], and least ratio of likelihoods (as a
-#: logarithm) with the samples that are independent in the residual.
-LARGEST, LATE, LIKELIER = 0.6, 0.15, 6.0
+#: Largest delay searched for [s].
+LARGEST = 0.6
+#: Least delay named [s].
+LATE = 0.15
+#: Least ratio of likelihoods, as a logarithm, with the samples that are independent in the
+#: residual.
+LIKELIER = 6.0
 _RATE = {"pitch": "q", "roll": "p", "yaw": "r"}
 _SAYS = {
     "pitch": "trailing edge down must pitch the nose down",

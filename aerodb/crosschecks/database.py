@@ -22,31 +22,62 @@ from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
-#: Standard errors of a claim about a sign and about a size, and least share of the motion that the
-#: fit explains, for any claim about a control.
-SIGN_ERRORS, SIZE_ERRORS, EXPLAINED = 4.0, 4.0, 0.15
+#: Standard errors of a claim about a sign.
+SIGN_ERRORS = 4.0
+#: Standard errors of a claim about a size.
+SIZE_ERRORS = 4.0
+#: Least share of the motion that the fit explains, for any claim about a control.
+EXPLAINED = 0.15
 #: Least share of the motion to be explained for a claim that a control does nothing.
 IDLE_EXPLAINED = 0.5
-#: Least part of an axis that a control must cause for a claim about its sign, and about its size.
-CAUSED, CAUSED_BY_SIZE = 0.05, 0.2
-#: Ratios of a control's effect to the database's: beyond which its unit is another.
-LEAST, LARGEST, REVERSED = 0.1, 5.0, -0.15
-#: Largest delay searched for, least delay named [s], least part of the axis that the control
-#: causes, least ratio of likelihoods (as a logarithm), and how much a ratio may differ from one
-#: (one sigma of a normal distribution).
-SEARCHED, LATE, DELAYED, LIKELIER, USUAL = 0.6, 0.15, 0.2, 8.0, 0.35
+#: Least part of an axis that a control must cause for a claim about its sign.
+CAUSED = 0.05
+#: The same for a claim about its size.
+CAUSED_BY_SIZE = 0.2
+#: Ratio of a control's effect to the database's below which its unit is another.
+LEAST = 0.1
+#: The same above which its unit is another.
+LARGEST = 5.0
+#: The same below which its sign is reversed.
+REVERSED = -0.15
+#: Largest delay searched for [s].
+SEARCHED = 0.6
+#: Least delay named [s].
+LATE = 0.15
+#: Least part of the axis that the control causes, for a delay to be named.
+DELAYED = 0.2
+#: Least ratio of likelihoods, as a logarithm.
+LIKELIER = 8.0
+#: How much a ratio may differ from one (one sigma of a normal distribution).
+USUAL = 0.35
 #: Least of the motion to be explained where a control stands still.
 STILL = 0.75
-#: Factor, and lift coefficient, between the levels of the lift; ratios of its slope, and what must
-#: be explained for it; ratios of the damping in roll.
-LEVEL, BESIDE = 1.6, 0.15
-SLOPES, SLOPE_EXPLAINED = (0.5, 2.0), 0.8
-DAMPING, DAMPED = (0.3, 3.0), 0.8
-#: Of the factor that moments share: least derivatives, least factor, their scatter about it (median
-#: deviation of logarithms over the factor's), most that are elsewhere; a derivative counts with
-#: this relative error and weight.
-FEWEST, FACTOR, SCATTER, ELSEWHERE, FAR = 4, 1.25, 0.5, 0.25, 0.3
-KNOWN, WEIGHTY = 0.15, 0.1
+#: Factor by which the levels of the lift may differ.
+LEVEL = 1.6
+#: Lift coefficient by which the levels of the lift may differ beside that factor.
+BESIDE = 0.15
+#: Ratios of the lift's slope.
+SLOPES = (0.5, 2.0)
+#: Share that must be explained for a claim about it.
+SLOPE_EXPLAINED = 0.8
+#: Ratios of the damping in roll.
+DAMPING = (0.3, 3.0)
+#: Share that must be explained for a claim about it.
+DAMPED = 0.8
+#: Least derivatives of the factor that moments share.
+FEWEST = 4
+#: Least such factor.
+FACTOR = 1.25
+#: Largest scatter of derivatives about it (median deviation of logarithms over the factor's).
+SCATTER = 0.5
+#: Largest part of them that is elsewhere.
+ELSEWHERE = 0.25
+#: Difference of logarithms from their median from which a derivative is elsewhere.
+FAR = 0.3
+#: Relative error up to which a derivative counts.
+KNOWN = 0.15
+#: Weight from which a derivative counts.
+WEIGHTY = 0.1
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
 AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}

@@ -24,9 +24,14 @@ from aerodb.tables import AeroDatabase, slopes_by
 AXES = ("CY", "CZ", "Cl", "Cm", "Cn")
 #: Largest variance inflation of a derivative for any claim about it.
 INFLATION = 30.0
-#: Samples at which slopes of the database are taken; fewest of a flight to be looked at, least
-#: duration [s], largest value of a coefficient.
-_POINTS, _FEWEST, _SHORTEST, _MOST = 300, 100, 5.0, 1e3
+#: Samples at which slopes of the database are taken.
+_POINTS = 300
+#: Fewest samples of a flight to be looked at.
+_FEWEST = 100
+#: Least duration of a flight to be looked at [s].
+_SHORTEST = 5.0
+#: Largest value of a coefficient.
+_MOST = 1e3
 #: Least share of an axis' predicted variation for a motion to be a regressor.
 _SMALL = 0.02
 _MOTION = ("alpha", "beta", "p", "q", "r")

@@ -11,9 +11,11 @@ from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
-#: What an accelerometer [m/s^2] and a flow angle [rad] may err by in all of a flight: errors above
-#: them have checks of their own.
-ACCELERATION, ANGLE = 0.2, 0.035
+#: What an accelerometer may err by in all of a flight [m/s^2]: errors above it have checks of their
+#: own.
+ACCELERATION = 0.2
+#: The same of a flow angle [rad].
+ANGLE = 0.035
 
 
 def drag_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:

@@ -15,13 +15,16 @@ from aerodb.signals import band_passed, smooth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
-#: Band of manoeuvres [Hz], where the vehicle file states no bandwidth; slower is trim.
-SLOWEST, FASTEST = 0.05, 3.0
+#: Lower edge of the band of manoeuvres [Hz]: slower is trim.
+SLOWEST = 0.05
+#: Upper edge of the band, where the vehicle file states no bandwidth [Hz].
+FASTEST = 3.0
 #: Samples kept per period of the fastest motion.
 SAMPLES = 8.0
-#: Least motion [rad, rms in the band] of any surface to be a regressor: less is noise; and of one
-#: without a role, which only matters where it moves much.
-LEAST, LEAST_OTHER = 1e-5, 3e-3
+#: Least motion of any surface to be a regressor [rad, rms in the band]: less is noise.
+LEAST = 1e-5
+#: The same of a surface without a role, which only matters where it moves much.
+LEAST_OTHER = 3e-3
 #: Motion that the moment about each axis depends on.
 MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "p", "r")}
 

@@ -19,9 +19,11 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 
-#: Least ratio of likelihoods of both axes (as a logarithm), and ratios of the controls' effect to
-#: the database's once they are exchanged, on the axis that tells more.
-LIKELIER, RATIOS = 8.0, (0.3, 3.0)
+#: Least ratio of likelihoods of both axes, as a logarithm.
+LIKELIER = 8.0
+#: Ratios of the controls' effect to the database's once they are exchanged, on the axis that tells
+#: more.
+RATIOS = (0.3, 3.0)
 
 
 def exchanged_suspicions(axes: Mapping[str, AxisShares], flight: Flight) -> list[Suspicion]:

@@ -14,17 +14,25 @@ from aerodb.flight import Flight
 from aerodb.signals import low_passed
 from aerodb.vehicle import Vehicle
 
-#: Lift coefficients, as a median over a flight: less is a zero-g arc, more is no wing.
-LEAST, MOST = 0.02, 3.0
+#: Least lift coefficient, as a median over a flight: less is a zero-g arc.
+LEAST = 0.02
+#: Largest such coefficient: more is no wing.
+MOST = 3.0
 #: Measured slope over that of a wing of this aspect ratio A: sweep and poor sections take away;
 #: tail, body (`BODY` / A beyond) and compressibility add.
-SLOPES, BODY = (0.55, 1.6), 1.0
-#: Least standard deviation [rad] of the angle of attack, and least share of the normal force that
-#: it must explain, for the slope to be judged.
-SWING, EXPLAINED = 0.006, 0.8
-#: Angle of attack [rad] above which a wing may be stalled, Mach number above which a slope is not
-#: that of slow flow, band [Hz] of what is compared.
-STALL, FASTEST, BAND = 0.17, 0.7, 2.0
+SLOPES = (0.55, 1.6)
+#: What the body adds to the upper ratio, times A.
+BODY = 1.0
+#: Least standard deviation of the angle of attack for the slope to be judged [rad].
+SWING = 0.006
+#: Least share of the normal force that it must explain for the same.
+EXPLAINED = 0.8
+#: Angle of attack above which a wing may be stalled [rad].
+STALL = 0.17
+#: Mach number above which a slope is not that of slow flow.
+FASTEST = 0.7
+#: Band of what is compared [Hz].
+BAND = 2.0
 
 
 def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:

@@ -25,19 +25,34 @@ from aerodb.vehicle import Vehicle
 
 #: Kind of suspicion that aerodynamics may explain as well: said, but no fault of the flight.
 POSSIBLE = "possible"
-#: Band [Hz] in which forces are compared, and fewest samples.
-BAND, FEWEST = 2.0, 100
-#: Of the factor that forces share: what the database must explain of each change, least factor,
-#: largest scatter of its three ratios and largest share of it in the moments (logarithms over the
-#: factor's), fewest moment derivatives.
-EXPLAINED, FACTOR, SCATTER, MOMENTS = 0.8, 1.1, 0.5, 2
-#: Least shift of the CG, in chords, least standard errors, and how much its values from pitching
-#: and yawing moment may differ, as a share of their mean.
-SHIFT, ERRORS, APART = 0.05, 4.0, 0.5
+#: Band in which forces are compared [Hz].
+BAND = 2.0
+#: Fewest samples.
+FEWEST = 100
+#: What the database must explain of each change, for the factor that forces share.
+EXPLAINED = 0.8
+#: Least such factor.
+FACTOR = 1.1
+#: Largest scatter of its three ratios, and largest share of it in the moments (logarithms over the
+#: factor's).
+SCATTER = 0.5
+#: Fewest moment derivatives.
+MOMENTS = 2
+#: Least shift of the CG, in chords.
+SHIFT = 0.05
+#: Least standard errors of it.
+ERRORS = 4.0
+#: How much its values from pitching and yawing moment may differ, as a share of their mean.
+APART = 0.5
 #: Largest share of the database's drag that is too little: tunnels without trim, roughness and
-#: cooling measure less drag than flight does, seldom more. Share of it that is no thrust.
-LITTLE, NOTHING = 0.5, 0.01
-_POUND_FORCE, _NEAR = 4.4482, 0.3
+#: cooling measure less drag than flight does, seldom more.
+LITTLE = 0.5
+#: Share of the database's drag below which a thrust is none.
+NOTHING = 0.01
+#: Newtons of a pound of force [N].
+_POUND_FORCE = 4.4482
+#: Relative difference up to which a factor is that of pounds of force.
+_NEAR = 0.3
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,10 @@ PITCH = (0.04, 0.8)
 AREA = (0.4, 1.5)
 #: Factor between constant mass properties and logged ones that fuel and loading do not explain.
 APART = 2.0
-#: Distances of the centre of gravity from the moment reference, in chords and half spans.
-CHORDS, HALF_SPANS = 1.0, 0.2
+#: Largest distance of the centre of gravity from the moment reference, in chords.
+CHORDS = 1.0
+#: The same in half spans.
+HALF_SPANS = 0.2
 
 
 def mass_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:

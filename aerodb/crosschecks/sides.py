@@ -18,10 +18,16 @@ from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.vehicle import Vehicle
 
-#: Least effect of a side over that of the other; least standard errors, share of the motion
-#: explained, and share of it that the stronger side causes, for a claim; largest variance
-#: inflation.
-ALIKE, ERRORS, EXPLAINED, CAUSED, INFLATION = 0.5, 4.0, 0.3, 0.2, 10.0
+#: Least effect of a side over that of the other.
+ALIKE = 0.5
+#: Least standard errors for a claim.
+ERRORS = 4.0
+#: Least share of the motion explained for a claim.
+EXPLAINED = 0.3
+#: Least share of it that the stronger side causes for a claim.
+CAUSED = 0.2
+#: Largest variance inflation for a claim.
+INFLATION = 10.0
 #: Least motion [rad, rms] of a side for the other to be missed if it never changes.
 MOVED = 0.01
 

@@ -13,9 +13,10 @@ from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.vehicle import Surface, Vehicle
 
-#: Deflection beyond the limits, as a share of the travel, that no rigging explains; largest
-#: deflection [rad] of a surface whose limits are not known.
-BEYOND, LARGEST = 0.5, 1.6
+#: Deflection beyond the limits, as a share of the travel, that no rigging explains.
+BEYOND = 0.5
+#: Largest deflection of a surface whose limits are not known [rad].
+LARGEST = 1.6
 #: Least share of a flight at the limits that no flight has: commands beyond them are clipped.
 CLIPPED = 0.4
 _ROLES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}

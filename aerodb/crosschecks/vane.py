@@ -21,12 +21,23 @@ from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge
 
-#: Band of manoeuvres [Hz]: slower is drift and the air's own motion. Samples kept per period.
-SLOWEST, FASTEST, SAMPLES = 0.15, 1.5, 16.0
+#: Lower edge of the band of manoeuvres [Hz]: slower is drift and the air's own motion.
+SLOWEST = 0.15
+#: Upper edge of the band [Hz].
+FASTEST = 1.5
+#: Samples kept per period of it.
+SAMPLES = 16.0
 #: Share by which a vane may differ: what a long boom leaves without a correction (position errors:
-#: Gracey, NACA TN 4351, 1958). Least standard errors beyond it, least share explained, least motion
-#: [rad, rms] and duration [s].
-UPWASH, ERRORS, EXPLAINED, SWING, SHORTEST = 0.15, 3.0, 0.9, 0.004, 8.0
+#: Gracey, NACA TN 4351, 1958).
+UPWASH = 0.15
+#: Least standard errors beyond it.
+ERRORS = 3.0
+#: Least share explained.
+EXPLAINED = 0.9
+#: Least motion [rad, rms].
+SWING = 0.004
+#: Least duration [s].
+SHORTEST = 8.0
 _NEEDED = ("alpha", "V", "q", "ax", "az", "theta")
 
 
