@@ -61,7 +61,10 @@ class Remark:
         return self.sentence.partition(":")[0]
 
     def document(self) -> dict[str, Any]:
-        """As a JSON document: kind, subjects, values (None where not finite) and text."""
+        """As a JSON document: kind, subjects, values (None where not finite) and text.
+
+        Each value with its unit; `from_document` reads it back.
+        """
         values = {
             name: [value if math.isfinite(value) else None, unit]
             for name, (value, unit) in self.values.items()
@@ -75,7 +78,10 @@ class Remark:
 
 
 def from_document(document: Mapping[str, Any]) -> Remark:
-    """Return the remark of a `Remark.document`."""
+    """Return the remark of a `Remark.document`.
+
+    Values with their units. Raises KeyError for a document that lacks one of its parts.
+    """
     values = {
         name: (math.nan if value is None else float(value), unit)
         for name, (value, unit) in document["values"].items()

@@ -85,7 +85,10 @@ class Comparison:
 
     def summary(self, axis: str) -> dict[str, float]:
         """Number of usable samples of `axis`, and over them the rms of what was measured, of the
-        residual and of sigma (``noise_floor``)."""
+        residual and of sigma (``noise_floor``).
+
+        Coefficients (n,), dimensionless. Raises KeyError for an axis that it lacks.
+        """
         good = self.usable[axis]
         return {
             "samples": int(good.sum()),

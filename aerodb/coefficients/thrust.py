@@ -50,7 +50,10 @@ class ThrustShare:
         self, factor: Mapping[str, float], from_point: Array, to_point: Array, reference: Reference
     ) -> "ThrustShare":
         """The same for coefficients in another geometry: each axis times its `factor`, moments
-        about `to_point` (`aerodb.tables.transfer_moments`)."""
+        about `to_point` (`aerodb.tables.transfer_moments`).
+
+        Points (3,) [m], loads (n,) as coefficients.
+        """
         scaled = {axis: values * factor[axis] for axis, values in self.loads.items()}
         return ThrustShare(transfer_moments(scaled, from_point, to_point, reference), self.known)
 

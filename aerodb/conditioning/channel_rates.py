@@ -110,6 +110,8 @@ def with_accelerations(flight: Flight) -> dict[str, Array]:
     """Return the flight's channels with unusable samples interpolated linearly.
 
     ax, ay, az are those at the IMU if those at the CG are missing.
+
+    Channel -> (n,), SI. One with less than two usable samples is left out.
     """
     channels = {}
     for name in flight.channels:

@@ -88,6 +88,8 @@ def fingerprint(flight: Flight) -> frozenset[int]:
 
     Two flights with marks in common may share samples. A record without motion, or with fewer than
     six turning points, has none. Resampled copies share most marks, not all: look for several.
+
+    From samples (n,) of p, q, r [rad/s] and accelerations [m/s^2].
     """
     return frozenset(_marks(flight))
 

@@ -297,7 +297,10 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
 
 
 def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) -> list[Response]:
-    """Return stretches of ten seconds or more in which V [m/s], theta, phi [rad] hardly change."""
+    """Return stretches of ten seconds or more in which V [m/s], theta, phi [rad] hardly change.
+
+    Each is (n,), step [s], flying (n,) mask; limits as `STEADY_SPEED` and those below it.
+    """
     window = round(STEADY_WINDOW / step)
     if len(speed) < window:
         return []

@@ -75,6 +75,8 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
     Segments whose channels are missing are left out: without airspeed no ground, without attitude
     no steady flight. Manoeuvres are searched in the air only. Samples flagged as unusable are
     interpolated linearly.
+
+    Times [s] on the clock of the flight, samples (n,).
     """
     flight = _with_ground(flight)
     view = _View(flight)
@@ -123,6 +125,8 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     slow; otherwise it is airborne. Needs V or calibrated airspeed; with altitude or height above
     ground, the segments end at lift-off and begin at touch-down. A record that is never slow is
     airborne throughout.
+
+    Speed (n,) [m/s], times [s].
     """
     flight = _with_ground(flight)
     name = next(
@@ -179,8 +183,10 @@ def _with_ground(flight: Flight) -> Flight:
 
 
 def flag_on_ground(flight: Flight) -> Flight:
-    """The flight with ``on_ground`` flagged for all channels where `ground_and_air` finds it
-    there."""
+    """The flight with ``on_ground`` flagged for all channels where `ground_and_air` finds it there.
+
+    Flags are (n,); times in seconds are those of its segments.
+    """
     down = np.zeros(len(flight.time), dtype=bool)
     for segment in ground_and_air(flight):
         if segment.kind == "on_ground":
@@ -213,8 +219,10 @@ def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
 
 
 def configurations(flight: Flight) -> tuple[Segment, ...]:
-    """Positions of gear, flaps, slats, speed brakes and spoilers, and the times at which they
-    move."""
+    """Positions of gear, flaps, slats, speed brakes and spoilers, and the times at which they move.
+
+    Times [s], positions [rad] (gear: part of its travel), from (n,) samples.
+    """
     parts: list[Segment] = []
     for name in sorted(flight.channels):
         if CONFIGURATION.fullmatch(name) and flight.usable([name]).any():

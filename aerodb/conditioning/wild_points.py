@@ -238,6 +238,8 @@ def flag_wild_points(flight: Flight) -> Flight:
 
     The flags are ``wild_point``, ``stuck`` and ``implausible``. Every channel is examined on its
     samples without a flag; values do not change. A note counts what was found.
+
+    Values and flags are (n,), SI; the ranges are those of `physical_range`.
     """
     notes: list[str] = []
     result = flight
@@ -260,6 +262,8 @@ def without_wild_points(flight: Flight) -> Flight:
     """Return the flight with spikes and impossible values interpolated linearly; flags stay.
 
     Use it before smoothing or differentiation, where a wild point would affect its neighbours.
+
+    Values are (n,) in the unit of their channel, as flagged by `flag_wild_points`.
     """
     wild = np.uint8(FLAGS["wild_point"] | FLAGS["implausible"])
     mended = {}

@@ -34,6 +34,9 @@ def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     Medians over the samples in flight are compared: ideal gas, ``qbar = rho V^2 / 2`` (with
     compressibility where the Mach number is known: a pitot-static pressure is no fault), the
     standard atmosphere.
+
+    Pressures [Pa], density [kg/m^3], temperatures [K]. Source: `docs/method/consistency.md`,
+    "Against the vehicle".
     """
     names = ("rho", "static_pressure", "temperature", "altitude", "qbar", "V", "mach")
     there = [name for name in names if name in flight]

@@ -71,13 +71,16 @@ class AxisShares:
     step: float
 
     def weight(self, name: str) -> float:
-        """Root mean square of a part over that of all parts."""
+        """Root mean square of a part over that of all parts. A scalar, dimensionless."""
         sizes = {n: float(np.std(part[self.where])) for n, part in self.parts.items()}
         return sizes[name] / float(np.sqrt(sum(size**2 for size in sizes.values())))
 
     def fit(self, shifted: str = "", lag: int = 0) -> Regression | None:
         """Return the regression, with one part shifted by `lag` samples; None where it cannot be
-        solved."""
+        solved.
+
+        Columns (m, k) and the coefficient (m,) are dimensionless.
+        """
         parts = {n: np.roll(v, lag) if n == shifted else v for n, v in self.parts.items()}
         if not parts:
             return None
@@ -89,7 +92,10 @@ class AxisShares:
         return fit if np.all(np.isfinite(fit.standard_errors)) else None
 
     def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
-        """Return the shift (samples) of a part with which the regression explains most."""
+        """Return the shift (samples) of a part with which the regression explains most.
+
+        Every part is (m,) and dimensionless.
+        """
         others = [part[self.where] for n, part in self.parts.items() if n != name]
         rest = self.measured[self.where] - float(np.mean(self.measured[self.where]))
         basis = np.linalg.qr(np.column_stack(others))[0] if others else np.zeros((len(rest), 0))
@@ -104,14 +110,21 @@ class AxisShares:
         return max(lags, key=explained)
 
     def share(self, fit: Regression, name: str) -> Share:
-        """Return one derivative of a fit."""
+        """Return one derivative of a fit.
+
+        Dimensionless: the ratio of the flight to the database. Raises ValueError for a name that
+        the fit lacks.
+        """
         k = fit.names.index(name)
         error, vif = float(fit.standard_errors[k]), float(fit.vif[k])
         return Share(self.axis, name, float(fit.estimates[k]), error, self.weight(name), vif)
 
     def agreement(self) -> float:
         """Return the part of the variation that the database explains as it is; negative where it
-        predicts more than there is."""
+        predicts more than there is.
+
+        A scalar, dimensionless, at most 1.
+        """
         measured = self.measured[self.where]
         left = measured - sum(part[self.where] for part in self.parts.values())
         return 1.0 - float(np.var(left)) / max(float(np.var(measured)), 1e-300)

@@ -43,11 +43,17 @@ class EquationError:
     every: int
 
     def thinned(self, values: Array) -> Array:
-        """Return a channel of the flight at the samples of the regression."""
+        """Return a channel of the flight at the samples of the regression.
+
+        values : (n,), of which (m,) are left, as many as in `where`; the unit stays.
+        """
         return values[:: self.every][: len(self.where)]
 
     def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
-        """Return the shift (samples) of a control with which the regression explains most."""
+        """Return the shift (samples) of a control with which the regression explains most.
+
+        Controls are (m,) [rad].
+        """
         others = {**self.motion, **{n: v for n, v in self.controls.items() if n != name}}
         basis = np.linalg.qr(np.column_stack([v[self.where] for v in others.values()]))[0]
         moment = self.moment[self.where]
@@ -63,7 +69,10 @@ class EquationError:
         return max(lags, key=explained)
 
     def fit(self, controls: Mapping[str, Array] | None = None) -> Regression | None:
-        """Return the regression; None where it cannot be solved."""
+        """Return the regression; None where it cannot be solved.
+
+        controls : name -> (m,) [rad], in place of its own; columns (m, k).
+        """
         columns = {**self.motion, **(self.controls if controls is None else controls)}
         matrix = np.column_stack([values[self.where] for values in columns.values()])
         try:
@@ -75,7 +84,11 @@ class EquationError:
 def equation_errors(
     flight: Flight, vehicle: Vehicle, controls: Mapping[str, Control]
 ) -> dict[str, EquationError]:
-    """Return what is regressed, for each axis on which the flight has rates and controls."""
+    """Return what is regressed, for each axis on which the flight has rates and controls.
+
+    Rates [rad/s], deflections [rad], (n,) in the flight. Source: `docs/method/consistency.md`,
+    "Against the vehicle".
+    """
     known = known_masses(flight, vehicle)
     rates = [name for name in ("p", "q", "r") if name in flight]
     if len(rates) < 3 or not {"V", "qbar"} <= set(flight.channels) or "Izz" not in known:
@@ -156,6 +169,8 @@ def averaged(values: Array, every: int) -> Array:
     """Return the means of `every` samples each; nan where one of them is.
 
     The last few (less than 1 %) are dropped, so that the number suits a fast Fourier transform.
+
+    values : (n,), any unit.
     """
     count = int(prev_fast_len(len(values) // every - 1)) + 1
     return values[: count * every].reshape(count, every).mean(axis=1)

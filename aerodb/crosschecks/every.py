@@ -37,6 +37,8 @@ def against_vehicle(
     that other checks suspect, of which nothing is said again. Lift and the effect of surfaces are
     judged if no channel of the motion is suspected, and the effect of surfaces if air and masses
     are right: correct what is named and run again.
+
+    Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
     moving = _MOTION.isdisjoint(suspected)

@@ -22,6 +22,8 @@ def flying(flight: Flight, names: Iterable[str]) -> NDArray[np.bool_]:
     """Return the samples (n,) in flight at which all of these channels are usable.
 
     Values flagged as implausible or stuck count: they are the evidence.
+
+    Speeds [m/s].
     """
     there = [name for name in names if name in flight]
     good = flight.usable(there, despite=("implausible", "stuck"))
@@ -40,13 +42,18 @@ def flying(flight: Flight, names: Iterable[str]) -> NDArray[np.bool_]:
 
 
 def middle(values: Array, where: NDArray[np.bool_]) -> float:
-    """Return the median of `values` there; nan where there are too few."""
+    """Return the median of `values` there; nan where there are too few.
+
+    values, where : (n,); few are less than `FEWEST`. The unit stays.
+    """
     return float(np.median(values[where])) if int(where.sum()) >= FEWEST else float("nan")
 
 
 def known_masses(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
-    """Return mass, CG and inertia at each sample; none where the log should have them and has
-    not."""
+    """Return mass, CG and inertia at each sample; none where the log should have them and has not.
+
+    Mass [kg], CG [m], inertia [kg m^2], (n,) each.
+    """
     try:
         return mass_channels(flight, vehicle)
     except InputError:

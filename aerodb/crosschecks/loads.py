@@ -96,6 +96,9 @@ def thrust_beside(
     accelerometer and angle of attack may err by.
 
     area : m^2, that the coefficients refer to.
+
+    measured, predicted : coefficient -> (n,). usable : the same, masks. Source:
+    `docs/method/consistency.md`, "Against the database".
     """
     lines = vehicle.thrust.lines
     if vehicle.thrust.source != "channel" or "C_drag" not in measured or "qbar" not in flight:
@@ -145,6 +148,9 @@ def mass_beside(
     moments do not; a tunnel with lift and side force wrong alike gives the same.
 
     moments : derivatives that the flight tells well.
+
+    measured, predicted : coefficient -> (n,). step : between samples [s]. Source:
+    `docs/method/consistency.md`, "Against the database".
     """
     if not {"CY", "CZ"} <= measured.keys() or len(moments) < MOMENTS:
         return []
@@ -188,6 +194,9 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: Reference) -> list[Susp
 
     A CG assumed dx ahead of its place adds -dx/c CZ to Cm and dx/b CY to Cn. Rates and controls may
     have any size; alpha and beta, through which the forces act, are the database's.
+
+    Coefficients (n,); the shift in metres. Source: `docs/method/consistency.md`, "Against the
+    database".
     """
     pitch = _per_force(axes, "Cm", "CZ", "alpha", -reference.chord)
     yaw = _per_force(axes, "Cn", "CY", "beta", reference.span)

@@ -37,6 +37,9 @@ def mass_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     """Return mass properties and lengths that no body of this size can have.
 
     Where mass properties change in flight, their medians are judged.
+
+    Mass [kg], inertia [kg m^2], lengths [m]. Source: `docs/method/consistency.md`, "Against the
+    vehicle".
     """
     size = vehicle.reference
     listed = _geometry(size)

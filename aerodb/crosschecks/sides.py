@@ -38,6 +38,8 @@ def side_suspicions(
     """Return sides of controls whose effect is not that of the other side; one per pair.
 
     controls : as `by_role` gives them.
+
+    Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     listed = []
     for right, left, apart in _pairs(vehicle, controls):

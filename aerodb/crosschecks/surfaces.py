@@ -38,12 +38,15 @@ class Control:
 
 
 def along(flight: Flight, control: Control) -> Array:
-    """Return the deflection (n,) of a control."""
+    """Return the deflection (n,) of a control [rad]."""
     return np.asarray(sum(weight * flight[name] for name, weight in control.parts))
 
 
 def size_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
-    """Return surfaces that deflect far beyond their limits, or beyond any surface's."""
+    """Return surfaces that deflect far beyond their limits, or beyond any surface's.
+
+    Deflections (n,) [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
+    """
     listed = []
     combined = {f"delta_{name}" for name in vehicle.combinations}
     where = flying(flight, ())
@@ -74,6 +77,8 @@ def copied_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]
     """Return surfaces with the samples of a surface about another axis: one field was mapped twice.
 
     Elevators, ailerons and rudders by their names; a rudder is no copy of any other surface.
+
+    Samples are (n,) [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     combined = {f"delta_{name}" for name in vehicle.combinations}
     names = [n for n in flight.channels if is_surface(n) and n not in combined]
@@ -111,7 +116,10 @@ def _bounds(surface: Surface | None) -> tuple[float, float]:
 
 def by_role(flight: Flight, vehicle: Vehicle, unusable: Collection[str]) -> dict[str, Control]:
     """Return the controls of a flight by channel name; pairs of sides as one, combinations in place
-    of their members."""
+    of their members.
+
+    vehicle : its combinations, and whether a sign is declared.
+    """
     members = {f"delta_{side}" for c in vehicle.combinations.values() for side in (c.right, c.left)}
     controls: dict[str, Control] = {}
     for name in flight.channels:

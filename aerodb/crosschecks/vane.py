@@ -45,6 +45,8 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     """Return an angle of attack that changes more than the motion makes it change.
 
     flight : with the upwash that the vehicle file declares taken off.
+
+    Angles (n,) [rad], band in Hz. Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     channels = with_accelerations(flight)
     if not set(_NEEDED) <= channels.keys():

@@ -104,6 +104,8 @@ def complete_air_data(flight: Flight) -> Flight:
     """Return the flight with rho, V, qbar and mach computed where they are missing and can be.
 
     Each added channel has a note and is flagged where one of its sources is.
+
+    Added channels are (n,), SI: kg/m^3, m/s, Pa, Mach number.
     """
     for rule in _RULES:
         if rule.gives in flight or not all(name in flight for name in rule.of):

@@ -45,7 +45,10 @@ def is_ardupilot(recording: Recording) -> bool:
 
 
 def read_ardupilot(recording: Recording) -> Autopilot:
-    """Return what the parameters of an ArduPilot log say; empty for a log without parameters."""
+    """Return what the parameters of an ArduPilot log say; empty for a log without parameters.
+
+    Speeds [m/s], points (3,) [m].
+    """
     known = {
         key.removeprefix("param:"): value
         for key, value in recording.metadata.items()

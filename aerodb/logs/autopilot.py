@@ -123,7 +123,10 @@ def wingless_sentence(kind: str) -> str:
 
 
 def read_px4(recording: Recording) -> Autopilot:
-    """Return what the parameters of a PX4 log say; empty for a log without parameters."""
+    """Return what the parameters of a PX4 log say; empty for a log without parameters.
+
+    Speeds [m/s], points (3,) [m].
+    """
     known = {
         key.removeprefix("param:"): value
         for key, value in recording.metadata.items()

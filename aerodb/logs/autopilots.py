@@ -6,6 +6,8 @@ from aerodb.recording import Recording
 
 
 def read_autopilot(recording: Recording) -> Autopilot:
-    """Return what the parameters of a PX4 or ArduPilot log say; empty for a log without
-    parameters."""
+    """Return what the parameters of a PX4 or ArduPilot log say; empty for a log without parameters.
+
+    Speeds [m/s], points (3,) [m]; see `read_px4`, `read_ardupilot`.
+    """
     return read_ardupilot(recording) if is_ardupilot(recording) else read_px4(recording)

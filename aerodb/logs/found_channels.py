@@ -90,6 +90,8 @@ def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
 
     For tables, whose reader cannot know which column is the time. Topics without a time base of
     their length keep the sample index; without ``[time]`` nothing changes.
+
+    Times are (n,). Raises InputError when the field of ``[time]`` is not there.
     """
     if mapping.time is None:
         return recording

@@ -118,7 +118,10 @@ def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap 
 
 
 def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> tuple[Damage, ...]:
-    """Return the gaps of each topic where the whole file has framing or dropout damage."""
+    """Return the gaps of each topic where the whole file has framing or dropout damage.
+
+    Times (n,) [s].
+    """
     places = [
         (place.kind, place.start, place.end)
         for place in damage

@@ -53,6 +53,8 @@ class MappedLog:
         """Return the cleaned clock of a topic.
 
         None if the clock cannot be used or a table has no time base of that length.
+
+        Stamps (n,) [s].
         """
         if topic not in self._clocks:
             self._clocks[topic] = self._cleaned(topic)
@@ -74,7 +76,10 @@ class MappedLog:
         return _Clock(clean.keep, stamps[clean.keep])
 
     def stamps(self, topic: str) -> Array | None:
-        """Return logged times [s] of a topic; None if a table has no time base of its length."""
+        """Return logged times [s] of a topic; None if a table has no time base of its length.
+
+        (n,). Raises InputError when the field of ``[time]`` is not there.
+        """
         time = self.mapping.time
         if time is None:
             stamps = self.recording.topics[topic].time

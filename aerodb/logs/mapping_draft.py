@@ -102,6 +102,8 @@ def draft_mapping(
     Units come from the log, from the names of fields, or from the range of the values; where none
     of them decides, SI is written and a question is asked. Empty columns, and those that are zero
     throughout, are never mapped.
+
+    Columns (n,) in the units of the log.
     """
     columns = {
         (topic.name, field): values
@@ -179,7 +181,10 @@ def _settled(
 
 
 def numeric_columns(topic: Topic) -> Iterator[tuple[str, Array]]:
-    """Names and values (n,) of the columns of numbers."""
+    """Names and values (n,) of the columns of numbers.
+
+    In the unit of the log; columns of text or of more dimensions are left out.
+    """
     for field, values in topic.fields.items():
         column = np.asarray(values)
         if column.dtype.kind in "fiub" and column.ndim == 1:
@@ -205,7 +210,10 @@ def plain_name(field: str) -> tuple[str, str]:
 
 
 def guess_by_name(topic: Topic, field: str, values: Array) -> Guess | None:
-    """The channel that a field is by its name, with its unit; None for a name of none."""
+    """The channel that a field is by its name, with its unit; None for a name of none.
+
+    values : (n,), in the unit of the log; the guess names that unit.
+    """
     words, unit = plain_name(field)
     known: str | None = field if field in CHANNELS else None
     if known is None:
@@ -276,6 +284,8 @@ def clock_columns(
     """Topic -> (topic, column) that runs as a time does: by name, else the first that runs evenly.
 
     columns : (topic, column) -> (n,).
+
+    Times in any unit; it must increase at every sample.
     """
     found = {}
     for topic in recording.topics:

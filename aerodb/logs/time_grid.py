@@ -51,7 +51,10 @@ def _times(log: MappedLog, topic: str) -> Array:
 
 
 def common_grid(log: MappedLog, essential: Sequence[Signal], vehicle: Vehicle) -> tuple[Array, str]:
-    """Return the uniform time grid [s] and a note on its origin."""
+    """Return the uniform time grid [s] and a note on its origin.
+
+    (n,). Raises InputError when the signals do not overlap, or their clocks cannot be used.
+    """
     topics = dict.fromkeys(signal.topic for signal in essential)
     start = max(float(_times(log, topic)[0]) for topic in topics)
     end = min(float(_times(log, topic)[-1]) for topic in topics)
@@ -125,7 +128,10 @@ _AWAY = "are far from the flight and not used"
 def on_grid(
     log: MappedLog, signals: Iterable[Signal], grid: Array
 ) -> tuple[dict[str, Array], dict[str, NDArray[np.uint8]]]:
-    """Return channels and gap flags on the grid; fields of one topic share one resampler."""
+    """Return channels and gap flags on the grid; fields of one topic share one resampler.
+
+    grid : (n,) [s]. Channels (n,) in the unit of their signals, flags (n,) as bits of `FLAGS`.
+    """
     shared: dict[str, Resampler] = {}
     channels: dict[str, Array] = {}
     flags: dict[str, NDArray[np.uint8]] = {}

@@ -54,7 +54,10 @@ def _no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputErr
 
 def mapped_clock_suspicions(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
     """Return the topics whose time stamps do not overlap the others'; none if the mapping has no
-    time."""
+    time.
+
+    Stamps are (n,) [s].
+    """
     try:
         return clock_suspicions(with_mapped_clock(recording, mapping))
     except InputError:

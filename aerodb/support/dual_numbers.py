@@ -66,35 +66,41 @@ Triple = tuple[Dual, Dual, Dual]
 
 
 def sine(x: Dual) -> Dual:
-    """Return ``sin(x)``."""
+    """Return ``sin(x)``. x : [rad], (n,) or scalar."""
     return x.chain(np.sin(x.value), np.cos(x.value))
 
 
 def cosine(x: Dual) -> Dual:
-    """Return ``cos(x)``."""
+    """Return ``cos(x)``. x : [rad], (n,) or scalar."""
     return x.chain(np.cos(x.value), -np.sin(x.value))
 
 
 def root(x: Dual) -> Dual:
-    """Return the square root; x must be positive."""
+    """Return the square root; x must be positive.
+
+    (n,) or scalar; zero or less gives inf or nan, and no error is raised.
+    """
     value = np.sqrt(x.value)
     return x.chain(value, 0.5 / value)
 
 
 def arcsine(x: Dual) -> Dual:
-    """Return ``asin(x)``, x between -1 and 1."""
+    """Return ``asin(x)``, x between -1 and 1. (n,) or scalar [rad]."""
     return x.chain(np.arcsin(x.value), 1.0 / np.sqrt(1.0 - x.value**2))
 
 
 def angle(y: Dual, x: Dual) -> Dual:
-    """Return ``atan2(y, x)``."""
+    """Return ``atan2(y, x)``. (n,) or scalar [rad]; both zero gives nan derivatives."""
     square = x.value**2 + y.value**2
     value = np.arctan2(y.value, x.value)
     return y.chain(value, x.value / square) + x.chain(0.0, -y.value / square)
 
 
 def dead_zone(x: Dual, edge: float) -> Dual:
-    """Return the part of x beyond +-`edge`, with its sign; zero inside."""
+    """Return the part of x beyond +-`edge`, with its sign; zero inside.
+
+    (n,) or scalar; x and `edge` have one unit.
+    """
     outside = np.abs(x.value) > edge
     return x.chain(
         np.where(outside, x.value - edge * np.sign(x.value), 0.0), np.where(outside, 1.0, 0.0)
@@ -102,7 +108,10 @@ def dead_zone(x: Dual, edge: float) -> Dual:
 
 
 def cross(a: Triple, b: Triple) -> Triple:
-    """Return the vector product ``a x b``."""
+    """Return the vector product ``a x b``.
+
+    Components (n,) or scalar; the unit is the product of theirs.
+    """
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -110,6 +119,8 @@ def body_to_earth(phi: Dual, theta: Dual, psi: Dual) -> tuple[Triple, Triple, Tr
     """Return the rows of the rotation from body to earth (north, east, down) axes.
 
     Euler angles 3-2-1 [rad]; the transpose rotates from earth to body axes.
+
+    Elements are (n,) or scalar.
     """
     cf, sf, ct, st, cp, sp = (f(x) for x in (phi, theta, psi) for f in (cosine, sine))
     return (
@@ -120,5 +131,8 @@ def body_to_earth(phi: Dual, theta: Dual, psi: Dual) -> tuple[Triple, Triple, Tr
 
 
 def dot(a: Triple, b: Triple) -> Dual:
-    """Return the scalar product."""
+    """Return the scalar product.
+
+    Of components (n,) or scalar; the unit is the product of theirs.
+    """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

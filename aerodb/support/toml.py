@@ -22,6 +22,8 @@ def parsed_toml(text: str, where: str) -> dict[str, Any]:
     """Return the document of a TOML text.
 
     Raises InputError for text that is not TOML, is too long, or nests too deeply.
+
+    Limits: `MOST_CHARACTERS`, `MOST_PARTS`, `DEEPEST`.
     """
     if len(text) > MOST_CHARACTERS:
         raise InputError(f"{len(text)} characters", where, f"at most {MOST_CHARACTERS}")

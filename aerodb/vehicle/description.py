@@ -441,5 +441,7 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
     """Return the Vehicle that a TOML text describes.
 
     Raises InputError with the key, the reason and the nearest known key.
+
+    Units SI: `docs/reference/conventions.md`, "Vehicle file".
     """
     return validated_toml(Vehicle, text, where)

@@ -85,7 +85,10 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
 
 
 def pressure_ratio(x: Dual, y: Dual, curve: Curve) -> Dual:
-    """Return ``dp / (K q)`` of a pair of holes; x its own flow angle, y the other one [rad]."""
+    """Return ``dp / (K q)`` of a pair of holes; x its own flow angle, y the other one [rad].
+
+    Values are (n,) or scalar; the ratio [rad] is an angle in the linear case.
+    """
     return (
         x
         + curve.offset

@@ -17,6 +17,8 @@ def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
 
     A sample is flagged where either surface is. Source: "Data Analysis of Phoenix Reusable Launch
     Vehicle Demonstrator Flight Test", below eq. 6.
+
+    Deflections are (n,) [rad].
     """
     deflections: dict[str, Array] = {}
     flags: dict[str, NDArray[np.uint8]] = {}

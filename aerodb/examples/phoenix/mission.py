@@ -89,7 +89,10 @@ class Plan:
 
 
 def plan(generator: np.random.Generator, flights: int) -> Plan:
-    """Return randomly drawn flights of a campaign."""
+    """Return randomly drawn flights of a campaign.
+
+    Speeds [m/s], angles [rad], (k,) each; wind (3, k) [m/s].
+    """
     wind = np.zeros((3, flights))
     wind[:2] = generator.uniform(-4.0, 4.0, (2, flights))
     spread = np.linspace(0.0, 1.0, flights) if flights > 1 else np.array([0.5])
@@ -314,6 +317,8 @@ def drop_start(planned: Plan) -> dict[str, Array]:
     """Return the start of each flight, as `aerodb.simulation.simulate` takes it.
 
     The flight is level at DROP_SPEED through the moving air, at the angle of attack of the dive.
+
+    Each is (k,): V [m/s], angles [rad], altitude [m].
     """
     density = float(standard_atmosphere(GROUND + DROP_HEIGHT).density)
     speed = np.full(len(planned.speed), DROP_SPEED * np.sqrt(DENSITY_0 / density))

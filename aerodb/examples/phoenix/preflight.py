@@ -45,7 +45,10 @@ def lift(a: Array) -> Array:
 
 
 def drag(a: Array) -> Array:
-    """Return the drag coefficient of the clean vehicle, a parabolic polar."""
+    """Return the drag coefficient of the clean vehicle, a parabolic polar.
+
+    a : angle of attack (n,) [rad].
+    """
     return 0.042 + 0.175 * lift(a) ** 2
 
 
@@ -240,7 +243,11 @@ moment_reference = [-3.8, 0.0, 0.0]
 
 
 def table_values(name: str) -> Array:
-    """Return the node values of a table, rounded to the 6 decimals that are written."""
+    """Return the node values of a table, rounded to the 6 decimals that are written.
+
+    One dimension per argument of the table; the coefficient has no unit. Raises KeyError for an
+    unknown name.
+    """
     arguments, formula = TABLES[name]
     axes = [
         np.deg2rad(points) if unit == "deg" else np.array(points)
