@@ -15,8 +15,10 @@ from scipy.fft import next_fast_len, rfft
 
 from aerodb.support import Array
 
-#: Highest order, and fewest samples per coefficient.
-_HIGHEST, _PER_COEFFICIENT = 40, 10
+#: Highest order of an autoregressive model.
+_HIGHEST = 40
+#: Fewest samples per coefficient.
+_PER_COEFFICIENT = 10
 #: White noise that counts as part of the residuals, as a share of their variance: without it, the
 #: empty band of a low-passed residual takes all coefficients, and the band that it has is missed.
 _FLOOR = 1e-4

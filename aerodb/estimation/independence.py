@@ -22,8 +22,10 @@ _LEVEL: Final = 0.95
 _FAR: Final = 40.0
 #: Probability below which chance does not explain the correlations of a fit.
 _CHANCE: Final = 0.01
-#: Lags up to this share of the shortest record, and fewest of them.
-_SHARE, _FEWEST = 0.25, 4
+#: Longest lag, as a share of the shortest record.
+_SHARE = 0.25
+#: Fewest lags.
+_FEWEST = 4
 
 
 @dataclass(frozen=True)

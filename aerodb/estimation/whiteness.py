@@ -7,8 +7,10 @@ from scipy.special import gammaincc
 
 from aerodb.support import Array
 
-#: Most lags that are looked at, and samples for each.
-_LAGS, _PER_LAG = 20, 10
+#: Most lags that are looked at.
+_LAGS = 20
+#: Fewest samples for each lag.
+_PER_LAG = 10
 
 
 def ljung_box(records: Sequence[Array]) -> tuple[float, float]:

@@ -36,9 +36,12 @@ ONLINE_METHODS: Final[tuple[OnlineMethod, ...]] = (
     "normalised-recursive",
     "fourier-regression",
 )
-#: Time at the ends of a window that is not used, in periods of the bandwidth and at least [s]; and
-#: time constants after which a surface's lag has settled.
-_EDGE, _LEAST_EDGE, _SETTLED = 4.0, 1.0, 6.0
+#: Time at the ends of a window that is not used, in periods of the bandwidth.
+_EDGE = 4.0
+#: Least such time [s].
+_LEAST_EDGE = 1.0
+#: Time constants after which a surface's lag has settled.
+_SETTLED = 6.0
 #: Frequencies of Fourier transform regression, from the highest over this number to the highest.
 _FREQUENCIES: Final = 20
 #: The flight's name in the equations.

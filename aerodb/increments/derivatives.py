@@ -20,13 +20,17 @@ from aerodb.tables import AeroDatabase, slopes_by
 
 #: Rates whose own moment damps them: axis -> rate.
 DAMPING: Final = {"Cl": "p", "Cm": "q", "Cn": "r"}
-#: Least share of an axis' variation in the baseline that a control's sign, and the size of any
-#: derivative, must have to count: smaller ones are not known from the wind tunnel either.
-_SIGN_COUNTS, _SIZE_COUNTS = 0.05, 0.1
+#: Least share of an axis' variation in the baseline that a control's sign must have to count:
+#: smaller ones are not known from the wind tunnel either.
+_SIGN_COUNTS = 0.05
+#: The same for the size of any derivative.
+_SIZE_COUNTS = 0.1
 #: Samples per flight at which derivatives are evaluated.
 _SAMPLES: Final = 300
-#: Derivatives that differ by less than this part are not listed, and at most so many are.
-_LEAST, _LISTED = 0.001, 12
+#: Derivatives that differ by less than this part are not listed.
+_LEAST = 0.001
+#: Most derivatives that are listed.
+_LISTED = 12
 
 
 @dataclass(frozen=True)

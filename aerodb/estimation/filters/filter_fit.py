@@ -16,9 +16,10 @@ from aerodb.estimation.whiteness import ljung_box
 from aerodb.signals import theil
 from aerodb.support import Array
 
-#: Innovations are called coloured below this probability of white ones, and from this correlation
-#: of one sample with the next.
-_COLOURED, _CORRELATED = 0.01, 0.2
+#: Probability of white innovations below which they are called coloured.
+_COLOURED = 0.01
+#: Correlation of one innovation with the next from which they are called coloured.
+_CORRELATED = 0.2
 #: Samples for each unknown, below which a record is too short for its standard errors.
 _PER_UNKNOWN = 5.0
 

@@ -6,8 +6,10 @@ from numba import njit
 
 from aerodb.support import Array
 
-#: Samples in which a steady covariance must settle, and the relative change that ends it.
-_LONGEST, _SETTLED = 5_000, 1e-9
+#: Samples in which a steady covariance must settle.
+_LONGEST = 5_000
+#: Relative change of a variance from sample to sample at which it has settled.
+_SETTLED = 1e-9
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

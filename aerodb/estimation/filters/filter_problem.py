@@ -19,9 +19,10 @@ from aerodb.support import Array
 #: between outputs; ``innovations``: the diagonal one of the innovations, which gives the gain.
 Covariance = Literal["diagonal", "full", "innovations"]
 
-#: Times that the motion along which a model is linearised is renewed before the search, and the
-#: change of the log-likelihood at which it stays.
-_RENEWED, STAYS = 6, 0.01
+#: Times that the motion along which a model is linearised is renewed before the search.
+_RENEWED = 6
+#: Change of the log-likelihood at which the motion stays.
+STAYS = 0.01
 
 
 @dataclass(frozen=True, eq=False)

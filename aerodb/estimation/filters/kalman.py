@@ -29,9 +29,12 @@ Linear = tuple[Array, Array, Array]
 
 #: Least standard deviation of a parameter without prior and bounds before the first sample.
 _UNKNOWN = 1.0
-#: Least variance that sigma points are spread with; passes about the smoothed motion at most, and
-#: the share of a standard error that ends them.
-_FLAT, _PASSES, _SMALL = 1e-14, 12, 0.02
+#: Least variance that sigma points are spread with: without spread they have no slope.
+_FLAT = 1e-14
+#: Most passes about the smoothed motion.
+_PASSES = 12
+#: Change that ends the passes, as a share of a standard error.
+_SMALL = 0.02
 #: Most steps to the most likely parameters, each of at most one standard error.
 _CORRECTIONS = 12
 #: Shares of the process noise of constant parameters that are tried beside parameters that walk.

@@ -18,7 +18,10 @@ from aerodb.signals import theil
 from aerodb.support import Array
 
 _LOST: Final = "the filter lost the motion: start closer, or state priors or bounds"
-_COLOURED, _CORRELATED = 0.01, 0.2
+#: Probability of white innovations below which they are called coloured.
+_COLOURED = 0.01
+#: Correlation of one innovation with the next from which they are called coloured.
+_CORRELATED = 0.2
 _ASSUMES: Final = (
     "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
     "The parameters are constant, and the motion is close to linear within their uncertainty.",

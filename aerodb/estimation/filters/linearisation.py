@@ -14,8 +14,10 @@ from aerodb.support import Array, Integers
 
 #: Runs computed in one call: their numbers stay small.
 _LANES = 20_000
-#: Step of a parameter, as a share of it, and the least parameter it is a share of.
-_SHARE, _LEAST = 1e-2, 1e-3
+#: Step of a parameter, as a share of it.
+_SHARE = 1e-2
+#: Least parameter that the step is a share of: one near zero would have no step.
+_LEAST = 1e-3
 
 
 class Advancing(Protocol):

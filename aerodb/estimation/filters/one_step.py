@@ -6,8 +6,10 @@ from aerodb.estimation.dynamic_model import DynamicModel, Values
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
 
-#: Central differences: step as a share of a state, and the least state it is a share of.
-_SHARE, _LEAST = 1e-4, 1e-2
+#: Step of the central differences, as a share of a state.
+_SHARE = 1e-4
+#: Least state that the step is a share of: one near zero would have no step.
+_LEAST = 1e-2
 
 
 def stepped(

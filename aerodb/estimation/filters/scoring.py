@@ -11,21 +11,33 @@ from aerodb.estimation.filters.filtering import FilterPass
 from aerodb.estimation.parameters import bounds_of, priors_of
 from aerodb.support import Array
 
-#: Differences: of a parameter in its own standard errors, of it before these are known as a share
-#: of its value or of the least value, of the noise as a share.
-_DIFFERENCE, _FIRST, _LEAST, _NOISE_DIFFERENCE = 0.01, 1e-4, 1e-2, 1e-4
+#: Difference of a parameter, in its own standard errors.
+_DIFFERENCE = 0.01
+#: Difference before the standard errors are known, as a share of the parameter's value.
+_FIRST = 1e-4
+#: Least value that the first difference is a share of.
+_LEAST = 1e-2
+#: Difference of a noise, as a share of it.
+_NOISE_DIFFERENCE = 1e-4
 #: Directions in which the information, scaled to a unit diagonal, is below this are not moved.
 SINGULAR = 1e-10
 #: The search ends where no step is expected to gain more log-likelihood.
 _NO_GAIN = 1e-3
 #: Information added for the step to each logarithm of a noise, so that it moves little where the
-#: likelihood is flat, as it is where a noise vanishes: at first and at least; it falls and rises by
-#: this factor as steps succeed or fail, by this share of the gain that the undamped step promises.
-_HELD, _LEAST_HELD, _HELD_FACTOR, _GOOD = 1.0, 1e-3, 3.0, 0.3
+#: likelihood is flat, as it is where a noise vanishes: this at first and at most.
+_RIDGE = 1.0
+#: Least information that is added.
+_LEAST_RIDGE = 1e-3
+#: Factor by which it falls and rises as steps succeed or fail.
+_RIDGE_FACTOR = 3.0
+#: Share of the gain that the undamped step promises, beyond which a step succeeds.
+_GOOD = 0.3
 #: Largest change of the logarithm of a noise in one step.
 _FARTHEST = 1.5
-#: Damping of the steps that are tried side by side, and shares of the undamped step.
-_DAMPINGS, _SHARES = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4), (1.0, 0.5, 0.2, 0.05)
+#: Damping of the steps that are tried side by side, as a share of the scaled information.
+_DAMPINGS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4)
+#: Shares of the undamped step that are tried too.
+_SHARES = (1.0, 0.5, 0.2, 0.05)
 #: Shares of a step that are tried where the motion that it leads to makes the record less likely.
 _SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01)
 #: Times that the motion is renewed after a climb.
@@ -133,7 +145,7 @@ def _climbed(problem: FilterProblem, point: Point, most_iterations: int, enough:
     """
     f, alone = len(point.vector), np.zeros(0)
     iteration, converged = 0, False
-    information, held = np.zeros((0, 0)), _HELD
+    information, ridge = np.zeros((0, 0)), _RIDGE
     beyond, last = np.zeros((1, 1)), None
     while True:
         steps = _steps(problem, point, alone)
@@ -146,7 +158,7 @@ def _climbed(problem: FilterProblem, point: Point, most_iterations: int, enough:
         if last is not None:
             beyond = _secant(beyond, information, last[0], last[1] - gradient)
         alone = np.diag(information)[:f]
-        moves, expected = _moves(problem, point, information, beyond, gradient, held)
+        moves, expected = _moves(problem, point, information, beyond, gradient, ridge)
         if expected < enough:
             converged = True
             break
@@ -160,7 +172,9 @@ def _climbed(problem: FilterProblem, point: Point, most_iterations: int, enough:
             converged = expected < 100.0 * _NO_GAIN
             break
         good = gain > _GOOD * expected
-        held = max(_LEAST_HELD, held / _HELD_FACTOR) if good else min(_HELD, held * _HELD_FACTOR)
+        ridge = (
+            max(_LEAST_RIDGE, ridge / _RIDGE_FACTOR) if good else min(_RIDGE, ridge * _RIDGE_FACTOR)
+        )
         last = moves[:, best], gradient
         point = problem.moved(point, moves[:, best])
     return Optimum(problem, point, now, information, slopes, passes, converged, iteration)
@@ -221,7 +235,7 @@ def _moves(
     information: Array,
     beyond: Array,
     gradient: Array,
-    held: float,
+    ridge: float,
 ) -> tuple[Array, float]:
     """Moves (u, k) to try, and the gain that the undamped one of Fisher's information promises."""
     f = len(point.vector)
@@ -234,7 +248,7 @@ def _moves(
     if not problem.full:
         least = np.diag(point.measurement) <= (1.0 + 1e-9) * problem.least
         go[len(go) - problem.noises :] = ~(least & (gradient[len(go) - problem.noises :] < 0))
-    information = information + np.diag(np.where(np.arange(len(gradient)) < f, 0.0, held))
+    information = information + np.diag(np.where(np.arange(len(gradient)) < f, 0.0, ridge))
     size = np.sqrt(np.diag(information))
     live = np.flatnonzero(go & (size > 0.0))
     scale = size[live]

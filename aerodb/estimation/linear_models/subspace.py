@@ -18,8 +18,10 @@ from aerodb.support import Array
 
 #: Time that past and future span each [s].
 _SPAN: Final = 0.8
-#: Fewest and most samples of it.
-_FEWEST, _MOST = 8, 40
+#: Fewest samples of it: fewer leave no room for the order.
+_FEWEST = 8
+#: Most samples of it: the matrices grow with its square.
+_MOST = 40
 #: Highest order that is looked at where none is given.
 _HIGHEST: Final = 10
 #: Singular values below this share of the largest are zero.

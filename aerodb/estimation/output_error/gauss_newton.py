@@ -34,8 +34,10 @@ SINGULAR = 1e-10
 _SMALL_STEP = 1e-3
 #: Differences of the parameters, as a share of the standard error that each would have alone.
 _DIFFERENCE = 0.05
-#: Damping below which a step counts as undamped, and at which the search gives up.
-_LIGHT, _HEAVY = 1e-2, 1e8
+#: Damping below which a step counts as undamped.
+_LIGHT = 1e-2
+#: Damping at which the search gives up.
+_HEAVY = 1e8
 #: Least curvature of the likelihood that a step counts on, as a share of the information.
 _CONVEX = 0.02
 #: Gain of log-likelihood that is expected where no step lowers the cost any more: an optimum.

@@ -11,8 +11,10 @@ from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array, Integers
 
-#: First difference of a parameter, as a share of its size, and the size of one that starts near 0.
-_SHARE, _LEAST = 1e-4, 0.1
+#: First difference of a parameter, as a share of its size.
+_SHARE = 1e-4
+#: Size of a parameter that starts near 0.
+_LEAST = 0.1
 #: Share of an output's deviation by which a cheaper rule may be wrong: its derivatives then turn a
 #: step a little, while the optimum is that of the accurate rule.
 _CLOSE = 0.03

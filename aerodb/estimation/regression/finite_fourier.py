@@ -20,9 +20,12 @@ Transform = NDArray[np.complex128]
 
 #: Variation, as a share of the largest value, below which a regressor is a constant.
 STILL = 1e-9
-#: The band begins at this many cycles in the longest record and ends where this share of the
-#: motion of every regressor is inside, at most at this share of the Nyquist frequency.
-CYCLES, MOTION, NYQUIST_SHARE = 2.0, 0.95, 0.8
+#: The band begins at this many cycles in the longest record.
+CYCLES = 2.0
+#: It ends where this share of the motion of every regressor is inside.
+MOTION = 0.95
+#: It ends at the latest at this share of the Nyquist frequency.
+NYQUIST_SHARE = 0.8
 #: Frequencies per resolvable one (the reciprocal of the longest record).
 _OVERSAMPLING = 2.0
 

@@ -30,9 +30,10 @@ from aerodb.estimation.regression.linear_solution import (
 )
 from aerodb.support import Array, Mask
 
-#: Half width of the window that smooths the spectrum of the residual: a share of the band, and at
-#: least this many resolvable frequencies.
-_SMOOTHED_SHARE, _SMOOTHED_BINS = 0.25, 4.0
+#: Half width of the window that smooths the spectrum of the residual, as a share of the band.
+_SMOOTHED_SHARE = 0.25
+#: Least half width of it, in resolvable frequencies.
+_SMOOTHED_BINS = 4.0
 #: Degrees of freedom of the residual below which 95 % intervals are known to be too narrow.
 FEWEST_FREE: Final = 20.0
 

@@ -14,9 +14,10 @@ from aerodb.estimation.time_history import elapsed
 from aerodb.signals import rms, theil
 from aerodb.support import Array, Integers
 
-#: Share of its size below which a regressor counts as one that does not move, and singular value,
-#: relative to the largest, below which regressors are taken as linearly dependent.
-_STILL, _DEPENDENT = 1e-9, 1e-8
+#: Share of its size below which a regressor counts as one that does not move.
+_STILL = 1e-9
+#: Singular value, relative to the largest, below which regressors are linearly dependent.
+_DEPENDENT = 1e-8
 #: Component in directions that the data do not determine above which an estimate is none.
 _UNDETERMINED = 1e-5
 

@@ -31,8 +31,10 @@ Criterion = Literal["prediction", "cross-validation", "ratio"]
 
 #: Condition index of harmful collinearity (Belsley, Kuh & Welsch, Regression Diagnostics, 1980).
 CONDITION_INDEX: Final = 30.0
-#: Part of a parameter in directions that are left out, above which it is biased, or unknown.
-_BIASED, _UNKNOWN = 0.01, 0.99
+#: Part of a parameter in directions that are left out, above which it is biased.
+_BIASED = 0.01
+#: The same, above which it is unknown.
+_UNKNOWN = 0.99
 #: Parts of a single record for cross-validation.
 _PARTS: Final = 5
 #: Singular values below this share of the largest are zero.

@@ -28,8 +28,10 @@ from aerodb.estimation.regression.linear_solution import (
 from aerodb.support import Array
 
 #: Sums are kept for this many stretches of the record; two neighbours become one when all are in
-#: use. With forgetting, a stretch lasts at most this part of the memory.
-_STRETCHES, _OF_MEMORY = 64, 8.0
+#: use.
+_STRETCHES = 64
+#: With forgetting, a stretch lasts at most the memory divided by this.
+_OF_MEMORY = 8.0
 #: Rows that wait until they enter the triangular factor together.
 _ROWS = 16
 #: Neighbouring stretches whose sums are taken as correlated.

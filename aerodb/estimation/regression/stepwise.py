@@ -24,8 +24,10 @@ from aerodb.support import Array, Mask
 
 #: Level of a term that enters.
 LEVEL: Final = 0.05
-#: Surrogates of the residual, and their seed: the same record gives the same answer.
-_SURROGATES, _SEED = 200, 0
+#: Surrogates of the residual that show how often chance finds a term.
+_SURROGATES = 200
+#: Seed of the surrogates: the same record gives the same answer.
+_SEED = 0
 #: Part of a column beyond those in the model, below which it brings nothing of its own.
 _OWN: Final = 1e-6
 

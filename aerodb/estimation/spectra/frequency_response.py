@@ -27,11 +27,18 @@ Complex = NDArray[np.complex128]
 COHERENT: Final = 0.6
 #: Independent windows below which a coherence means nothing.
 FEWEST_WINDOWS: Final = 5.0
-#: Window lengths as shares of the shortest record; overlap of windows; cycles that a window must
-#: hold; frequencies of a response.
-_WINDOWS, _OVERLAP, _CYCLES, _COUNT = (0.3, 0.22, 0.15, 0.1, 0.07), 0.8, 2.0, 80
-#: Frequencies over which a coherence is averaged before it selects or weights; least random error.
-_NEIGHBOURS, _LEAST_ERROR = 11, 1e-9
+#: Window lengths as shares of the shortest record.
+_WINDOWS = (0.3, 0.22, 0.15, 0.1, 0.07)
+#: Overlap of windows, as a share of their length.
+_OVERLAP = 0.8
+#: Cycles of a frequency that a window must hold.
+_CYCLES = 2.0
+#: Frequencies of a response.
+_COUNT = 80
+#: Frequencies over which a coherence is averaged before it selects or weights.
+_NEIGHBOURS = 11
+#: Least random error of a magnitude: a coherence of 1 would have none.
+_LEAST_ERROR = 1e-9
 #: Share of an input that the other inputs must leave for a response to it.
 _LEFT_OVER = 1e-3
 #: Highest frequency, as a share of the Nyquist frequency.

@@ -32,12 +32,17 @@ Complex = NDArray[np.complex128]
 #: Cost below which a fit is acceptable.
 ACCEPTABLE: Final = 100.0
 #: Weight of a squared error of phase [deg2] against one of magnitude [dB2].
-_PHASE_WEIGHT, _DECIBEL = 0.01745, 20.0 / np.log(10.0)
-#: Longest delay [s], and largest departure of a mode from the band, as a factor.
-_LONGEST, _BEYOND = 2.0, 10.0
-#: Times that the smoothing by windows is taken out; decay times in a record from which a response
-#: dies away in it.
-_CORRECTIONS, _DIES_AWAY = 2, 4.0
+_PHASE_WEIGHT = 0.01745
+#: Decibels of a gain, per unit of its natural logarithm.
+_DECIBEL = 20.0 / np.log(10.0)
+#: Longest delay [s]: a longer one is no transport delay of controls or sensors.
+_LONGEST = 2.0
+#: Largest departure of a mode from the band, as a factor: farther ones do not show in the band.
+_BEYOND = 10.0
+#: Times that the smoothing by windows is taken out.
+_CORRECTIONS = 2
+#: Decay times in a record from which a response dies away in it.
+_DIES_AWAY = 4.0
 #: Relative standard error above which a parameter is not determined.
 _LOOSE = 1.0
 _UNITS: Final = {"omega": "rad/s", "zeta": "1", "delay": "s", "gain": "1"}
