@@ -186,17 +186,17 @@ def first_noise(
     record = records[0]
     state = np.array(np.broadcast_to(model.initial_state(values, record), (len(model.states), 1)))
     with np.errstate(all="ignore"):
-        moved, size = around(state)
+        displaced, size = around(state)
         wide = repeated(values, 1)
-        _, sight = slopes(model.observed(wide, record, 0, moved), size)
-        _, transition = slopes(stepped(model, wide, record, 0, moved), size)
-        held, power = np.zeros(len(state)), np.eye(len(state))
+        _, H = slopes(model.observed(wide, record, 0, displaced), size)
+        _, transition = slopes(stepped(model, wide, record, 0, displaced), size)
+        sensed, power = np.zeros(len(state)), np.eye(len(state))
         for _ in range(_HORIZON):
-            held += (((sight[:, :, 0] @ power) ** 2) / variance[:, None]).sum(axis=0) / _HORIZON
+            sensed += (((H[:, :, 0] @ power) ** 2) / variance[:, None]).sum(axis=0) / _HORIZON
             power = transition[:, :, 0] @ power
     process = np.zeros(len(state))
     for j in disturbed:
-        process[j] = np.sqrt(_FIRST_SHARE / (held[j] * record.step)) if held[j] > 0.0 else 0.0
+        process[j] = np.sqrt(_FIRST_SHARE / (sensed[j] * record.step)) if sensed[j] > 0.0 else 0.0
     return Point(vector, process, np.diag(variance))
 
 

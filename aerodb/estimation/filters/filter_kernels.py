@@ -14,7 +14,7 @@ _SETTLED = 1e-9
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def linear_pass(
-    state: Array, covariance: Array, transition: Array, drive: Array, sight: Array,
+    state: Array, covariance: Array, transition: Array, drive: Array, H: Array,
     measured: Array, process: Array, measurement: Array, given: bool, step: float,
     steady: bool,
     innovations: Array, variances: Array, predicted: Array, states: Array,
@@ -22,19 +22,19 @@ def linear_pass(
     """Filter a linear model over a whole record, in place; `predicted` comes with what the outputs
     are at a state of zero."""
     n, s, k = states.shape
-    o = sight.shape[0]
-    held = np.zeros((s, s, k))
+    o = H.shape[0]
+    updated = np.zeros((s, s, k))
     for i in range(n):
         for j in range(o):
             for a in range(s):
                 for q in range(k):
-                    predicted[i, j, q] += sight[j, a, q] * state[a, q]
+                    predicted[i, j, q] += H[j, a, q] * state[a, q]
         for a in range(s):
             for b in range(s):
                 for q in range(k):
-                    held[a, b, q] = covariance[a, b, q]
+                    updated[a, b, q] = covariance[a, b, q]
         update(
-            state, held, sight, measured[i], predicted[i], measurement, given, innovations[i],
+            state, updated, H, measured[i], predicted[i], measurement, given, innovations[i],
             variances[i],
         )  # fmt: skip
         for a in range(s):
@@ -49,7 +49,7 @@ def linear_pass(
                 for q in range(k):
                     state[a, q] += transition[a, b, q] * states[i, b, q]
         if not steady:
-            predict(transition, held, process, step, covariance)
+            predict(transition, updated, process, step, covariance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -69,7 +69,7 @@ def _blended(parts: Array, change: Array, out: Array) -> None:
 @njit(cache=True, nogil=True, error_model="numpy")
 def trajectory_pass(
     state: Array, covariance: Array, motion: Array, following: Array, transitions: Array,
-    outputs: Array, sights: Array, change: Array, fixed: Array, measured: Array,
+    outputs: Array, observations: Array, change: Array, steady_H: Array, measured: Array,
     process: Array, measurement: Array, given: bool, step: float, steady: bool,
     innovations: Array, variances: Array, predicted: Array, states: Array,
 ) -> None:  # fmt: skip
@@ -78,60 +78,58 @@ def trajectory_pass(
     Parameters
     ----------
     motion : (n, s). following (n, s, 1 + g), transitions (n, s s, 1 + g), outputs (n, o, 1 + g),
-        sights (n, o s, 1 + g) : see `Linearised`. change : (g, k), of the unknowns.
-    fixed : (o, s, k), the observation matrix of a steady gain.
+        observations (n, o s, 1 + g) : see `Linearised`. change : (g, k), of the unknowns.
+    steady_H : (o, s, k), the observation matrix of a steady gain.
     """
     n, s, k = states.shape
-    o = fixed.shape[0]
-    held, moved = np.zeros((s, s, k)), np.empty((s, k))
-    flat_sight, flat_step = np.empty((o * s, k)), np.empty((s * s, k))
-    sight, transition = flat_sight.reshape((o, s, k)), flat_step.reshape((s, s, k))
+    o = steady_H.shape[0]
+    updated, deviation = np.zeros((s, s, k)), np.empty((s, k))
+    flat_H, flat_transition = np.empty((o * s, k)), np.empty((s * s, k))
+    H, transition = flat_H.reshape((o, s, k)), flat_transition.reshape((s, s, k))
     for i in range(n):
         for a in range(s):
             for q in range(k):
-                moved[a, q] = state[a, q] - motion[i, a]
-        _blended(sights[i], change, flat_sight)
+                deviation[a, q] = state[a, q] - motion[i, a]
+        _blended(observations[i], change, flat_H)
         _blended(outputs[i], change, predicted[i])
         for j in range(o):
             for a in range(s):
                 for q in range(k):
-                    predicted[i, j, q] += sight[j, a, q] * moved[a, q]
+                    predicted[i, j, q] += H[j, a, q] * deviation[a, q]
         for a in range(s):
             for b in range(s):
                 for q in range(k):
-                    held[a, b, q] = covariance[a, b, q]
+                    updated[a, b, q] = covariance[a, b, q]
         update(
-            state, held, fixed if steady else sight, measured[i], predicted[i], measurement,
+            state, updated, steady_H if steady else H, measured[i], predicted[i], measurement,
             given, innovations[i], variances[i],
         )  # fmt: skip
         for a in range(s):
             for q in range(k):
                 states[i, a, q] = state[a, q]
-                moved[a, q] = state[a, q] - motion[i, a]
+                deviation[a, q] = state[a, q] - motion[i, a]
         if i == n - 1:
             break
         _blended(following[i], change, state)
-        _blended(transitions[i], change, flat_step)
+        _blended(transitions[i], change, flat_transition)
         for a in range(s):
             for b in range(s):
                 for q in range(k):
-                    state[a, q] += transition[a, b, q] * moved[b, q]
+                    state[a, q] += transition[a, b, q] * deviation[b, q]
         if not steady:
-            predict(transition, held, process, step, covariance)
+            predict(transition, updated, process, step, covariance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def settled(
-    transition: Array, sight: Array, process: Array, measurement: Array, step: float
-) -> Array:
+def settled(transition: Array, H: Array, process: Array, measurement: Array, step: float) -> Array:
     """Predicted covariance (s, s, k) at which the discrete Riccati equation settles."""
-    o, s, k = sight.shape
-    covariance, held = np.zeros((s, s, k)), np.zeros((s, s, k))
+    o, s, k = H.shape
+    covariance, updated = np.zeros((s, s, k)), np.zeros((s, s, k))
     state, before, nothing = np.zeros((s, k)), np.zeros((s, k)), np.zeros(o)
     innovations, variances, zero = np.zeros((o, k)), np.zeros((o, k)), np.zeros((o, k))
     for _ in range(_LONGEST):
-        update(state, held, sight, nothing, zero, measurement, False, innovations, variances)
-        predict(transition, held, process, step, covariance)
+        update(state, updated, H, nothing, zero, measurement, False, innovations, variances)
+        predict(transition, updated, process, step, covariance)
         change = 0.0
         for a in range(s):
             for q in range(k):
@@ -142,7 +140,7 @@ def settled(
                 state[a, q] = 0.0
             for b in range(s):
                 for q in range(k):
-                    held[a, b, q] = covariance[a, b, q]
+                    updated[a, b, q] = covariance[a, b, q]
         if not change > _SETTLED:
             break
     return covariance
@@ -150,14 +148,15 @@ def settled(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def update(
-    state: Array, covariance: Array, sight: Array, measured: Array, predicted: Array,
+    state: Array, covariance: Array, H: Array, measured: Array, predicted: Array,
     noise: Array, given: bool, innovations: Array, variances: Array,
 ) -> None:  # fmt: skip
     """Take in the measurements (o,) of one sample, in place: state (s, k), covariance (s, s, k),
     innovations and variances (o, k).
 
-    With ``S = C P C' + R = L D L'`` the innovations are ``inv(L) v`` and their variances D; the
-    gain of each is a column of ``P C' inv(L)'``. `given`: the noise is S itself.
+    With the observation matrix H, ``S = H P H' + R = L D L'``: the innovations are ``inv(L) v``
+    and their variances D; the gain of each is a column of ``P H' inv(L)'``. `given`: the noise is S
+    itself.
     """
     s, k = state.shape
     o = measured.shape[0]
@@ -170,22 +169,22 @@ def update(
         for a in range(s):
             for b in range(s):
                 for q in range(k):
-                    gain[j, a, q] += covariance[a, b, q] * sight[j, b, q]
+                    gain[j, a, q] += covariance[a, b, q] * H[j, b, q]
         for m in range(j + 1):
             if not np.isfinite(measured[m]):
                 continue
             for q in range(k):
-                whole = noise[j, m, q]
+                entry = noise[j, m, q]
                 if not given:
                     for a in range(s):
-                        whole += sight[m, a, q] * gain[j, a, q]
+                        entry += H[m, a, q] * gain[j, a, q]
                 for p in range(m):
-                    whole -= lower[j, p, q] * lower[m, p, q] * variances[p, q]
+                    entry -= lower[j, p, q] * lower[m, p, q] * variances[p, q]
                 if m < j:
-                    lower[j, m, q] = whole / variances[m, q]
+                    lower[j, m, q] = entry / variances[m, q]
                     innovations[j, q] -= lower[j, m, q] * innovations[m, q]
                 else:
-                    variances[j, q] = whole
+                    variances[j, q] = entry
     for j in range(o):
         if not np.isfinite(measured[j]):
             continue

@@ -80,14 +80,14 @@ def run_filter(
     first = model.initial_state(values, record)
     state = np.array(np.broadcast_to(first, (len(first), k)), dtype=np.float64)
     with np.errstate(all="ignore"):
-        transition, drive, sight, direct = model.discrete(values, record, k)
+        transition, drive, H, direct = model.discrete(values, record, k)
         covariance = np.zeros((len(state), len(state), k))
         if steady and noise.process.any():
-            covariance, sight = _steady(model, values, record, noise, state)
+            covariance, H = _steady(model, values, record, noise, state)
         out = _empty_pass(len(direct), direct.shape[1], len(state), k)
         out.predicted[:] = direct
         linear_pass(
-            state, covariance, transition, drive, sight, record.stacked(model.outputs),
+            state, covariance, transition, drive, H, record.stacked(model.outputs),
             noise.process, noise.measurement, noise.innovations, record.step, steady,
             out.innovations, out.variances, out.predicted, out.states,
         )  # fmt: skip
@@ -118,7 +118,7 @@ def follow(along: Linearised, vectors: Array, noise: NoiseLevels, steady: bool) 
         trajectory_pass(
             state, covariance, along.motion, along.following,
             along.transition.reshape(n, s * s, -1), along.outputs,
-            along.sight.reshape(n, -1, along.sight.shape[-1]), change, fixed, measured,
+            along.observation.reshape(n, -1, along.observation.shape[-1]), change, fixed, measured,
             noise.process, noise.measurement, noise.innovations, record.step, steady,
             out.innovations, out.variances, out.predicted, out.states,
         )  # fmt: skip
@@ -142,18 +142,18 @@ def _steady(
 
     The discrete Riccati equation is iterated; an unstable or unobserved mode that does not settle
     shows as a likelihood of zero. For a given covariance of the innovations it is the continuous
-    equation, ``A P + P A' - P C' S^-1 C P / dt + F F' = 0``, of the textbooks.
+    equation, ``A P + P A' - P H' S^-1 H P / dt + F F' = 0``, of the textbooks.
     """
-    (moved, size), wide = around(state), repeated(values, 2 * len(state) + 1)
-    _, sight = slopes(model.observed(wide, record, 0, moved), size)
+    (displaced, size), wide = around(state), repeated(values, 2 * len(state) + 1)
+    _, H = slopes(model.observed(wide, record, 0, displaced), size)
     if noise.innovations:
-        _, rate = slopes(model.rates(wide, record, 0.0, moved), size)
-        return _continuous(rate, sight, noise, record.step), sight
-    _, transition = slopes(stepped(model, wide, record, 0, moved), size)
-    return settled(transition, sight, noise.process, noise.measurement, record.step), sight
+        _, rate = slopes(model.rates(wide, record, 0.0, displaced), size)
+        return _continuous(rate, H, noise, record.step), H
+    _, transition = slopes(stepped(model, wide, record, 0, displaced), size)
+    return settled(transition, H, noise.process, noise.measurement, record.step), H
 
 
-def _continuous(rate: Array, sight: Array, noise: NoiseLevels, step: float) -> Array:
+def _continuous(rate: Array, H: Array, noise: NoiseLevels, step: float) -> Array:
     """Steady covariance (s, s, k) by the eigenvectors of the Hamiltonian matrix.
 
     References
@@ -161,10 +161,10 @@ def _continuous(rate: Array, sight: Array, noise: NoiseLevels, step: float) -> A
     J. E. Potter, SIAM Journal on Applied Mathematics 14(3), 1966.
     """
     s, k = noise.process.shape
-    a, c = np.moveaxis(rate, -1, 0), np.moveaxis(sight, -1, 0)
-    seen = np.swapaxes(c, 1, 2) @ np.linalg.solve(np.moveaxis(noise.measurement, -1, 0), c)
+    a, c = np.moveaxis(rate, -1, 0), np.moveaxis(H, -1, 0)
+    information = np.swapaxes(c, 1, 2) @ np.linalg.solve(np.moveaxis(noise.measurement, -1, 0), c)
     matrix = np.zeros((k, 2 * s, 2 * s))
-    matrix[:, :s, :s], matrix[:, :s, s:] = -np.swapaxes(a, 1, 2), seen / step
+    matrix[:, :s, :s], matrix[:, :s, s:] = -np.swapaxes(a, 1, 2), information / step
     matrix[:, s:, :s] = np.eye(s) * (noise.process.T**2)[:, None, :]
     matrix[:, s:, s:] = a
     good = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
@@ -172,6 +172,8 @@ def _continuous(rate: Array, sight: Array, noise: NoiseLevels, step: float) -> A
     order = np.argsort(-values.real, axis=1)[:, None, :s]
     chosen = np.take_along_axis(vectors, order, axis=2)
     upper = np.swapaxes(chosen[:, :s], 1, 2) + 1e-300 * np.eye(s)
-    held = np.linalg.solve(upper, np.swapaxes(chosen[:, s:], 1, 2)).real
-    held = np.where(good[:, None, None], 0.5 * (held + np.swapaxes(held, 1, 2)), np.nan)
-    return np.ascontiguousarray(np.moveaxis(held, 0, -1))
+    covariance = np.linalg.solve(upper, np.swapaxes(chosen[:, s:], 1, 2)).real
+    covariance = np.where(
+        good[:, None, None], 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), np.nan
+    )
+    return np.ascontiguousarray(np.moveaxis(covariance, 0, -1))

@@ -185,8 +185,8 @@ def _linear(law: Law, centre: Array, spread: Array, transform: Transform) -> Lin
     """
     n, size = centre.shape
     if transform == "extended":
-        moved, step = around(centre.T)
-        values = law(np.moveaxis(moved.reshape(size, 2 * size + 1, n), 2, 0))
+        displaced, step = around(centre.T)
+        values = law(np.moveaxis(displaced.reshape(size, 2 * size + 1, n), 2, 0))
         up, down = values[:, :, 1 : size + 1], values[:, :, size + 1 :]
         slope = (up - down) / (2.0 * step.T[:, None])
         rest = np.zeros((n, values.shape[1], values.shape[1]))
@@ -241,11 +241,16 @@ def _passed(
     about: Array,
     spread: Array | None,
 ) -> Track:
-    """One pass, linearised about states and parameters (n, s + f) with covariances."""
+    """One pass, linearised about states and parameters (n, s + f) with covariances.
+
+    In the field's symbols: transition F, observation matrix H, innovation v with its
+    covariance S, ``scores = H' S^-1 v``, ``informations = H' S^-1 H``, and ``I_KH = I - K H`` with
+    the gain K. The adjoint and its matrix carry what later samples say back to earlier ones.
+    """
     s, measured = len(model.states), record.stacked(model.outputs)
     n, size = about.shape
     walks = np.array([item.random_walk for item in model.parameters.unknown])
-    wandering = np.diag(walks**2 * record.step)
+    random_walk = np.diag(walks**2 * record.step)
     if spread is None:
         spread = np.zeros((n, size, size))
 
@@ -263,54 +268,56 @@ def _passed(
         )
         mean, covariance = slope @ parameters + shift, slope @ uncertainty @ slope.T + rest
         slopes, shifts, rests = _linear(both, about, spread, transform)
-        steps, sights = slopes[:, :size], slopes[:, size:]
-        moved = np.ascontiguousarray(np.moveaxis(steps[:, :s, :s], 0, -1))
-        still, added = np.zeros((s, s, n)), np.zeros((s, s, n))
+        F, H = slopes[:, :size], slopes[:, size:]
+        state_transition = np.ascontiguousarray(np.moveaxis(F[:, :s, :s], 0, -1))
+        no_covariance, Q = np.zeros((s, s, n)), np.zeros((s, s, n))
         process = np.repeat(noise.process[:, None], n, axis=1)
-        predict(moved, still, process, record.step, added)
+        predict(state_transition, no_covariance, process, record.step, Q)
         means, covariances = np.empty((n, size)), np.empty((n, size, size))
         predicted, sizes, total = np.empty(measured.shape), np.full(n, np.nan), 0.0
-        pulls, holds = np.zeros((n, size)), np.zeros((n, size, size))
-        kept = np.tile(np.eye(size), (n, 1, 1))
+        scores, informations = np.zeros((n, size)), np.zeros((n, size, size))
+        I_KH = np.tile(np.eye(size), (n, 1, 1))
         for i in range(n):
-            predicted[i] = sights[i] @ mean + shifts[i, size:]
+            predicted[i] = H[i] @ mean + shifts[i, size:]
             seen = np.isfinite(measured[i])
             if seen.any():
-                c = sights[i, seen]
-                own = (rests[i, size:, size:] + noise.measurement)[np.ix_(seen, seen)]
-                variance = c @ covariance @ c.T + own
-                miss = measured[i, seen] - predicted[i, seen]
-                if not (np.isfinite(variance).all() and np.isfinite(miss).all()):
+                h = H[i, seen]
+                R = (rests[i, size:, size:] + noise.measurement)[np.ix_(seen, seen)]
+                S = h @ covariance @ h.T + R
+                innovation = measured[i, seen] - predicted[i, seen]
+                if not (np.isfinite(S).all() and np.isfinite(innovation).all()):
                     return _lost(means, covariances, measured, predicted, sizes)
-                weighted = np.linalg.solve(variance, np.column_stack([c, miss]))
-                pulls[i], holds[i] = c.T @ weighted[:, -1], c.T @ weighted[:, :-1]
-                spent = float(miss @ weighted[:, -1])
-                sizes[i] = spent / seen.sum()
-                total -= 0.5 * (spent + np.linalg.slogdet(2.0 * np.pi * variance)[1])
-                mean = mean + covariance @ pulls[i]
-                kept[i] -= covariance @ holds[i]
-                covariance = kept[i] @ covariance
+                weighted = np.linalg.solve(S, np.column_stack([h, innovation]))
+                scores[i], informations[i] = h.T @ weighted[:, -1], h.T @ weighted[:, :-1]
+                squared = float(innovation @ weighted[:, -1])
+                sizes[i] = squared / seen.sum()
+                total -= 0.5 * (squared + np.linalg.slogdet(2.0 * np.pi * S)[1])
+                mean = mean + covariance @ scores[i]
+                I_KH[i] -= covariance @ informations[i]
+                covariance = I_KH[i] @ covariance
                 covariance = 0.5 * (covariance + covariance.T)
             means[i], covariances[i] = mean, covariance
             if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
                 return _lost(means, covariances, measured, predicted, sizes)
             if i + 1 < n:
-                mean = steps[i] @ mean + shifts[i, :size]
-                covariance = steps[i] @ covariance @ steps[i].T + rests[i, :size, :size]
-                covariance[:s, :s] += added[:, :, i]
-                covariance[s:, s:] += wandering
-        pull, hold = np.zeros(size), np.zeros((size, size))
+                mean = F[i] @ mean + shifts[i, :size]
+                covariance = F[i] @ covariance @ F[i].T + rests[i, :size, :size]
+                covariance[:s, :s] += Q[:, :, i]
+                covariance[s:, s:] += random_walk
+        adjoint, adjoint_matrix = np.zeros(size), np.zeros((size, size))
         for i in range(n - 1, -1, -1):
-            means[i] += covariances[i] @ pull
-            covariances[i] -= covariances[i] @ hold @ covariances[i]
+            means[i] += covariances[i] @ adjoint
+            covariances[i] -= covariances[i] @ adjoint_matrix @ covariances[i]
             if i:
-                back = kept[i] @ steps[i - 1]
-                pull = steps[i - 1].T @ pulls[i] + back.T @ pull
-                hold = steps[i - 1].T @ holds[i] @ steps[i - 1] + back.T @ hold @ back
+                filter_transition = I_KH[i] @ F[i - 1]
+                adjoint = F[i - 1].T @ scores[i] + filter_transition.T @ adjoint
+                adjoint_matrix = F[i - 1].T @ informations[i] @ F[i - 1] + (
+                    filter_transition.T @ adjoint_matrix @ filter_transition
+                )
     # constants have the estimate of the whole record at every sample
-    still_ones = s + np.flatnonzero(walks == 0.0)
-    rows, columns = np.ix_(still_ones, still_ones)
-    means[:, still_ones] = mean[still_ones]
+    constants = s + np.flatnonzero(walks == 0.0)
+    rows, columns = np.ix_(constants, constants)
+    means[:, constants] = mean[constants]
     covariances[:, rows, columns] = covariance[rows, columns]
     return Track(means, covariances, predicted, measured - predicted, sizes, float(total))
 

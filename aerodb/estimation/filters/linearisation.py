@@ -96,7 +96,7 @@ class Linearised:
     record, model : of which. vector : (f,), the unknowns. columns : (g,).
     motion : (n, s), where the model is linearised.
     following : (n, s, 1 + g), state one sample later. transition : (n, s, s, 1 + g), its Jacobian.
-    outputs : (n, o, 1 + g). sight : (n, o, s, 1 + g), their Jacobian.
+    outputs : (n, o, 1 + g). observation : (n, o, s, 1 + g), their Jacobian.
     """
 
     model: DynamicModel
@@ -107,7 +107,7 @@ class Linearised:
     following: Array
     transition: Array
     outputs: Array
-    sight: Array
+    observation: Array
 
     @property
     def finite(self) -> bool:
@@ -125,8 +125,8 @@ def linearised(
     """The model at the unknowns `vector` (f,) along a motion (n, s), with or without derivatives by
     the unknowns."""
     n, s = motion.shape
-    moved, size = around(motion.T)  # (s, (2 s + 1) n) in blocks of n, and (s, n)
-    states = np.moveaxis(moved.reshape(s, 2 * s + 1, n), 2, 0)
+    displaced, size = around(motion.T)  # (s, (2 s + 1) n) in blocks of n, and (s, n)
+    states = np.moveaxis(displaced.reshape(s, 2 * s + 1, n), 2, 0)
     both = advanced_everywhere(model, record, vector[:, None], states)
     steps = _SHARE * np.maximum(np.abs(vector), _LEAST)
     columns = acting(model.parameters, record.name)[: None if derivatives else 0]

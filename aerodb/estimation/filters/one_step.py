@@ -25,21 +25,21 @@ def stepped(
 
 
 def around(state: Array) -> tuple[Array, Array]:
-    """States (s, (2 s + 1) k): k states (s, k), then each moved up and down in every element; and
-    the displacements (s, k)."""
+    """States (s, (2 s + 1) k): k states (s, k), then each displaced up and down by every element;
+    and the displacements (s, k)."""
     s = len(state)
-    moved = np.repeat(state[:, None, :], 2 * s + 1, axis=1)
+    displaced = np.repeat(state[:, None, :], 2 * s + 1, axis=1)
     size = _SHARE * np.maximum(np.abs(state), _LEAST)
     for a in range(s):
-        moved[a, 1 + a] += size[a]
-        moved[a, 1 + s + a] -= size[a]
-    return moved.reshape(s, -1), size
+        displaced[a, 1 + a] += size[a]
+        displaced[a, 1 + s + a] -= size[a]
+    return displaced.reshape(s, -1), size
 
 
-def slopes(moved: Array, size: Array) -> tuple[Array, Array]:
+def slopes(displaced: Array, size: Array) -> tuple[Array, Array]:
     """Value (m, k) and Jacobian (m, s, k) from values (m, (2 s + 1) k) at the states `around`."""
     s = len(size)
-    split = moved.reshape(len(moved), 2 * s + 1, size.shape[1])
+    split = displaced.reshape(len(displaced), 2 * s + 1, size.shape[1])
     jacobian = (split[:, 1 : 1 + s] - split[:, 1 + s :]) / (2.0 * size)
     return split[:, 0], np.ascontiguousarray(jacobian)
 

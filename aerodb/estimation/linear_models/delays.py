@@ -123,10 +123,10 @@ class DelayedStateSpace:
         lanes = self._lanes(values, record, runs)
         each = (self.model.discrete(v, r, runs if at == slice(None) else 1) for at, v, r in lanes)
         parts = zip(*each, strict=True)
-        first, drive, sight, direct = (
+        first, drive, observation, direct = (
             np.array(np.concatenate(part, axis=-1), order="C") for part in parts
         )
-        return first, drive, sight, direct
+        return first, drive, observation, direct
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
         """Raises InputError: a run that begins within a record lacks what came before it."""

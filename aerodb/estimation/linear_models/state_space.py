@@ -112,11 +112,11 @@ class StateSpace:
             self.c.at(own),
             driving @ np.swapaxes(d, 1, 2),
         )
-        first, drive, sight, direct = (
+        first, drive, observation, direct = (
             np.array(np.moveaxis(np.broadcast_to(part, (runs, *part.shape[1:])), 0, -1), order="C")
             for part in parts
         )
-        return first, drive, sight, direct
+        return first, drive, observation, direct
 
     def derivatives(
         self, values: Values, record: TimeHistory, names: Sequence[str]

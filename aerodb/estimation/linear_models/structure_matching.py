@@ -73,7 +73,7 @@ class _Matching:
         )
         inverse = np.linalg.inv(root)  # states of unit covariance
         self.a, self.c = inverse @ found.A @ root, found.C @ root
-        self.moved = np.maximum(inputs.std(axis=0), 1e-300)
+        self.input_sizes = np.maximum(inputs.std(axis=0), 1e-300)
         self.b, self.d = inverse @ found.B, found.D
         self.seen = np.maximum(np.nanstd(outputs, axis=0), 1e-300)
         self.names = [
@@ -112,15 +112,15 @@ class _Matching:
         output = 1.0 / self.seen
         left = [
             (turn @ self.a - a @ turn) * row[:, None],
-            (turn @ self.b - b) * self.moved * row[:, None],
+            (turn @ self.b - b) * self.input_sizes * row[:, None],
             (self.c - c @ turn) * output[:, None],
-            (self.d - d) * self.moved * output[:, None],
+            (self.d - d) * self.input_sizes * output[:, None],
         ]
         wide = [
             (da @ turn) * row[:, None],
-            db * self.moved * row[:, None],
+            db * self.input_sizes * row[:, None],
             (dc @ turn) * output[:, None],
-            dd * self.moved * output[:, None],
+            dd * self.input_sizes * output[:, None],
         ]
         matrix = np.concatenate([part.reshape(len(self.names), -1) for part in wide], axis=1).T
         response = np.concatenate([part.ravel() for part in left])

@@ -159,7 +159,7 @@ def normal_equations(
     information, gradient = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
     gaps, gap_slopes = list[Array](), list[Array]()
     o = len(noise.covariance)
-    moved = np.zeros((o, o, unknowns))
+    square_slopes = np.zeros((o, o, unknowns))
     for record, response in zip(records, responses, strict=True):
         white, slopes = whitened(record, record.residual(response.outputs), response.slopes, noise)
         flat = slopes.reshape(-1, slopes.shape[-1])
@@ -167,15 +167,15 @@ def normal_equations(
         information[np.ix_(at, at)] += flat.T @ flat
         for j in range(o):
             if kind == "full":
-                moved[:, j, at] += white.T @ slopes[:, j]
+                square_slopes[:, j, at] += white.T @ slopes[:, j]
             else:
-                moved[j, j, at] += white[:, j] @ slopes[:, j]
+                square_slopes[j, j, at] += white[:, j] @ slopes[:, j]
         gaps.append(response.gaps)
         wide = np.zeros((len(response.gaps), unknowns))
         wide[:, at] = response.gap_slopes
         gap_slopes.append(wide)
-    gradient = np.einsum("jjf->f", moved)
-    both = moved + np.swapaxes(moved, 0, 1)
+    gradient = np.einsum("jjf->f", square_slopes)
+    both = square_slopes + np.swapaxes(square_slopes, 0, 1)
     both = both / np.sqrt(2.0 * np.maximum(noise.count, 1.0))[:, None, None]
     both = both.reshape(-1, unknowns)
     return Normal(

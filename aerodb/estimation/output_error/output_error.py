@@ -153,7 +153,7 @@ def fit_of(
     unknown, vector = model.parameters.unknown, solution.vector
     why = unstable or _divergence(model, records, solution)
     found = _covariances(model.parameters, solution)
-    white, coloured, held = found.white, found.coloured, np.diag(solution.information)
+    white, coloured, own_information = found.white, found.coloured, np.diag(solution.information)
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
         judged = {item.name: ("diverged", why) for item in unknown}
@@ -174,7 +174,7 @@ def fit_of(
     deviation = np.sqrt(np.diag(solution.noise.covariance))
     return Fit(
         method=method,
-        estimates=_estimates(model.parameters, vector, white, coloured, held, judged),
+        estimates=_estimates(model.parameters, vector, white, coloured, own_information, judged),
         names=tuple(item.name for item in unknown),
         covariance=coloured,
         degrees_of_freedom=found.freedom,
@@ -259,10 +259,10 @@ def _estimates(
     vector: Array,
     white: Array,
     coloured: Array,
-    held: Array,
+    own_information: Array,
     judged: Mapping[str, tuple[Standing, str]],
 ) -> tuple[ParameterEstimate, ...]:
-    """held : (f,) information of each unknown alone."""
+    """own_information : (f,) information of each unknown alone."""
     number = {item.name: j for j, item in enumerate(parameters.unknown)}
     values = parameters.values(vector)
     made = []
@@ -274,7 +274,11 @@ def _estimates(
             j = number[source]
             error = abs(factor) * float(np.sqrt(coloured[j, j]))
             bound = abs(factor) * float(np.sqrt(white[j, j]))
-            alone = abs(factor) / float(np.sqrt(held[j])) if held[j] > 0 else np.nan
+            alone = (
+                abs(factor) / float(np.sqrt(own_information[j]))
+                if own_information[j] > 0
+                else np.nan
+            )
         if standing in ("not excited", "not identifiable"):
             value = error = bound = alone = np.nan
         if source not in number:
