@@ -50,7 +50,9 @@ class NoiseModel:
         return min(float(self.samples), self.samples * self.variance / at_zero)
 
     def summed(self, regressors: Array) -> Array:
-        """``sum_ij x_i R(i-j) x_j'`` (k, k) of one record with regressors x (n, k)."""
+        """``sum_ij x_i R(i-j) x_j'`` (k, k) of one record with regressors x (n, k). R is the
+        autocorrelation of this model, in the square of the residual's unit; the sum is that of
+        Morelli & Klein (1997)."""
         size = next_fast_len(4 * len(regressors))
         response = rfft(np.concatenate([[1.0], -self.coefficients]), size)
         weight = self.innovation / np.abs(response) ** 2

@@ -17,25 +17,27 @@ class DynamicModel(Protocol):
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the s states."""
+        """Names of the s states. A tuple (s,); each state is in SI units."""
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the o outputs, as in `TimeHistory.outputs`."""
+        """Names of the o outputs, as in `TimeHistory.outputs`. A tuple (o,); each output is in SI
+        units."""
 
     @property
     def parameters(self) -> Parameters:
-        """All parameters, those of single records (initial states, biases) too."""
+        """All parameters, those of single records (initial states, biases) too, in SI units."""
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        """State at the first sample of a record, (s, k)."""
+        """State at the first sample of a record, (s, k), in SI units; k is 1 where all parameters
+        are numbers."""
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        """Time derivatives (s, k) of a state (s, k); inputs at `sample`, a place between samples
-        is interpolated linearly."""
+        """Time derivatives (s, k) of a state (s, k); inputs at `sample`, a place between samples is
+        interpolated linearly, in SI units, per second."""
 
     def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        """Outputs (o, k) at a state (s, k)."""
+        """Outputs (o, k) at a state (s, k), in SI units."""
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
         """Outputs (n, o, k) from the initial state on; NaN after a divergence."""

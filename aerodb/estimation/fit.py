@@ -131,7 +131,7 @@ class Fit:
 
     @property
     def correlation(self) -> Array:
-        """Correlation (k, k) of the estimates."""
+        """Correlation (k, k) of the estimates, without unit."""
         deviation = np.sqrt(np.diag(self.covariance))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.covariance / np.outer(deviation, deviation)

@@ -38,12 +38,14 @@ class Regression:
 
     @property
     def standard_errors(self) -> Array:
-        """Standard errors (k,), from the covariance for coloured residuals."""
+        """Standard errors (k,), from the covariance for coloured residuals, in the unit of each
+        estimate."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Array:
-        """Correlation (k, k) of the estimates, from the covariance for coloured residuals."""
+        """Correlation (k, k) of the estimates, from the covariance for coloured residuals, without
+        unit; where an estimate has no error, its row is that of the unit matrix (no NaN)."""
         deviation = self.standard_errors
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.covariance / np.outer(deviation, deviation)
@@ -146,6 +148,8 @@ def with_mean_constant(
 
     The variance of the mean constant includes the scatter of the constants between records.
     `residual` and `r_squared` remain those of the fit with one constant per record.
+
+    mix : (k, k - 1 + g) of `own_constants`. Units are those of the fit.
     """
     k = len(mix)
     intercepts = fit.estimates[k - 1 :]
@@ -165,6 +169,9 @@ def with_mean_constant(
 
 def coloured_sum(regressors: Array, residual: Array) -> Array:
     """``sum_ij x_i R(i-j) x_j'`` (k, k) of one record, computed by FFT.
+
+    Its unit is the square of the product of a regressor's and the residual's. Morelli & Klein,
+    Journal of Guidance, Control, and Dynamics 20(1), 1997, eq. 31.
 
     Parameters
     ----------

@@ -80,12 +80,13 @@ class Parameters:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters."""
+        """Names of all parameters. A tuple (p,) in the order of the declaration."""
         return tuple(item.name for item in self.items)
 
     @cached_property
     def unknown(self) -> tuple[Parameter, ...]:
-        """The f parameters that are estimated: free ones that are tied to no other."""
+        """The f parameters that are estimated: free ones that are tied to no other. A tuple (f,) in
+        the order of the declaration, in SI units."""
         return tuple(item for item in self.items if item.free and item.tied is None)
 
     def __getitem__(self, name: str) -> Parameter:
@@ -95,13 +96,15 @@ class Parameters:
         raise InputError(f"no parameter '{name}'", "model", nearest(name, self.names))
 
     def start(self) -> Array:
-        """Start values (f,) of the unknown parameters."""
+        """Start values (f,) of the unknown parameters, in the unit of each, SI."""
         return np.array([item.value for item in self.unknown])
 
     def values(self, vector: Array) -> dict[str, Array]:
         """Return the value of every parameter, each (k,), or a number where `vector` is (f,).
 
         vector : the unknown parameters, (f,) or (f, k) for k runs side by side.
+
+        In the unit of each, SI.
         """
         known = {item.name: np.asarray(item.value) for item in self.items if item.tied is None}
         known |= {
@@ -117,7 +120,8 @@ class Parameters:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Derivatives (p, f) of all p parameters with respect to the f unknown ones."""
+        """Derivatives (p, f) of all p parameters with respect to the f unknown ones. Units are
+        those of a parameter per those of the one that it is tied to."""
         column = {item.name: j for j, item in enumerate(self.unknown)}
         matrix = np.zeros((len(self.items), len(column)))
         for row, item in enumerate(self.items):
@@ -128,12 +132,13 @@ class Parameters:
 
     @cached_property
     def offset(self) -> Array:
-        """Values (p,) of all parameters where the unknown ones are zero."""
+        """Values (p,) of all parameters where the unknown ones are zero, in the SI unit of each."""
         still = self.values(np.zeros(len(self.unknown)))
         return np.array([float(value) for value in still.values()])
 
     def changed(self, values: Mapping[str, float]) -> "Parameters":
-        """The same parameters with other start values; unknown names raise InputError."""
+        """The same parameters with other start values; unknown names raise InputError. values :
+        name -> start value in SI units."""
         for name in values:
             self[name]
         return Parameters(
@@ -143,12 +148,14 @@ class Parameters:
         )
 
     def with_more(self, more: Iterable[Parameter]) -> "Parameters":
-        """The same parameters and `more` after them."""
+        """The same parameters and `more` after them. Raises InputError for a name that stands
+        twice, as `Parameters`; values are in SI units."""
         return Parameters((*self.items, *more))
 
 
 def bounds_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Lower and upper bounds, (f,) each."""
+    """Lower and upper bounds, (f,) each, in the unit of each parameter, -inf and inf where there is
+    none."""
     return (
         np.array([item.lower for item in unknown], dtype=np.float64),
         np.array([item.upper for item in unknown], dtype=np.float64),

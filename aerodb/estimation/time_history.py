@@ -48,11 +48,11 @@ class TimeHistory:
 
     @property
     def step(self) -> float:
-        """Sampling interval [s]."""
+        """Sampling interval [s]. The mean interval of the n samples (n,)."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def stacked(self, names: tuple[str, ...]) -> Array:
-        """Measured outputs of these names, (n, o)."""
+        """Measured outputs of these names, (n, o), in SI units; NaN where one was not measured."""
         return np.column_stack([self.outputs[name] for name in names])
 
 

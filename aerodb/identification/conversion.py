@@ -88,7 +88,8 @@ class SteadyFlight:
 
     @property
     def trim_forces(self) -> tuple[float, float]:
-        """Aerodynamic CX and CZ of the trim: what carries the weight, less the thrust."""
+        """Aerodynamic CX and CZ of the trim: what carries the weight, less the thrust. Both are
+        dimensionless, in body axes; the shape is (2,)."""
         weight = self.mass * GRAVITY
         along = self.thrust * np.cos(self.thrust_angle)
         up = self.thrust * np.sin(self.thrust_angle)
@@ -111,12 +112,12 @@ class Derivatives:
 
     @property
     def standard_errors(self) -> Array:
-        """(k,)."""
+        """(k,), in SI units, as `values`."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
 def exact(values: Mapping[str, float]) -> Derivatives:
-    """Derivatives without covariance."""
+    """Derivatives without covariance. Values (k,) in SI units, covariance (k, k) of zeros."""
     return Derivatives(
         tuple(values), np.array(list(values.values()), dtype=float), np.zeros((len(values),) * 2)
     )
@@ -138,6 +139,8 @@ def dimensional_derivatives(
     flight, such as ``{"Ixx": 50.0}``, which the covariance then includes.
 
     Raises InputError for a name that is no dimensional derivative.
+
+    Values (k,) and covariance (k, k) in SI units.
     """
     wanted = tuple(names)
     known = coefficients.names
@@ -173,6 +176,8 @@ def coefficient_derivatives(
     Raises InputError for a name that is no dimensional derivative, and for one that is not enough:
     with a product of inertia, Lp needs Np beside it; Zw needs Zu where the trim has an angle of
     attack.
+
+    Values (k,) and covariance (k, k).
     """
 
     def solved(place: SteadyFlight) -> tuple[tuple[str, ...], Array, Array]:

@@ -64,6 +64,9 @@ def axis_equations(
     With `own_constants` each flight has its own constant, ``CZ_0[flight]``.
 
     Raises InputError for a term that names an unknown channel, and where an axis has no record.
+
+    Regressors (n, k) are terms of channels in SI units; the response (n,) is a dimensionless
+    coefficient.
     """
     model = with_chosen_knots(flights, comparisons, model, database)
     flights = with_model_rates(flights, comparisons, model)

@@ -65,7 +65,7 @@ class FlightDynamics:
         object.__setattr__(self, "_flying", flying)
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        """State at the first sample, (s, k)."""
+        """State at the first sample, (s, k), in SI units and rad."""
         own, start = _own(values, record.name), self.starts[record.name]
         rows = [np.atleast_1d(own.get(f"initial_{s}", start.get(s, 0.0))) for s in self.states]
         return np.stack(np.broadcast_arrays(*rows))
@@ -81,7 +81,8 @@ class FlightDynamics:
         return self._measured(own, record, run)
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
-        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
+        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample, in SI
+        units and rad; NaN after a divergence."""
         own = _own(values, record.name)
         run = self._flown(own, record, self._series(own, record), record.time, start)
         last = np.stack([run.channels[name][-1] for name in self.states])

@@ -71,6 +71,9 @@ def beyond_envelopes(
     """Return the errors of a flight on the axes where it leaves an envelope.
 
     held : its comparison with `database`. extrapolated : that with `with_extrapolated_slopes`.
+
+    Errors are those of dimensionless coefficients; channels (n,) in SI units. An axis without a
+    usable sample is left out.
     """
     flown = as_inputs(flight, database)
     found = []

@@ -91,6 +91,8 @@ def derivative_changes(
     """Return the changes of the derivatives inside the data, those that change an axis most first.
 
     flights : those that the candidate comes from. Samples without a finite prediction do not count.
+
+    Each is the mean over samples (n,) in SI units (1/rad, s/rad).
     """
     sampled = [_sampled(flight, baseline, candidate) for flight in flights]
     variables = sorted(

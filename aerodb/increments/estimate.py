@@ -119,6 +119,10 @@ def estimate_increments(
 ) -> Update:
     """Estimate the declared increments on top of `database`.
 
+    Estimates (k,) and covariance (k, k) per axis are in SI units; standard errors rest on the
+    autocorrelation of the residuals (Morelli & Klein, 1997), those of
+    `aerodb.estimation.regression` on a model of it.
+
     Parameters
     ----------
     flights, comparisons : in the same order; every comparison is with `database`.

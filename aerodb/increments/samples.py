@@ -68,6 +68,8 @@ def axis_samples(
     """Samples of the flights that have usable ones on the axis.
 
     channels : of `channels_of`.
+
+    Columns (n, k) in the SI units of the channels. A flight without a usable sample is left out.
     """
     axis, regressors = declared.axis, expand(declared)
     found = []

@@ -153,6 +153,9 @@ def validate_on_held_out(
     """Error per axis before and after, on the identifying and on the held-out flights.
 
     before, after : flight id -> comparison with the baseline and with the candidate.
+
+    Errors are rms of dimensionless coefficients over residuals (n,); None where no flight has the
+    axis.
     """
     axes = sorted(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
@@ -169,6 +172,9 @@ def validate_by_leaving_one_out(
     without: Callable[[str], Comparison],
 ) -> tuple[AxisValidation, ...]:
     """Error per axis before and after by leave-one-out cross-validation, for few flights.
+
+    Errors are rms of dimensionless coefficients over residuals (n,); None where no flight has the
+    axis.
 
     Parameters
     ----------
@@ -273,6 +279,8 @@ def repeatability(residuals: Sequence[float]) -> float:
 
     The sample standard deviation of each flight's residual rms before the update; zero for fewer
     than two flights, where it is not known.
+
+    residuals : (m,) rms of m flights, dimensionless.
 
     >>> round(repeatability([0.010, 0.012, 0.014]), 6)
     0.002

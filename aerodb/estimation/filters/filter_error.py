@@ -125,7 +125,8 @@ def _forms(
 def checked_states(
     model: DynamicModel, records: Sequence[TimeHistory], process_noise: Sequence[str] | None
 ) -> tuple[int, ...]:
-    """Numbers of the states with process noise."""
+    """Numbers of the states with process noise. A tuple (p,). Raises InputError for no record,
+    records of one name, a record that lacks an output, and an unknown state."""
     names = [record.name for record in records]
     if not records or len(set(names)) < len(names):
         raise InputError(
@@ -171,7 +172,8 @@ def first_noise(
     model: DynamicModel, records: Sequence[TimeHistory], disturbed: Sequence[int]
 ) -> Point:
     """Noise to start from: measurement noise from the differences between samples, and process
-    noise for a gain at which the filter follows the measurements, however wrong the parameters."""
+    noise for a gain at which the filter follows the measurements, however wrong the parameters.
+    Vector (f,), process (s,) and measurement (o, o) in the units of `Point`."""
     measured = [record.stacked(model.outputs) for record in records]
     steps = np.concatenate([np.diff(values, axis=0) for values in measured])
     with np.errstate(invalid="ignore"):

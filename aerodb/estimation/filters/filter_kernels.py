@@ -20,7 +20,8 @@ def linear_pass(
     innovations: Array, variances: Array, predicted: Array, states: Array,
 ) -> None:  # fmt: skip
     """Filter a linear model over a whole record, in place; `predicted` comes with what the outputs
-    are at a state of zero."""
+    are at a state of zero. Shapes are those of `FilterPass` and `StateSpace.discrete`; covariance
+    (s, s, k), in SI units. A divergence gives values that are inf or NaN."""
     n, s, k = states.shape
     o = H.shape[0]
     updated = np.zeros((s, s, k))
@@ -75,6 +76,8 @@ def trajectory_pass(
 ) -> None:  # fmt: skip
     """Filter a model linearised along a motion over a whole record, in place.
 
+    Units are SI; a divergence gives values that are inf or NaN.
+
     Parameters
     ----------
     motion : (n, s). following (n, s, 1 + g), transitions (n, s s, 1 + g), outputs (n, o, 1 + g),
@@ -122,7 +125,9 @@ def trajectory_pass(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def settled(transition: Array, H: Array, process: Array, measurement: Array, step: float) -> Array:
-    """Predicted covariance (s, s, k) at which the discrete Riccati equation settles."""
+    """Predicted covariance (s, s, k) at which the discrete Riccati equation settles. transition (s,
+    s, k), H (o, s, k), process (s, k), measurement (o, o, k), step [s]. What does not settle in
+    `_LONGEST` samples is returned as it is."""
     o, s, k = H.shape
     covariance, updated = np.zeros((s, s, k)), np.zeros((s, s, k))
     state, before, nothing = np.zeros((s, k)), np.zeros((s, k)), np.zeros(o)
@@ -157,6 +162,8 @@ def update(
     With the observation matrix H, ``S = H P H' + R = L D L'``: the innovations are ``inv(L) v``
     and their variances D; the gain of each is a column of ``P H' inv(L)'``. `given`: the noise is S
     itself.
+
+    Outputs are processed one after another; one that is NaN is left out. Units are SI.
     """
     s, k = state.shape
     o = measured.shape[0]
@@ -206,7 +213,8 @@ def update(
 @njit(cache=True, nogil=True, error_model="numpy")
 def predict(transition: Array, covariance: Array, process: Array, step: float, out: Array) -> None:
     """``out = F P F' + Q`` (s, s, k), with Q of white noise on the rates over one step by Simpson's
-    rule; the transition of half a step is the root of F to third order."""
+    rule; the transition of half a step is the root of F to third order. transition F and covariance
+    P : (s, s, k). process : (s, k), the state's unit over sqrt(s). step : [s]."""
     s, k = process.shape
     half, square, cube = np.empty((s, s, k)), np.zeros((s, s, k)), np.zeros((s, s, k))
     full = transition.copy()

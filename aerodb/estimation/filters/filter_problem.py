@@ -92,7 +92,8 @@ class FilterProblem:
         return o * (o + 1) // 2 if self.full else o
 
     def columns(self, record: TimeHistory) -> NDArray[np.int64]:
-        """Unknowns that a record depends on: parameters of other records do not count."""
+        """Unknowns that a record depends on: parameters of other records do not count. Numbers (g,)
+        among the u unknowns of the search."""
         others = tuple(f"[{other.name}]" for other in self.records if other.name != record.name)
         unknown = self.model.parameters.unknown
         own = [j for j, item in enumerate(unknown) if not (others and item.name.endswith(others))]
@@ -101,7 +102,8 @@ class FilterProblem:
 
     def passed(self, record: TimeHistory, point: Point, moves: Array) -> FilterPass:
         """The filter at a point displaced by each of the moves (u, k): of parameters by
-        differences, of the noise by differences of logarithms."""
+        differences, of the noise by differences of logarithms. Units are those of the parameters
+        (SI), and logarithms without a unit for the noise."""
         f, p = len(point.vector), len(self.disturbed)
         process = np.repeat(point.process[:, None], moves.shape[1], axis=1)
         process[list(self.disturbed)] *= np.exp(moves[f : f + p])
@@ -143,7 +145,8 @@ class FilterProblem:
         return replace(self, along=tuple(along))
 
     def likelihood_at(self, point: Point) -> float:
-        """Log-likelihood with priors at a point, of the filter that is linearised there."""
+        """Log-likelihood with priors at a point, of the filter that is linearised there. A natural
+        logarithm without unit; -inf where the filter diverges."""
         problem = self.settled(point, False)
         return float(problem.likelihood(point, problem.unmoved)[0])
 
@@ -174,7 +177,8 @@ class FilterProblem:
         return np.ascontiguousarray(np.moveaxis(whole, 0, -1))
 
     def moved(self, point: Point, move: Array) -> Point:
-        """The point displaced by one move (u,)."""
+        """The point displaced by one move (u,). Parameters in SI units, clipped to their bounds;
+        noise as logarithms without a unit."""
         f, p = len(point.vector), len(self.disturbed)
         lower, upper = bounds_of(self.model.parameters.unknown)
         process = point.process.copy()
@@ -186,19 +190,22 @@ class FilterProblem:
         )
 
     def penalty(self, vectors: Array) -> Array:
-        """What the priors take from the log-likelihood at vectors (f, k), (k,)."""
+        """What the priors take from the log-likelihood at vectors (f, k), (k,), without unit; 0 for
+        a parameter without a prior, whose error is inf."""
         prior, error = priors_of(self.model.parameters.unknown)
         return np.asarray(0.5 * (((vectors - prior[:, None]) / error[:, None]) ** 2).sum(axis=0))
 
     def likelihood(self, point: Point, moves: Array) -> Array:
-        """Log-likelihood with priors (k,) at a point displaced by moves (u, k)."""
+        """Log-likelihood with priors (k,) at a point displaced by moves (u, k). -inf where the
+        filter diverges."""
         total = -self.penalty(point.vector[:, None] + moves[: len(point.vector)])
         for record in self.records:
             total = total + self.passed(record, point, moves).log_likelihood
         return total
 
     def slopes(self, record: TimeHistory, point: Point, steps: Array) -> tuple[Slopes, FilterPass]:
-        """Innovations of a record and their derivatives, by differences of steps (u,)."""
+        """Innovations of a record and their derivatives, by differences of steps (u,). Units are
+        one over those of the unknowns."""
         columns = self.columns(record)
         moves = np.zeros((len(steps), len(columns) + 1))
         moves[columns, np.arange(1, len(columns) + 1)] = steps[columns]

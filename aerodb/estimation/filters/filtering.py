@@ -67,6 +67,8 @@ def run_filter(
 ) -> FilterPass:
     """Run the filter of a linear model over a record.
 
+    Units are SI. A divergence shows as a likelihood of -inf.
+
     Parameters
     ----------
     values : of every parameter, a number or (k,).
@@ -96,6 +98,8 @@ def run_filter(
 
 def follow(along: Linearised, vectors: Array, noise: NoiseLevels, steady: bool) -> FilterPass:
     """Run the filter of a model linearised along a motion over its record.
+
+    Units are SI. A divergence shows as a likelihood of -inf.
 
     Parameters
     ----------

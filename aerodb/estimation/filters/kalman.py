@@ -47,7 +47,9 @@ def extended_kalman(
     *,
     process_noise: Sequence[str] | None = None,
 ) -> Fit:
-    """Estimate parameters as states of an extended Kalman filter; see `unscented_kalman`."""
+    """Estimate parameters as states of an extended Kalman filter; see `unscented_kalman`.
+    Jategaonkar, Flight Vehicle System Identification, 2015, chapter 7. Raises InputError for
+    records of one name, lacking outputs and unknown states."""
     return _estimated("ekf", "extended", model, records, process_noise)
 
 

@@ -82,6 +82,8 @@ def walked(
     """The answer where parameters walk: at the end of the last record, with their histories.
 
     first : (f,) standard deviations before the first sample.
+
+    In SI units; where the filter lost the motion the estimates are NaN.
     """
     unknown, s = model.parameters.unknown, len(model.states)
     found = np.isfinite(sum(track.log_likelihood for track in tracks))

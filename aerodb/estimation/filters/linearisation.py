@@ -59,7 +59,7 @@ def advanced_everywhere(
     model: DynamicModel, record: TimeHistory, vectors: Array, states: Array
 ) -> tuple[Array, Array]:
     """States (n, s, l) one sample later and outputs (n, o, l), from l states (n, s, l) at each of n
-    samples, with unknowns (f, l) or (n, f, l)."""
+    samples, with unknowns (f, l) or (n, f, l), in SI units; NaN where the model has no answer."""
     n, s, lanes = states.shape
     following, outputs = np.empty(states.shape), np.empty((n, len(model.outputs), lanes))
     vectors = np.broadcast_to(vectors, (n, vectors.shape[-2], lanes))
@@ -111,7 +111,8 @@ class Linearised:
 
     @property
     def finite(self) -> bool:
-        """Whether the model has an answer all along the motion."""
+        """Whether the model has an answer all along the motion. False where following (n, s, 1 + g)
+        or outputs (n, o, 1 + g) has a NaN or inf."""
         return bool(np.isfinite(self.following).all() and np.isfinite(self.outputs).all())
 
 
@@ -123,7 +124,7 @@ def linearised(
     derivatives: bool = True,
 ) -> Linearised:
     """The model at the unknowns `vector` (f,) along a motion (n, s), with or without derivatives by
-    the unknowns."""
+    the unknowns, in SI units; NaN where the model has no answer."""
     n, s = motion.shape
     displaced, size = around(motion.T)  # (s, (2 s + 1) n) in blocks of n, and (s, n)
     states = np.moveaxis(displaced.reshape(s, 2 * s + 1, n), 2, 0)
@@ -169,7 +170,8 @@ def _act(
 
 
 def measured_motion(model: DynamicModel, record: TimeHistory, vector: Array) -> Array:
-    """States (n, s) as measured, gaps bridged; those that are no outputs as at the start."""
+    """States (n, s) as measured, gaps bridged; those that are no outputs as at the start, in SI
+    units."""
     n = len(record.time)
     first = model.initial_state(model.parameters.values(vector[:, None]), record)
     motion = np.repeat(first[:, :1].T, n, axis=0)

@@ -26,7 +26,7 @@ def stepped(
 
 def around(state: Array) -> tuple[Array, Array]:
     """States (s, (2 s + 1) k): k states (s, k), then each displaced up and down by every element;
-    and the displacements (s, k)."""
+    and the displacements (s, k), in the unit of each state."""
     s = len(state)
     displaced = np.repeat(state[:, None, :], 2 * s + 1, axis=1)
     size = _SHARE * np.maximum(np.abs(state), _LEAST)
@@ -37,7 +37,8 @@ def around(state: Array) -> tuple[Array, Array]:
 
 
 def slopes(displaced: Array, size: Array) -> tuple[Array, Array]:
-    """Value (m, k) and Jacobian (m, s, k) from values (m, (2 s + 1) k) at the states `around`."""
+    """Value (m, k) and Jacobian (m, s, k) from values (m, (2 s + 1) k) at the states `around`. The
+    Jacobian is in the unit of a value per unit of a state."""
     s = len(size)
     split = displaced.reshape(len(displaced), 2 * s + 1, size.shape[1])
     jacobian = (split[:, 1 : 1 + s] - split[:, 1 + s :]) / (2.0 * size)
@@ -45,7 +46,8 @@ def slopes(displaced: Array, size: Array) -> tuple[Array, Array]:
 
 
 def repeated(values: Values, times: int) -> Values:
-    """Values of k sets of parameters, for `times` states each."""
+    """Values of k sets of parameters, for `times` states each. Values (k,) become (times k,), in SI
+    units; numbers stay."""
     return {
         name: np.tile(value, times) if np.ndim(value) else value for name, value in values.items()
     }

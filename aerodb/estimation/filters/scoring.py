@@ -72,6 +72,9 @@ def maximise(
 
     A model that is not linear is linearised along the motion that the filter sees, and climbed;
     then the motion is renewed, until the likelihood stays.
+
+    At a point with vector (f,), process (s,) and measurement (o, o), in SI units. Where the
+    likelihood is not finite, the search ends without having converged.
     """
     problem = problem.settled(start)
     found = _climbed(problem, start, most_iterations, enough)
@@ -94,7 +97,8 @@ def maximise(
 
 def scored(problem: FilterProblem, point: Point) -> tuple[Optimum, Array]:
     """A point as if a search had ended there, and the gradient (f,) of the log-likelihood with
-    priors by the parameters."""
+    priors by the parameters, in one over the unit of each parameter; a likelihood that is not
+    finite counts as not converged."""
     problem = problem.settled(point)
     steps = _steps(problem, point, np.zeros(0))
     pairs = [problem.slopes(record, point, steps) for record in problem.records]

@@ -36,7 +36,8 @@ class AffineMatrix:
     slopes: dict[str, Array]
 
     def at(self, values: Values) -> Array:
-        """The matrix (k, r, c) for k sets of parameters; k is 1 where every value is a number."""
+        """The matrix (k, r, c) for k sets of parameters; k is 1 where every value is a number, in
+        the SI units of the entries."""
         if not self.slopes:
             return self.constant[None]
         each = [values[name] for name in self.slopes]
@@ -53,7 +54,8 @@ class AffineMatrix:
         return np.stack([matrix.ravel() for matrix in self.slopes.values()])
 
     def slope(self, name: str) -> Array:
-        """Derivative (r, c) with respect to a parameter."""
+        """Derivative (r, c) with respect to a parameter, in the unit of an entry per unit of the
+        parameter; zeros for one that is in no entry."""
         return self.slopes.get(name, np.zeros_like(self.constant))
 
 

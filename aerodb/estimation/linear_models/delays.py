@@ -68,17 +68,17 @@ class DelayedStateSpace:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """As of `StateSpace`."""
+        """As of `StateSpace`. A tuple (s,), in SI units."""
         return self.model.states
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """As of `StateSpace`."""
+        """As of `StateSpace`. A tuple (m,), in SI units."""
         return self.model.inputs
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """As of `StateSpace`."""
+        """As of `StateSpace`. A tuple (o,), in SI units."""
         return self.model.outputs
 
     @property
@@ -87,11 +87,11 @@ class DelayedStateSpace:
         return self.model.parameters
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        """State at the first sample, (s, k)."""
+        """State at the first sample, (s, k), in SI units."""
         return self.model.initial_state(values, record)
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        """Time derivatives (s, k)."""
+        """Time derivatives (s, k), in SI units per second."""
         lanes = self._lanes(values, record, state.shape[1])
         return np.concatenate(
             [self.model.rates(v, r, sample, state[:, at]) for at, v, r in lanes], axis=1
@@ -118,7 +118,8 @@ class DelayedStateSpace:
     def discrete(
         self, values: Values, record: TimeHistory, runs: int
     ) -> tuple[Array, Array, Array, Array]:
-        """As of `StateSpace`. Raises InputError for outputs that are late."""
+        """As of `StateSpace`. Raises InputError for outputs that are late. Shapes (s, s, k), (n -
+        1, s, k), (o, s, k) and (n, o, k)."""
         self._refuse_late_outputs()
         lanes = self._lanes(values, record, runs)
         each = (self.model.discrete(v, r, runs if at == slice(None) else 1) for at, v, r in lanes)
@@ -137,7 +138,8 @@ class DelayedStateSpace:
     def derivatives(
         self, values: Values, record: TimeHistory, names: Sequence[str]
     ) -> tuple[Array, Array]:
-        """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`."""
+        """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`, in
+        SI units."""
         ((_, own, moved),) = self._lanes(values, record, 1)
         outputs, slopes = self.model.derivatives(own, moved, names)
         for name in self.late_inputs:
@@ -215,6 +217,8 @@ def with_delays(
     """The linear model with delays of these inputs and outputs, whose parameters it has already.
 
     Raises InputError for a name that is neither, and for a delay without a parameter.
+
+    A delay's parameter ``delay_NAME`` is in seconds [s].
     """
     common = {name.split("[", 1)[0] for name in model.parameters.names}
     for names, known, what in ((inputs, model.inputs, "input"), (outputs, model.outputs, "output")):

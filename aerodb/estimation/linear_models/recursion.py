@@ -9,6 +9,8 @@ from aerodb.support import Array
 def recursion(phi: Array, psi: Array, states: Array) -> None:
     """Complete ``x_k[i+1] = phi_k x_k[i] + psi_k x_0[i] + f_k[i]``.
 
+    In SI units; a divergence gives inf or NaN.
+
     Parameters
     ----------
     phi : (k, s, s). psi : (k, s, s), or (0, s, s) for none.

@@ -62,7 +62,8 @@ def with_regressed_start_values(
     model: LinearModel, records: Sequence[TimeHistory]
 ) -> LinearModel | None:
     """The model with start values from its equations along the measured states and their numerical
-    derivatives, which noise bends a little; None where a state is not measured throughout."""
+    derivatives, which noise bends a little; None where a state is not measured throughout. States
+    (n, s) and their rates in SI units, per second."""
     if isinstance(model, DelayedStateSpace):
         inner = with_regressed_start_values(model.model, [model.timely(each) for each in records])
         return replace(model, model=inner) if isinstance(inner, StateSpace) else None

@@ -48,7 +48,8 @@ class StateSpace:
     output_bias: AffineMatrix
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        """State at the first sample, (s, k)."""
+        """State at the first sample, (s, k), in SI units; 0 or the first measured value where no
+        parameter states it."""
         rows = []
         for state in self.states:
             name = self._own(f"initial_{state}", record)
@@ -60,7 +61,8 @@ class StateSpace:
         return np.stack(np.broadcast_arrays(*rows))
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        """Time derivatives (s, k)."""
+        """Time derivatives (s, k), in SI units per second, at a state (s, k); inputs are
+        interpolated linearly. Raises InputError for an input that the record lacks."""
         own = self._local(values, record)
         low = min(int(sample), len(record.time) - 2)
         pair = self.driving(record)[low : low + 2]
@@ -69,7 +71,8 @@ class StateSpace:
         return np.asarray(np.einsum("kab,bk->ak", self.a.at(own), state) + inner.T)
 
     def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        """Outputs (o, k)."""
+        """Outputs (o, k), in SI units, at a state (s, k). Raises InputError for an input that the
+        record lacks."""
         own = self._local(values, record)
         direct = _beside(self.d.at(own), self.output_bias.at(own))
         inner = direct @ self.driving(record)[sample]
@@ -80,7 +83,8 @@ class StateSpace:
         return self.propagated(values, record, self.initial_state(values, record))[0]
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
-        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
+        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample, in SI
+        units; outputs are NaN after a divergence."""
         own, driving = self._local(values, record), self.driving(record)
         a = self.a.at(own)
         b = _beside(self.b.at(own), self.state_bias.at(own))
@@ -100,6 +104,8 @@ class StateSpace:
         """The model between samples, for k runs: ``x[i+1] = F x[i] + f[i]``, ``y = C x + g``.
 
         Returns F (s, s, k), f (n - 1, s, k), C (o, s, k) and g (n, o, k).
+
+        In SI units; inputs are linear between samples (first-order hold).
         """
         own, driving = self._local(values, record), self.driving(record)
         b = _beside(self.b.at(own), self.state_bias.at(own))
@@ -122,7 +128,8 @@ class StateSpace:
         self, values: Values, record: TimeHistory, names: Sequence[str]
     ) -> tuple[Array, Array]:
         """Outputs (n, o) and their derivatives (n, o, g) with respect to the parameters `names`:
-        those of the discrete model, exact."""
+        those of the discrete model, exact, in SI units. Raises InputError for an input that the
+        record lacks."""
         own, driving = self._local(values, record), self.driving(record)
         b = _beside(self.b.at(own), self.state_bias.at(own))
         d = _beside(self.d.at(own), self.output_bias.at(own))[0]
@@ -202,7 +209,8 @@ class StateSpace:
         return {}
 
     def driving(self, record: TimeHistory) -> Array:
-        """Inputs and a column of ones, (n, m + 1)."""
+        """Inputs and a column of ones, (n, m + 1), in SI units. Raises InputError for an input that
+        the record lacks or that is not finite."""
         columns = []
         for name in self.inputs:
             source, _, output = name.partition("[")
@@ -237,6 +245,8 @@ def state_space(
 
     Without `d` or biases they are 0. Raises InputError for matrices of another size than the names
     ask for, and for an entry that is no parameter.
+
+    Shapes: A (s, s), B (s, m), C (o, s), D (o, m), biases (s,) and (o,); units are SI.
     """
     s, m, o = len(states), len(inputs), len(outputs)
     given = {

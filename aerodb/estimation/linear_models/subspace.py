@@ -231,7 +231,7 @@ def _continuous(discrete: Array, step: float) -> Array:
 
 def input_responses(a: Array, u: Array, step: float) -> Array:
     """States (n, s, s m) that each input through each row of B gives, from rest; inputs linear
-    between samples."""
+    between samples, in SI units."""
     from scipy.linalg import expm  # slow to import
 
     s = len(a)
@@ -294,7 +294,8 @@ def _inputs_and_states(
 
 
 def path(found: LinearIdentified, record: TimeHistory) -> tuple[Array, Array]:
-    """Deviation of the states from their constant along a record, and their rates, (n, s) each."""
+    """Deviation of the states from their constant along a record, and their rates, (n, s) each, in
+    SI units, rates per second."""
     inputs = np.column_stack([record.inputs[name] for name in found.inputs])
     forced = np.einsum("nsk,k->ns", input_responses(found.A, inputs, record.step), found.B.ravel())
     free = free_response(found.A, len(inputs), record.step) @ found.initial[record.name]

@@ -142,7 +142,8 @@ class _Search:
 def likelihood_of_start(
     model: DynamicModel, records: Sequence[TimeHistory], covariance: Covariance
 ) -> float:
-    """Log-likelihood with priors at a model's start values; -inf where it diverges."""
+    """Log-likelihood with priors at a model's start values; -inf where it diverges. A natural
+    logarithm without unit."""
     return -_Search(model, records, covariance).outputs_only(model.parameters.start()).cost
 
 
@@ -156,6 +157,9 @@ def search(
 
     Each step solves the normal equations with the noise covariance of the residuals as they are; it
     is damped more when the likelihood falls, and less when it rises.
+
+    Vector (f,) in SI units. A search without an end, or from a start that diverges, has not
+    converged. Klein & Morelli, Aircraft System Identification, 2016, chapter 6.
     """
     problem = _Search(model, records, covariance)
     vector = model.parameters.start()
@@ -259,7 +263,8 @@ def _step(
 
 def projected(information: Array, normal: Normal, go: Mask) -> Array:
     """(f, j) directions in which the unknowns that may go can move: those that the constraints
-    leave, without those that nothing holds."""
+    leave, without those that nothing holds, in the unit of each unknown: of unit length in standard
+    errors."""
     size = np.sqrt(np.diag(information))
     live = np.flatnonzero(go & (size > 0))
     scale = size[live]

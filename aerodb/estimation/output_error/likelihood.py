@@ -26,7 +26,7 @@ class Measured:
     mask: Mask
 
     def residual(self, outputs: Array) -> Array:
-        """Measured minus model, 0 where not measured."""
+        """Measured minus model, 0 where not measured. Outputs (n, o), in SI units."""
         return np.where(self.mask, self.values - outputs, 0.0)
 
 
@@ -54,6 +54,8 @@ class Noise:
 def noise_of(records: Sequence[Measured], residuals: Sequence[Array], kind: Covariance) -> Noise:
     """Covariance of the residuals, at which their likelihood is greatest for the parameters as they
     are: the relaxation step of output error.
+
+    Residuals (n, o) of each record give a covariance (o, o), in the square of their SI units.
 
     References
     ----------
@@ -138,7 +140,7 @@ class Normal:
 
 
 def no_equations(unknowns: int) -> Normal:
-    """Those of f unknowns without any record."""
+    """Those of f unknowns without any record. Zeros (f, f) and (f,), and constraints (0, f)."""
     square = np.zeros((unknowns, unknowns))
     return Normal(square, np.zeros(unknowns), square, np.zeros(0), np.zeros((0, unknowns)))
 

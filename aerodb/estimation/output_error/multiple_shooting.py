@@ -25,7 +25,8 @@ class Propagated(DynamicModel, Protocol):
     """A model that can start anywhere."""
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
-        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample."""
+        """Outputs (n, o, k) from a state (s, k) on, and the state (s, k) at the last sample, in SI
+        units; NaN after a divergence."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,6 +149,9 @@ def fit_of(
     """The answer that belongs to where a search ended.
 
     unstable : why the motion has no answer at all; empty where it has one.
+
+    Values are in SI units; NaN where the records determine none, ``diverged`` where the search has
+    no end.
     """
     unknown, vector = model.parameters.unknown, solution.vector
     why = unstable or _divergence(model, records, solution)

@@ -88,7 +88,8 @@ def acts_on(name: str, record: str) -> bool:
 
 
 def first_steps(vector: Array) -> Array:
-    """Differences (f,) for parameters of which nothing is known but their values (f,)."""
+    """Differences (f,) for parameters of which nothing is known but their values (f,), in the unit
+    of each."""
     return _SHARE * np.maximum(np.abs(vector), _LEAST)
 
 
@@ -98,6 +99,8 @@ def respond(
     """Outputs of a record and their derivatives at the unknowns `vector` (f,).
 
     Derivatives are the model's own, or differences over `steps` (f,), all runs side by side.
+
+    In SI units; NaN after a divergence.
     """
     if _constrained(model):
         return model.responded(parameters, vector, record, steps)
@@ -148,6 +151,8 @@ def differences(
     One run more than there are unknowns, side by side: differences that noise hides are so small
     that a second-order rule would only cost as many runs again. Where a run has no result, the
     derivative is 0.
+
+    The derivatives are in the unit of the result per unit of each unknown.
     """
     g = len(columns)
     lanes = np.repeat(vector[:, None], g + 1, axis=1)

@@ -62,7 +62,8 @@ class Reduced:
     @property
     def excited(self) -> Mask:
         """(f,) columns that move; the first column of ones counts as excited, and a column that
-        stands still does where no constant takes its place."""
+        stands still does where no constant takes its place, without unit; a column (n,) of zeros
+        never counts."""
         spread, size = self.columns.std(axis=0), np.abs(self.columns).max(axis=0)
         moving = spread > _STILL * np.maximum(size, 1e-300)
         still = np.flatnonzero(~moving & (size > 0.0))
@@ -71,17 +72,18 @@ class Reduced:
         return np.asarray(moving)
 
     def blocks(self, values: Array) -> list[Array]:
-        """`values` (n, ...) record by record."""
+        """`values` (n, ...) record by record, in the unit of `values`."""
         return np.split(values, np.cumsum(self.lengths)[:-1])
 
     def noise(self, estimates: Array) -> NoiseModel:
-        """Of the residuals at estimates (f,)."""
+        """Of the residuals at estimates (f,), in the unit of the response; an autoregressive model
+        by Burg's recursion."""
         return autoregressive_noise(self.blocks(self.response - self.columns @ estimates))
 
 
 def reduced(equation: LinearEquation) -> Reduced:
     """The equation in its unknown parameters. Raises InputError where there is none, and for fewer
-    samples than unknown parameters."""
+    samples than unknown parameters. A (n, f) and y (n,) are in the units of the equation."""
     parameters = equation.parameters
     unknown = parameters.unknown
     where = f"equation of {equation.response}"
@@ -125,7 +127,8 @@ class Directions:
 
 
 def directions(problem: Reduced) -> Directions:
-    """Of a problem with at least one column that moves; else InputError."""
+    """Of a problem with at least one column that moves; else InputError. Scale (e,), U (n, r), S
+    (r,), V (e, r)."""
     excited = problem.excited
     if not excited.any():
         raise InputError(
@@ -142,7 +145,8 @@ def directions(problem: Reduced) -> Directions:
 
 def whitened(problem: Reduced, left: Array, noise: NoiseModel, rank: int) -> Array:
     """Covariance (r, r) of ``U' v`` for coloured residuals v, with the loss of degrees of freedom
-    by `rank` estimates restored."""
+    by `rank` estimates restored. left : U (n, r). In the square of the response's unit. Morelli &
+    Klein, 1997."""
     middle = sum(
         (noise.summed(block) for block in problem.blocks(left)), np.zeros((left.shape[1],) * 2)
     )

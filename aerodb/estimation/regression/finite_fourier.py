@@ -69,14 +69,15 @@ def band_of(
 
 
 def step_of(record: EquationRecord) -> float:
-    """Sampling interval [s]."""
+    """Sampling interval [s]. Raises InputError for a single sample."""
     if len(record.time) < 2:
         raise InputError("one sample is too few", f"record {record.name}", "leave it out")
     return float(record.time[-1] - record.time[0]) / (len(record.time) - 1)
 
 
 def duration_of(record: EquationRecord) -> float:
-    """Length of a record [s], with the interval of its last sample."""
+    """Length of a record [s], with the interval of its last sample. Raises InputError for a single
+    sample."""
     return len(record.time) * step_of(record)
 
 

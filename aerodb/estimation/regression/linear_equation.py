@@ -68,7 +68,8 @@ class LinearEquation:
         return tuple(len(record.time) for record in self.records)
 
     def stacked(self) -> tuple[Array, Array]:
-        """Regressors (n, k) and response (n,) of all records, one after the other."""
+        """Regressors (n, k) and response (n,) of all records, one after the other, in the units of
+        the records."""
         return (
             np.concatenate([record.regressors for record in self.records]),
             np.concatenate([record.response for record in self.records]),

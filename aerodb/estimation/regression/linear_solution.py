@@ -59,12 +59,15 @@ class Solution:
 
     @property
     def determined(self) -> Integers:
-        """Indices of the unknowns that have an estimate."""
+        """Indices of the unknowns that have an estimate. A subset of the (f,) unknowns; those
+        without an estimate are NaN in `values`."""
         return np.flatnonzero([each == "estimated" for each in self.standing])
 
 
 def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -> Solution:
     """Solve ``response = design @ unknown``, leaving open what the equations do not determine.
+
+    Units are those of the equations; what they do not determine is NaN.
 
     Parameters
     ----------
@@ -96,7 +99,7 @@ def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -
 
 
 def undetermined(count: int, reason: str) -> Solution:
-    """The solution for `count` unknowns of which the data determine none."""
+    """The solution for `count` unknowns of which the data determine none: values (count,) of NaN."""
     standing: Standing = "not identifiable"
     return Solution(
         np.full(count, np.nan), np.zeros((count, 0)), (standing,) * count, (reason,) * count
@@ -107,6 +110,8 @@ def judged(
     unknowns: Unknowns, solution: Solution, covariance: Array, white: Array
 ) -> tuple[tuple[ParameterEstimate, ...], tuple[str, ...], Array]:
     """Estimates of all parameters, with priors and bounds applied.
+
+    In SI units; NaN where neither records nor a prior give a value.
 
     Parameters
     ----------
@@ -204,7 +209,8 @@ def _constrained(
 
 def with_histories(fit: Fit, equation: LinearEquation) -> Fit:
     """The fit with fitted responses and residuals of the equation's records; an unknown without an
-    estimate counts as zero there."""
+    estimate counts as zero there. Series (n,) of each record in the response's unit, against time
+    [s]."""
     theta = np.nan_to_num([fit[name].value for name in equation.parameters.names])
     output = equation.response
     fitted = {each.name: each.regressors @ theta for each in equation.records}

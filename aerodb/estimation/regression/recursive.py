@@ -76,7 +76,8 @@ class RecursiveLeastSquares:
         self.samples = 0
 
     def update(self, regressors: Array, response: float) -> None:
-        """Add one sample: regressors (k,) and their response."""
+        """Add one sample: regressors (k,) and their response, in the units of the equation; a NaN
+        would spoil all later estimates."""
         x = regressors @ self._unknowns.matrix
         row = np.empty(len(x) + 1)
         row[:-1], row[-1] = x, response - regressors @ self._unknowns.offset

@@ -118,7 +118,9 @@ def orthogonal_functions(equation: LinearEquation, *, order: int = 1) -> Fit:
 
 
 def with_products(equation: LinearEquation, order: int) -> LinearEquation:
-    """The equation with products of two to `order` of its moving regressors as further terms."""
+    """The equation with products of two to `order` of its moving regressors as further terms.
+    Regressors (n, k) get further columns in the products of their units. Raises InputError for an
+    order below 1."""
     if order < 1:
         raise InputError(f"no products of order {order}", "orthogonal functions", "use 2 or 3")
     matrix, _ = equation.stacked()

@@ -70,7 +70,8 @@ class FrequencyResponse:
     @property
     def smooth_coherence(self) -> Array:
         """Coherence (m,) without what chance adds, averaged over neighbouring frequencies: chosen
-        or weighted by its own coherence, a response would be taken where noise enlarged it."""
+        or weighted by its own coherence, a response would be taken where noise enlarged it, without
+        unit, 0 to 1."""
         return _smooth(self.coherence, self.averages)
 
     @property
