@@ -10,7 +10,7 @@ The way through:
    to believe and why.
 4. `with_fitted_estimates` makes the answer of a method a candidate database.
 
-`equations` states the increments, `methods` lists the methods, `agreement` compares them,
+`equations` states the increments, `methods` lists the methods, `method_comparison` compares them,
 `candidate` turns them into a database.
 
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods

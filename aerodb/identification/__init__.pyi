@@ -1,10 +1,10 @@
-from .agreement import Agreement, MethodComparison, compare_methods
 from .candidate import update_by
 from .declared_terms import with_known_terms, with_terms
 from .derivative_file import converted, parse_derivative_file
 from .equations import no_database, no_database_beside, parameter_name
 from .flight_dynamics import FlightDynamics, flight_dynamics
 from .identification_flight import IdentificationFlight
+from .method_comparison import Agreement, MethodComparison, compare_methods
 from .methods import METHODS, REGRESSION, Method, chosen_methods
 from .model_file import (
     StateSpaceFile,

@@ -99,7 +99,7 @@ def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -
 
 
 def undetermined(count: int, reason: str) -> Solution:
-    """The solution for `count` unknowns of which the data determine none: values (count,) of NaN."""
+    """The solution for `count` unknowns of which the data determine none: (count,) of NaN."""
     standing: Standing = "not identifiable"
     return Solution(
         np.full(count, np.nan), np.zeros((count, 0)), (standing,) * count, (reason,) * count
