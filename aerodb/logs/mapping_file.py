@@ -108,7 +108,10 @@ class Geometry(Strict):
 
     def describes(self, topic: Topic) -> bool:
         """Return whether these fields of a topic can be a wing: constant, positive, and the area
-        about the product of span and chord."""
+        about the product of span and chord.
+
+        Fields are (n,); area [m^2], span and chord [m].
+        """
         values = []
         for name in (self.area, self.span, self.chord):
             field = topic.fields.get(name)

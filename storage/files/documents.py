@@ -10,7 +10,10 @@ from aerodb.support import canonical_json
 
 
 def write_document(path: Path, document: Any) -> None:
-    """Store a document as canonical JSON, atomically."""
+    """Store a document as canonical JSON, atomically.
+
+    JSON as in RFC 8785. Raises OSError when the disk refuses it.
+    """
     text = canonical_json(document).decode()
 
     def write(temporary: Path) -> None:

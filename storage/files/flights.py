@@ -97,6 +97,8 @@ def write_results(
 
     Raises UnknownNameError for a column that is not registered, ValueError for columns of unequal
     length.
+
+    Columns (n,), in the registered unit of their name.
     """
     columns = [_registered(name, values) for name, values in table.items()]
     document = {"kind": "result", "metadata": dict(metadata)}
@@ -107,7 +109,10 @@ def read_results(
     path: Path, columns: Iterable[str] | None = None
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """A stored result (all columns or the named ones) and its metadata; InputError when it is
-    missing or damaged."""
+    missing or damaged.
+
+    Columns (n,), in the units of their names, SI.
+    """
     table, document = read_columns(path, "result", columns)
     return table, document["metadata"]
 
@@ -118,6 +123,8 @@ def write_topics(folder: Path, recording: Recording) -> None:
 
     Topics are written one after another, so the folder is not written atomically. dtypes are
     preserved. A topic's name never becomes a file name.
+
+    Raises FileExistsError when the folder is there; values (n,) in the units of the log.
     """
     folder.mkdir()
     files = []
@@ -205,7 +212,10 @@ def read_recording(
 
 def open_recording(folder: Path) -> Recording:
     """The recording stored in `folder`; its topics and fields are read on demand, so the folder
-    must stay in place until then."""
+    must stay in place until then.
+
+    Raises InputError without an index; times (n,) [s].
+    """
     index = _index(folder)
     return _recording(index, StoredTopics(folder, index["topics"]))
 

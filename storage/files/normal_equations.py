@@ -14,7 +14,10 @@ _MATRICES = {"matrix": "product", "noisy": "product_noisy"}
 
 
 def write_normal_equations(path: Path, equations: NormalEquations) -> None:
-    """Store the normal equations of a flight."""
+    """Store the normal equations of a flight.
+
+    Matrices (k, k), flattened by rows; `read_normal_equations` reads them.
+    """
     arrays = equations.to_arrays()
     present = {name: arrays[name] for name in _MATRICES if arrays[name].size}
     rest = {name: values.tolist() for name, values in arrays.items() if name not in _MATRICES}
@@ -24,7 +27,10 @@ def write_normal_equations(path: Path, equations: NormalEquations) -> None:
 
 
 def read_normal_equations(path: Path) -> NormalEquations:
-    """Stored normal equations; InputError when they are missing, damaged or of another form."""
+    """Stored normal equations; InputError when they are missing, damaged or of another form.
+
+    Matrices (k, k); absent ones are (0, 0).
+    """
     table, metadata = read_results(path)
     arrays: dict[str, Any] = {name: np.array(values) for name, values in metadata["gram"].items()}
     size = round(np.sqrt(len(table["product"])))

@@ -205,7 +205,11 @@ def _encoding(stored: int, order: str) -> str:
 
 def read_hdf5(data: bytes, where: str) -> Variables:
     """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays
-    transposed (MATLAB stores columns first)."""
+    transposed (MATLAB stores columns first).
+
+    Raises InputError for bytes that are not HDF5. Arrays (n,) or matrices, in the units of the
+    file.
+    """
     variables = Variables()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:

@@ -37,6 +37,8 @@ def read_text(data: bytes, where: str) -> TextTable:
     has as many words as there are columns. A last line without a line end may be truncated within a
     number, so it is left out and reported. Raises InputError for binary files, ragged lines (naming
     the first one), and files without numbers.
+
+    Columns (n,), in the units of the file.
     """
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")

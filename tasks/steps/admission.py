@@ -9,7 +9,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -> Mapping | None:
-    """Return the requested mapping; SettingsError if it or the vehicle's file cannot be used."""
+    """Return the requested mapping; SettingsError if it or the vehicle's file cannot be used.
+
+    Reads the vehicle and the mapping (`load_mapping`).
+    """
     try:
         access.vehicle(vehicle)
         return load_mapping(mapping) if mapping else None

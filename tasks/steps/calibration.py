@@ -26,6 +26,8 @@ def calibrate(
 
     valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label,
     parameters, flights, skipped.
+
+    Reads consistent flights and the vehicle; raises UnknownNameError for an unknown id.
     """
     access = access_workspace(workspace)
     described, _ = access.vehicle(vehicle)
@@ -88,6 +90,9 @@ def bind(flight: str, *, workspace: str, run: str, calibration: str) -> str:
     """Bind a flight to a calibration (ids), and return the flight.
 
     Results that depend on the calibration are recomputed when they are next needed.
+
+    Reads and changes the catalogue only. Raises UnknownNameError for an unknown flight, InputError
+    for a calibration of another vehicle.
     """
     access_workspace(workspace).catalogue.bind_flight(flight, calibration, run)
     return flight

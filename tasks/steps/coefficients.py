@@ -35,6 +35,8 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason
     if there are none. A flight whose coefficients fail in an unforeseen way is rejected with the
     reason: it stops no other flight, and what has no coefficients does not count as good.
+
+    Reads the consistent flight. Raises UnknownNameError for an unknown id.
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -70,7 +72,11 @@ def _reconstructed(flight: str, workspace: str, run: str) -> dict[str, Any]:
 
 
 def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> FlightCoefficients:
-    """Return the total coefficients of a flight; read back if stored, else computed."""
+    """Return the total coefficients of a flight; read back if stored, else computed.
+
+    Reads the consistent flight (`load_consistent`). Raises InputError where there are none,
+    CalculationError where they fail. Samples (n,), SI.
+    """
     consistent = load_consistent(access, row, run)
     flight = consistent.flight
     vehicle, _ = access.vehicle(row.vehicle)

@@ -131,7 +131,11 @@ def _judge(
 def load_comparison(
     access: WorkspaceAccess, flight: str, version: str, run: str
 ) -> FlightComparison:
-    """Return the comparison of a flight with a version (both by id), and store it."""
+    """Return the comparison of a flight with a version (both by id), and store it.
+
+    Reads coefficients and the version. Raises UnknownNameError for an unknown id, InputError as
+    `compare_with_database`.
+    """
     row = access.catalogue.flight(flight)
     compared = compare_with_database(access, flight, access.database(version), run)
     comparison = compared.comparison
@@ -149,6 +153,9 @@ def compare_with_database(
     """Return the comparison of a flight (its id) with a database that need not be stored.
 
     Its key is that of the flight's coefficients.
+
+    Reads the coefficients. Raises UnknownNameError for an unknown id, InputError where
+    `load_coefficients` does.
     """
     row = access.catalogue.flight(flight)
     loaded = load_coefficients(access, row, run)
@@ -159,7 +166,11 @@ def compare_with_database(
 def compare_loaded(
     loaded: FlightCoefficients, database: AeroDatabase, vehicle: Vehicle
 ) -> Comparison:
-    """Return the comparison of loaded coefficients with a database; cached in memory."""
+    """Return the comparison of loaded coefficients with a database; cached in memory.
+
+    Coefficients are (n,). Raises CalculationError where the comparison fails in an unforeseen way,
+    as `failing_alone` says.
+    """
     with failing_alone(
         f"the comparison with database {database.name}", f"flight {loaded.flight.id}"
     ):

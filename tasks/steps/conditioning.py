@@ -17,7 +17,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
-    """Return the mapping that a stored flight was last made with."""
+    """Return the mapping that a stored flight was last made with.
+
+    Reads the settings of `ingest`. Raises IndexError where none has this mapping.
+    """
     stated = [
         result.settings["mapping"] for result in access.catalogue.results_of(row.id, "ingest")
     ]
@@ -25,7 +28,11 @@ def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
 
 
 def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Conditioning:
-    """Return the findings on a conditioned flight and on its recording, whose topics are stored."""
+    """Return the findings on a conditioned flight and on its recording, whose topics are stored.
+
+    Reads the stored topics (`read_recording`). Raises InputError where they are damaged,
+    UnknownNameError for an unknown vehicle.
+    """
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
     vehicle, _ = access.vehicle(flight.vehicle)
@@ -38,6 +45,8 @@ def load_conditioning(
     """Return the findings on a flight and their key; compute and store them if needed.
 
     flight, flight_key : as `aerodb.tasks.steps.ingest.load_flight` returns them.
+
+    Reads the stored topics where nothing is stored: `examined`, whose errors it raises. Times [s].
     """
     result = _result(access, row.id, flight_key)
     path = result.stored()

@@ -14,7 +14,10 @@ from aerodb.tasks.workspace_access import access_workspace
 
 
 def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
-    """The HTML page of a document of `estimate_by_methods`, with fitted responses and residuals."""
+    """The HTML page of a document of `estimate_by_methods`, with fitted responses and residuals.
+
+    Reads `estimate_by_methods`' stored result. Raises InputError where it is lost.
+    """
     access = access_workspace(workspace)
     path, result = access.path_of(document["key"]), access.catalogue.result(document["key"])
     if path is None or result is None:

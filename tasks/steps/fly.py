@@ -54,7 +54,10 @@ def default_tolerances() -> str:
 
 
 def read_tolerances(path: Path) -> str:
-    """The text of a file of tolerances; InputError where it cannot be read."""
+    """The text of a file of tolerances; InputError where it cannot be read.
+
+    Units of the tolerances: `default_tolerances`.
+    """
     try:
         return path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:

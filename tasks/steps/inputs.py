@@ -65,7 +65,10 @@ def _stands(row: FlightRow) -> bool:
 
 
 def bindings_of(access: WorkspaceAccess, version: str) -> Mapping[str, str]:
-    """Return the bindings with which the database below a version (its id) was imported."""
+    """Return the bindings with which the database below a version (its id) was imported.
+
+    Reads the catalogue. Raises KeyError for an unknown id.
+    """
     catalogue = access.catalogue
     row = catalogue.versions_by_id([version])[version]
     while row.parent is not None:

@@ -78,7 +78,10 @@ class StoredFlights:
         )
 
     def flight(self, flight: str) -> Flight:
-        """Return the consistent flight from which the coefficients are computed."""
+        """Return the consistent flight from which the coefficients are computed.
+
+        Samples (n,), SI. Raises UnknownNameError for an unknown flight.
+        """
         return self._loaded(flight).flight
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
@@ -90,11 +93,17 @@ class StoredFlights:
         return reconstruction_of(load_consistent(self.access, row, self.run).document)
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
-        """Return the segments that conditioning found."""
+        """Return the segments that conditioning found.
+
+        Times [s] from the first sample. Raises UnknownNameError for an unknown flight.
+        """
         return segments_of(self.access, flight, self.run)
 
     def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
-        """Return the comparison of a flight with a database; cached in memory, not stored."""
+        """Return the comparison of a flight with a database; cached in memory, not stored.
+
+        Coefficients (n,). Raises UnknownNameError for an unknown flight.
+        """
         return compare_loaded(self._loaded(flight), database, self.vehicle)
 
     def view(
@@ -115,8 +124,11 @@ class StoredFlights:
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
-        """Return the normal equations of a flight; read back if stored, else computed and
-        stored."""
+        """Return the normal equations of a flight; read back if stored, else computed and stored.
+
+        Matrices (k, k). Raises UnknownNameError for an unknown flight, InputError as
+        `load_coefficients` does.
+        """
         inputs = {
             "coefficients": self._loaded(flight).key,
             "database": database_document_sha256(database),

@@ -33,7 +33,10 @@ _CHILDREN: Final = 6
 
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
-    """Return the report of a flight (its id) beside a version (its id; empty: none)."""
+    """Return the report of a flight (its id) beside a version (its id; empty: none).
+
+    Reads the flight, its consistency and comparison. Raises UnknownNameError for an unknown id.
+    """
     # Drawing is imported here, and below, because it is slow to import and most runs draw nothing.
     from aerodb.report import FlightStory, flight_report
 
@@ -141,8 +144,10 @@ def _head(
 
 
 def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
-    """Write the report of an update or closed loop to the workspace's reports, and return the
-    file."""
+    """Write the report of an update or closed loop to the workspace's reports, and return the file.
+
+    Reads and raises what `update_page` does: InputError, UnknownNameError.
+    """
     access = access_workspace(workspace)
     reference = document.get("report") or document["candidate"]
     page = update_page(reference, workspace=workspace, run=run)
@@ -159,7 +164,10 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 
 
 def version_page(version: str, *, workspace: str, run: str) -> str:
-    """Return the report of a version (its id)."""
+    """Return the report of a version (its id).
+
+    Reads version, report and flights from the catalogue. Raises UnknownNameError for an unknown id.
+    """
     from aerodb.report import NameMove, UsedFlight, VersionStory, version_report
     from aerodb.tasks.steps.validate_responses import known_responses
 

@@ -9,7 +9,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def segments_of(access: WorkspaceAccess, flight: str, run: str) -> tuple[Segment, ...]:
-    """Return the segments of a flight (its id); start and end [s] from its first sample."""
+    """Return the segments of a flight (its id); start and end [s] from its first sample.
+
+    Reads the findings of `load_conditioning`. Raises UnknownNameError for an unknown id.
+    """
     row = access.catalogue.flight(flight)
     channels, key = load_flight(access, row, run)
     conditioning, _ = load_conditioning(access, row, channels, key, run)

@@ -47,6 +47,9 @@ def find_sensor_rivals(
 def trace_flight(
     flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
 ) -> NormalEquations:
-    """Return the normal equations of a flight (its id) beside a database; stored if new."""
+    """Return the normal equations of a flight (its id) beside a database; stored if new.
+
+    Reads coefficients and vehicle. Matrices (k, k). Raises UnknownNameError for an unknown id.
+    """
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
     return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)

@@ -26,6 +26,9 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
     """Return all topics of a log.
 
     Biases are uniform within the prior's sigma: the vehicle is calibrated, not faulty.
+
+    vehicle : its sensors, with noise and prior of bias, SI, and of delay [s]. Raises KeyError where
+    one is not declared.
     """
 
     def signal(

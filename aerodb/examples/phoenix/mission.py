@@ -301,6 +301,8 @@ def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDeriv
     """Return the derivatives for the design of the autopilot.
 
     They are those of the preflight database on the approach, never of the true aerodynamics.
+
+    At `APPROACH`: V [m/s], alpha [rad], qbar [Pa], height [m].
     """
     condition = dict.fromkeys(preflight.inputs, 0.0) | APPROACH
     pitch = {
@@ -337,6 +339,8 @@ def simulate(
     """Return the flights of a campaign on `database`, with an autopilot designed on `preflight`.
 
     All randomness comes from `seed`.
+
+    Channels (samples, flights), SI; the drop is that of `drop_start`, the gusts are `DrydenGusts`.
     """
     generator = np.random.default_rng([seed, 1])
     planned = plan(generator, flights)
@@ -371,7 +375,10 @@ def simulate(
 def fly(
     seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS
 ) -> list[SimulatedLog]:
-    """Return logs of a campaign with the true aerodynamics, in the order flown, one day apart."""
+    """Return logs of a campaign with the true aerodynamics, in the order flown, one day apart.
+
+    Fields are (n,) in the units of PX4.
+    """
     vehicle = parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
     preflight = read_native(read_example("preflight.toml"), "preflight.toml")
     history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights)
@@ -382,6 +389,8 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
     """Return the logs of simulated flights.
 
     Biases belong to the vehicle: they are the same in all flights of a seed.
+
+    history : channels (samples, k), SI. Errors of sensors as `instruments` gives them.
     """
     installed = instruments(vehicle, _installation(seed))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
