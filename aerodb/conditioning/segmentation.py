@@ -185,7 +185,7 @@ def _with_ground(flight: Flight) -> Flight:
 def flag_on_ground(flight: Flight) -> Flight:
     """The flight with ``on_ground`` flagged for all channels where `ground_and_air` finds it there.
 
-    Flags are (n,); times in seconds are those of its segments.
+    Flags are (n,).
     """
     down = np.zeros(len(flight.time), dtype=bool)
     for segment in ground_and_air(flight):

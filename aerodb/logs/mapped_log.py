@@ -116,10 +116,7 @@ class MappedLog:
         return [self._renamed] if self._renamed else []
 
     def is_zero(self, source: Source) -> bool:
-        """Return whether the field of a source is there and zero throughout.
-
-        The field is (n,) in any unit.
-        """
+        """Return whether the field of a source is there and zero throughout."""
         location = self.locate(source)
         if location is None:
             return False
@@ -127,10 +124,7 @@ class MappedLog:
         return len(values) > 0 and not np.any(values)
 
     def is_empty(self, source: Source) -> bool:
-        """Return whether the field of a source is there and holds no number.
-
-        The field is (n,) in any unit.
-        """
+        """Return whether the field of a source is there and holds no number."""
         location = self.locate(source)
         if location is None:
             return False

@@ -214,8 +214,6 @@ def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
     """Return the Mapping that a TOML text describes.
 
     Raises InputError with the key, the reason and the nearest known key.
-
-    Keys and units: `docs/reference/conventions.md`, "File schemas".
     """
     return validated_toml(Mapping, text, where)
 

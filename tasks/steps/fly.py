@@ -49,14 +49,17 @@ LONGEST: Final = 20.0
 
 
 def default_tolerances() -> str:
-    """The text of the tolerances that come with aerodb."""
+    """The text of the tolerances that come with aerodb.
+
+    Source: 14 CFR part 60, appendix A, table A2A, and AC 120-40B, appendix 2.
+    """
     return (resources.files("aerodb.simulation") / "tolerances.toml").read_text("utf-8")
 
 
 def read_tolerances(path: Path) -> str:
     """The text of a file of tolerances; InputError where it cannot be read.
 
-    Units of the tolerances: `default_tolerances`.
+    The same form as `default_tolerances`.
     """
     try:
         return path.read_text("utf-8")

@@ -177,7 +177,7 @@ def pooled(
     flights : independent estimates, without priors. names : parameters; those that no flight has
     are left out. stated : priors, name -> one sigma about zero, SI.
 
-    Gives values (m,), covariance (m, m), SI, as the sum of informations does.
+    Information matrices add up. Gives values (m,) and covariance (m, m), SI.
     """
     known = tuple(dict.fromkeys(name for own in flights for name in own.names if name in names))
     information, push = np.zeros((len(known), len(known))), np.zeros(len(known))

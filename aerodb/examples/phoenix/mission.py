@@ -340,7 +340,7 @@ def simulate(
 
     All randomness comes from `seed`.
 
-    Channels (samples, flights), SI; the drop is that of `drop_start`, the gusts are `DrydenGusts`.
+    Channels (n, k) of k flights, SI; the drop is that of `drop_start`, the gusts are `DrydenGusts`.
     """
     generator = np.random.default_rng([seed, 1])
     planned = plan(generator, flights)
@@ -390,7 +390,7 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
 
     Biases belong to the vehicle: they are the same in all flights of a seed.
 
-    history : channels (samples, k), SI. Errors of sensors as `instruments` gives them.
+    history : channels (n, k) of k flights, SI. Errors of sensors as `instruments` gives them.
     """
     installed = instruments(vehicle, _installation(seed))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
