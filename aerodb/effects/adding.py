@@ -81,6 +81,8 @@ def envelopes_of(
 
     Raises InputError where a flight lacks a channel of an accepted hypothesis, or no flight has a
     usable sample.
+
+    Intervals are in the units of their variables.
     """
     envelopes = {}
     for axis, members in _by_axis(accepted).items():

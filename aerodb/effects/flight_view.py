@@ -79,7 +79,7 @@ class FlightView:
 
     @property
     def time(self) -> Array:
-        """(n,) s."""
+        """(n,) [s]."""
         return self.recorded.time
 
     @property
@@ -142,18 +142,18 @@ class FlightView:
 
     @cached_property
     def inverse_qbar(self) -> Array:
-        """(n,) 1/Pa; zero where there is no dynamic pressure, so that nothing is claimed there."""
+        """(n,) [1/Pa]; zero where there is no dynamic pressure: nothing is claimed there."""
         qbar = self["qbar"]
         return np.where(qbar > 0.0, 1.0 / np.where(qbar > 0.0, qbar, 1.0), 0.0)
 
     def moments(self, coefficients: Mapping[str, Array]) -> Array:
-        """(n, 3) N m of moment coefficients over the database's lengths."""
+        """(n, 3) [N m] of moment coefficients over the database's lengths."""
         lengths = np.array([self.reference.span, self.reference.chord, self.reference.span])
         scale = (self["qbar"] * self.reference.area)[:, None] * lengths
         return np.column_stack([coefficients[axis] for axis in MOMENT_AXES]) * scale
 
     def as_coefficients(self, force: Array, moment: Array) -> dict[str, Array]:
-        """Force (n, 3) N and moment about the CG (n, 3) N m as the six coefficients about the
+        """Force (n, 3) [N] and moment about the CG (n, 3) [N m] as the six coefficients about the
         database's moment reference."""
         lengths = np.array([self.reference.span, self.reference.chord, self.reference.span])
         scaled = (
@@ -165,7 +165,7 @@ class FlightView:
 
     @property
     def force(self) -> Array:
-        """(n, 3) N: mass times specific force as the current model gives it, thrust included."""
+        """(n, 3) [N]: mass times specific force as the current model gives it, thrust included."""
         scale = (self["qbar"] * self.reference.area)[:, None]
         return np.column_stack([self.predicted[axis] for axis in AXES[:3]]) * scale + self.thrust
 

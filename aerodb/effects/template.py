@@ -96,7 +96,10 @@ class LibraryContext:
 
     def sigma(self, parameter: str, declared: float, natural: float) -> float:
         """One sigma of a sensor parameter: its prior, else `declared` (vehicle file), else
-        `natural`."""
+        `natural`.
+
+        All are in the unit of the parameter.
+        """
         return self.priors.get(parameter) or declared or natural
 
 

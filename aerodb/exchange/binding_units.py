@@ -75,7 +75,7 @@ def raise_together(questions: Sequence[OpenQuestionsError], where: str) -> None:
 
 
 def in_unit(expression: Expression, scale: float) -> Expression:
-    """Return an expression times the scale of a conversion."""
+    """Return an expression times the scale of a conversion. scale : of a unit, a number."""
     return expression if scale == 1.0 else Operation("*", expression, Number(scale))
 
 

@@ -33,8 +33,10 @@ from aerodb.tables import (
 
 #: Most slices drawn on a page; `diff` lists every node.
 MAX_PANELS: Final = 12
-#: Panels of one figure of `diff_figures`: two side by side fill a page.
-_ON_A_PAGE, _COLUMNS = 6, 2
+#: Panels of one figure of `diff_figures`: they fill a page.
+_ON_A_PAGE: Final = 6
+#: Panels side by side.
+_COLUMNS: Final = 2
 _POINTS: Final = 241
 _CELLS_BEYOND: Final = 3.0
 #: A smaller change of a coefficient is rounding.

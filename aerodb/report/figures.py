@@ -27,8 +27,10 @@ from aerodb.support import Array
 #: Most points per curve: more than a print can show. Extremes are kept.
 MAX_POINTS: Final = 1600
 
-#: Number of letters of flight names that fit above the histories, and fewest that say something.
-_LETTERS, _FEWEST_LETTERS = 52, 4
+#: Letters of flight names that fit above the histories.
+_LETTERS: Final = 52
+#: Fewest letters of a flight name that say something.
+_FEWEST_LETTERS: Final = 4
 
 
 def update_figure(

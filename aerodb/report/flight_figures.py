@@ -31,7 +31,14 @@ SHOWN: Final = (
     *("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "altitude", "mach", "qbar"),
 )
 _MOST_SURFACES: Final = 9
-_NARROW, _MIDDLE, _WIDE, _CLOUD = 360, 400, 600, 1500
+#: Points of a line in a narrow panel, as `decimated` thins it.
+_NARROW: Final = 360
+#: Points of a residual.
+_MIDDLE: Final = 400
+#: Points of a measured or predicted coefficient.
+_WIDE: Final = 600
+#: Most samples of a cloud of points.
+_CLOUD: Final = 1500
 
 #: Pairs of channels whose planes show the flight envelope.
 PLANES: Final = (("alpha", "beta"), ("mach", "alpha"), ("V", "altitude"))

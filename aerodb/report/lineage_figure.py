@@ -6,7 +6,12 @@ from typing import Final
 
 WIDTH: Final = 168
 HEIGHT: Final = 92
-_ACROSS, _DOWN, _EDGE = 218, 118, 12
+#: Distance of the corners of two neighbours in a row, in the unit of `WIDTH`.
+_ACROSS: Final = 218
+#: Distance of the corners of two neighbours in a column, in the same unit.
+_DOWN: Final = 118
+#: Free margin around the figure, in the same unit.
+_EDGE: Final = 12
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,11 @@ MEASURED: Final = "#9A9A9A"
 FLAGGED: Final = "#F3E3C3"
 DATABASE_LINE: Final = (0, (4, 1.5))
 
-#: Width and largest height [in] of a figure on A4 less its margins: a figure of this size is
-#: printed as it is, so that its type keeps its size.
-PAGE_WIDTH, PAGE_HEIGHT = 7.1, 9.2
+#: Width [in] of a figure on A4 less its margins: a figure of this size is printed as it is, so
+#: that its type keeps its size.
+PAGE_WIDTH: Final = 7.1
+#: Largest height [in] of such a figure.
+PAGE_HEIGHT: Final = 9.2
 #: Smallest type of a figure [pt].
 SMALLEST: Final = 8
 

@@ -29,7 +29,12 @@ from aerodb.tracing import SamplingUnit
 
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
-_BINS, _FEWEST_BINS, _FEWEST_IN_BIN = 24, 3, 15
+#: Most bins of a variable.
+_BINS: Final = 24
+#: Fewest bins that are drawn.
+_FEWEST_BINS: Final = 3
+#: Fewest samples per bin: the number of bins is limited to it.
+_FEWEST_IN_BIN: Final = 15
 #: Most samples used for the quantiles; larger sets are thinned.
 _SAMPLES: Final = 50_000
 #: Narrowest bin, as a share of the range between the 1 % and 99 % quantiles: in a narrower one, a
@@ -38,8 +43,10 @@ _NARROWEST: Final = 1 / 30
 #: Height [in] of a line of the smallest type.
 _LINE: Final = 0.14
 _BAND: Final = (0.1, 0.5, 0.9)
-#: Most variables, and how many of them stand side by side.
-_MOST_VARIABLES, _COLUMNS = 10, 4
+#: Most variables that are drawn.
+_MOST_VARIABLES: Final = 10
+#: Variables that stand side by side.
+_COLUMNS: Final = 4
 #: Longest label of a column that stands on one line.
 _WIDEST: Final = 18
 

@@ -40,8 +40,10 @@ from aerodb.tables import AeroDatabase
 
 _Entry = TypeVar("_Entry")
 
-#: How a remark begins that stands on top, and what is in one whose numbers stand in a table.
-_WARNS, _IN_TABLE = "The gate will refuse", " leaves the flown envelope on "
+#: How a remark begins that stands on top.
+_WARNS: Final = "The gate will refuse"
+#: What is in a remark whose numbers stand in a table.
+_IN_TABLE: Final = " leaves the flown envelope on "
 _DOTS: Final = {
     True: " Dots: single flights, before above the line, after below.",
     False: " Dots: single flights, with the database.",
@@ -49,8 +51,14 @@ _DOTS: Final = {
 _IN_SAMPLE: Final = (
     "; after: of the flights that the version was identified from, which is optimistic"
 )
-#: What one figure of a page holds.
-_VARIABLES_ON_A_PAGE, _AXES_ON_A_PAGE, _HISTORIES_ON_A_PAGE, _STALLS_ON_A_PAGE = 4, 6, 4, 3
+#: Variables in one figure of a page.
+_VARIABLES_ON_A_PAGE: Final = 4
+#: Axes in one figure of a page.
+_AXES_ON_A_PAGE: Final = 6
+#: Histories in one figure of a page.
+_HISTORIES_ON_A_PAGE: Final = 4
+#: Stalls in one figure of a page.
+_STALLS_ON_A_PAGE: Final = 3
 #: Number of axes drawn where nothing was added: those farthest above their noise floor.
 _FARTHEST: Final = 3
 

@@ -27,7 +27,10 @@ class ScaledChannel:
         return x if self == ScaledChannel(self.name) else self.scale * x + self.offset
 
     def channel(self, argument: Array) -> Array:
-        """Channel values (n,) at which the argument has the given values."""
+        """Channel values (n,) at which the argument has the given values.
+
+        The unit is the channel's.
+        """
         return (
             argument if self == ScaledChannel(self.name) else (argument - self.offset) / self.scale
         )

@@ -43,6 +43,8 @@ def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase
 
     The points are the same on every machine. Points where a coefficient is not finite are left out,
     so that there may be fewer than `count`.
+
+    Inputs are in SI units, coefficients dimensionless.
     """
     points = _points(database, count)
     values = _at_all(database, points, count)
@@ -60,7 +62,10 @@ def failed_check_cases(
     database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9
 ) -> tuple[str, ...]:
     """Deviations from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence
-    each; empty when all pass."""
+    each; empty when all pass.
+
+    Coefficients are dimensionless.
+    """
     if not cases:
         return ()
     first = cases[0].inputs.keys()

@@ -158,7 +158,7 @@ def node_lineage(
     ----------
     database : layered or consolidated. In a layered one, the contributions that would be folded
         into the node, with the variables that the table lacks inside the envelope.
-    node : one index per axis of the table, from 0.
+    node : (N,) one index per axis of the table, from 0.
 
     Raises UnknownNameError for an unknown table and InputError for an index beyond its axes.
     """
@@ -193,7 +193,10 @@ def node_lineage(
 
 def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tuple[NodeShare, ...]:
     """The increments that act at one point (channels: numbers), with value and standard error on
-    their axis."""
+    their axis.
+
+    channels in SI units; values and standard errors [-].
+    """
     shares = []
     names = set[str]().union(*(increment.names for increment in database.increments))
     values = database.resolved(sorted(names), channels)

@@ -26,7 +26,7 @@ def deviation(
 
     Parameters
     ----------
-    nominal : the value.
+    nominal : the value; the deviation has its unit.
     uncertainty : its declaration.
     bounds : one expression per declared bound. By effect, a bound is a distance from the value
         (additive), a distance in percent of it (percentage), a factor on it (multiplicative), or a

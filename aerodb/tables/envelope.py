@@ -33,7 +33,10 @@ def flown_envelope(
 
 def table_cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
     """Width of a table cell of a variable: the median spacing of the database's breakpoints, else
-    the range `low` to `high`."""
+    the range `low` to `high`.
+
+    `low`, `high` and the result are in the unit of the variable.
+    """
     spacing = np.concatenate(
         [np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))]
     )

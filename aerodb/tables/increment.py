@@ -40,12 +40,15 @@ class Interval:
             object.__setattr__(self, name, float(getattr(self, name)) + 0.0)
 
     def contains(self, x: Value) -> NDArray[np.bool_]:
-        """Whether x lies inside the interval."""
+        """Whether x lies inside the interval. x : (n,) or a number, in the unit of the variable."""
         return np.asarray((np.asarray(x) >= self.low) & (np.asarray(x) <= self.high))
 
     def weight(self, x: Value) -> Array:
         """Weight of an increment at x: 1 inside and up to one cell beyond, then linearly to 0 over
-        one further cell (docs/method/updates.md, "Envelope")."""
+        one further cell (docs/method/updates.md, "Envelope").
+
+        x : (n,) or a number, in the unit of the variable.
+        """
         if self.cell == 0.0:
             return self.contains(x).astype(np.float64)
         beyond = np.maximum(self.low - np.asarray(x), np.asarray(x) - self.high)
@@ -207,7 +210,10 @@ class Increment:
 
     def weight(self, channels: Mapping[str, Value]) -> Array:
         """(n,) weight of the flights' evidence: 1 inside the envelope and one cell beyond, 0 where
-        it has faded."""
+        it has faded.
+
+        Channels are in SI units.
+        """
         weight = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
         for name, interval in self.envelope.items():
             weight *= interval.weight(channels[name])
@@ -228,7 +234,10 @@ class Increment:
 
     def columns(self, channels: Mapping[str, Value]) -> tuple[Array, Array]:
         """(n, k) regressors with variables held at the envelope's edge, and (n, k) their
-        weights."""
+        weights.
+
+        Channels are in SI units.
+        """
         n = max((np.size(channels[name]) for name in self.names), default=1)
         held: dict[str, Any] = {name: channels[name] for name in self._program.inputs}
         weight: dict[str, Array] = {}

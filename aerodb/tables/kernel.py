@@ -100,6 +100,8 @@ def interpolate_together(
     As `interpolate`, with values (nodes, tables), so that the values at one node are adjacent in
     memory, and out (tables, n). The loops are written out again because one function for both cases
     is slower for a single table.
+
+    points : (N, n), in the units of the breakpoints.
     """
     dimensions, n = points.shape
     tables = values.shape[1]

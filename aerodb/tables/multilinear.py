@@ -98,7 +98,10 @@ def _crossings(difference: Expression, name: str, grid: Array) -> set[float]:
 
 def merged(points: Array, others: set[float]) -> Array:
     """Merge `points` (increasing) and `others` into one increasing axis; values that differ only by
-    rounding become one breakpoint, that of `points`."""
+    rounding become one breakpoint, that of `points`.
+
+    points : (n,), in the same unit as `others`.
+    """
     axis = np.array(sorted({float(x) for x in points} | others))
     if axis.size < 2:
         return axis

@@ -36,12 +36,15 @@ class TableGrid:
         return tuple(len(axis) for axis in self.values)
 
     def points(self) -> dict[str, Array]:
-        """Channel -> (number of nodes,), the last argument varying fastest."""
+        """Channel -> (n,) values in SI units at all n nodes, the last argument varying fastest."""
         mesh = np.meshgrid(*self.values, indexing="ij")
         return {name: grid.ravel() for name, grid in zip(self.channels, mesh, strict=True)}
 
     def node(self, index: tuple[int, ...]) -> dict[str, float]:
-        """Channel -> value at a node. Raises InputError for an index outside the table."""
+        """Channel -> value at a node. Raises InputError for an index outside the table.
+
+        Values are in SI units.
+        """
         if len(index) != len(self.shape) or any(
             not 0 <= k < n for k, n in zip(index, self.shape, strict=True)
         ):

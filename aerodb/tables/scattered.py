@@ -79,12 +79,15 @@ class ScatteredTable:
 
     @cached_property
     def scale(self) -> Array:
+        """(N,) extent of the points along each argument, in its unit; 1 where it is zero."""
         extent = np.ptp(self.points, axis=0)
         return np.where(extent > 0, extent, 1.0)
 
     @cached_property
     def triangulation(self) -> Any:
         # Imported here because it loads slowly and few databases have such a table.
+        """Delaunay triangulation of the points (n, N), each divided by `scale`. Raises InputError
+        where they span no volume."""
         from scipy.spatial import Delaunay, QhullError
 
         try:
@@ -99,14 +102,20 @@ class ScatteredTable:
     @cached_property
     def hull(self) -> tuple[Array, Array]:
         """Outward normals (f, N) and offsets (f,) of the facets of the hull; x is inside where
-        ``normals @ x + offsets <= 0``."""
+        ``normals @ x + offsets <= 0``.
+
+        Coordinates are dimensionless: points are divided by `scale`.
+        """
         from scipy.spatial import ConvexHull
 
         equations = ConvexHull(self.points / self.scale).equations
         return equations[:, :-1], equations[:, -1]
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """Values, and which points lie outside the hull; NaN gives NaN and is outside."""
+        """Values, and which points lie outside the hull; NaN gives NaN and is outside.
+
+        arguments : each (n,) or a number, in the units of the points; values (n,).
+        """
         x = stacked_arguments(self.name, len(self.arguments), arguments).T / self.scale
         unknown = ~np.isfinite(x).all(axis=1)
         centre = self.points.mean(axis=0) / self.scale
@@ -130,11 +139,17 @@ class ScatteredTable:
         return Lookup(values, outside, bool(outside.any()))
 
     def evaluate(self, *arguments: Array | float) -> Array:
-        """Values (n,) at arguments, each (n,) or a number."""
+        """Values (n,) at arguments, each (n,) or a number.
+
+        Arguments are in the units of the points.
+        """
         return self.lookup(*arguments).values
 
     def outside(self, *arguments: Array | float) -> NDArray[np.bool_]:
-        """(n,) true where the arguments lie outside the hull of the points, or are NaN."""
+        """(n,) true where the arguments lie outside the hull of the points, or are NaN.
+
+        Arguments are in the units of the points.
+        """
         return self.lookup(*arguments).outside
 
     def _inside(self, x: Array, centre: Array) -> Array:

@@ -80,7 +80,10 @@ def _constant_lift(size: float) -> Increment:
 
 
 def step_of(variable: str, values: Array) -> float:
-    """Half the range over which the slope by `variable` is taken."""
+    """Half the range over which the slope by `variable` is taken.
+
+    The unit is that of the variable.
+    """
     if variable in _STEPS:
         return _STEPS[variable]
     if variable.startswith("delta_"):

@@ -70,6 +70,8 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
     increment that the candidate adds. A change within one cell of a baseline change in the same
     direction is not new, only shifted. Neither is a change that the flights have measured, where
     the increment is held or fades in another variable. Empty where nothing depends on alpha.
+
+    Alpha is in rad.
     """
     added = new_increments(baseline, candidate)
     if "alpha" not in {*baseline.inputs, *candidate.inputs}:

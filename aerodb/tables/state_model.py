@@ -77,7 +77,10 @@ class Kirchhoff:
         return 0.5 * (1.0 - np.tanh(self.sharpness * (angle - self.alpha_star)))
 
     def expression(self, angle: str) -> Expression:
-        """`steady` as an expression; `angle` is the expression of the effective angle of attack."""
+        """`steady` as an expression; `angle` is the expression of the effective angle of attack.
+
+        The angle is in rad.
+        """
         return parse(
             f"0.5*(1 - tanh({number(self.sharpness)}*({angle} - ({number(self.alpha_star)}))))"
         )
@@ -128,7 +131,10 @@ class GomanKhrabrov:
 
     def expression(self, angle: str) -> Expression:
         """`steady` as an expression: the first value, plus the slope of each interval times the
-        angle clipped to it."""
+        angle clipped to it.
+
+        The angle is in rad.
+        """
         parts = [str(number(self.attached[0]))]
         nodes = list(zip(self.breakpoints, self.attached, strict=True))
         for (low, first), (high, last) in pairwise(nodes):

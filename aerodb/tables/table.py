@@ -139,7 +139,11 @@ class Table:
     @cached_property
     def axes_packed(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """The axes in the form of the compiled loop: breakpoints, their starts, strides in nodes,
-        modes."""
+        modes.
+
+        Breakpoints are (b,), in the units of the arguments; starts (N + 1,), strides and modes
+        (N,).
+        """
         starts = np.cumsum([0, *self.values.shape], dtype=np.int64)
         strides = np.array(self.values.strides, dtype=np.int64) // self.values.itemsize
         return np.concatenate(self.breakpoints), starts, strides, self.modes
@@ -162,7 +166,10 @@ class Table:
         return stacked_arguments(self.name, len(self.breakpoints), arguments)
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """Values, and which points lie outside the breakpoints; arguments as in `evaluate`."""
+        """Values, and which points lie outside the breakpoints; arguments as in `evaluate`.
+
+        Values are (n,).
+        """
         from aerodb.tables import kernel  # imported here because it loads the compiler
 
         interpolate: Any = kernel.interpolate
@@ -194,7 +201,10 @@ class Table:
         return self.lookup(*arguments).values
 
     def outside(self, *arguments: Array | float) -> Mask:
-        """(n,) true where any argument lies outside its breakpoints or is NaN."""
+        """(n,) true where any argument lies outside its breakpoints or is NaN.
+
+        Arguments are in the units of the breakpoints.
+        """
         return self.lookup(*arguments).outside
 
     def basis(self, *arguments: Array | float) -> "csr_array[Any]":
@@ -305,7 +315,10 @@ class TableGroup:
         )
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """Values and outside points as `Table.lookup`, with values (tables, n)."""
+        """Values and outside points as `Table.lookup`, with values (tables, n).
+
+        Arguments are in the units of the breakpoints, each (n,) or a number.
+        """
         from aerodb.tables import kernel
 
         interpolate: Any = kernel.interpolate_together

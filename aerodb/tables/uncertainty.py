@@ -80,7 +80,10 @@ def check_bounds(uncertainty: Uncertainty | None, nodes: int) -> None:
 
 
 def bound_arrays(uncertainty: Uncertainty | None) -> list[NDArray[np.float64]]:
-    """Numeric bounds as arrays, for hashes."""
+    """Numeric bounds as arrays, for hashes.
+
+    Each is at least (1,), in the unit that it was declared in.
+    """
     bounds = uncertainty.bounds if uncertainty else ()
     return [
         np.atleast_1d(np.array(bound, dtype=np.float64))

@@ -30,7 +30,7 @@ REACH = 3.0
 
 
 def influence(span: float) -> str:
-    """sigma, 1 on the ground and 0 from REACH spans upwards; `span` in m."""
+    """sigma, 1 on the ground and 0 from REACH spans upwards; `span` [m]."""
     return (
         f"step({REACH * span!r} - height_above_ground)*exp(-2.48*(2*max(height_above_ground,"
         f" 0)/{span!r})^0.768)"

@@ -20,7 +20,7 @@ SOURCE = "000; DHC6.xml, term CmT"
 
 
 def regressor(area: float) -> str:
-    """Thrust coefficient; `area` in m2."""
+    """Thrust coefficient; `area` [m2]."""
     return f"thrust/(qbar*{area!r})"
 
 

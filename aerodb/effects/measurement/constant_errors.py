@@ -47,7 +47,10 @@ def sensor_consider_parameters(
 
 def with_wind(view: FlightView, columns: Columns) -> Columns:
     """Add wind-axis columns to body-axis ones; measured and predicted are rotated by the same
-    angles."""
+    angles.
+
+    Each column is (n,); alpha and beta are in rad.
+    """
     if not view.has(["alpha"]):
         return columns
     cx, cy, cz = (columns.get(axis, np.zeros_like(view["alpha"])) for axis in ("CX", "CY", "CZ"))

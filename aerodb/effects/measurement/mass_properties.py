@@ -25,12 +25,18 @@ INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")
 
 
 def mass(view: FlightView) -> Columns:
-    """Columns of mass_error, the share by which the assumed mass is too large."""
+    """Columns of mass_error, the share by which the assumed mass is too large.
+
+    Each column is (n,), dimensionless.
+    """
     return view.as_coefficients(view.force, np.zeros_like(view.force))
 
 
 def centre_of_gravity(view: FlightView, axis: str) -> Columns:
-    """Columns of cg_offset, 1/m: the CG is assumed further along body `axis` than it is."""
+    """Columns of cg_offset, 1/m: the CG is assumed further along body `axis` than it is.
+
+    Each column is (n,), in the unit 1/m.
+    """
     unit = np.broadcast_to(np.eye(3)["xyz".index(axis)], view.cg.shape)
     force = np.zeros_like(view.cg)
     if view.imu_arm.any():
@@ -55,7 +61,10 @@ def inertia(view: FlightView, name: str) -> Columns:
 
 
 def thrust(view: FlightView) -> Columns:
-    """Columns of thrust_scale, the share by which the assumed thrust is too large."""
+    """Columns of thrust_scale, the share by which the assumed thrust is too large.
+
+    Each column is (n,), dimensionless.
+    """
     return view.as_coefficients(-view.thrust, -view.thrust_moment)
 
 

@@ -73,7 +73,10 @@ def sensor(
 
 
 def bias_prior(context: LibraryContext, *channels: str) -> float:
-    """The first bias prior that the vehicle file declares for one of `channels`, else 0."""
+    """The first bias prior that the vehicle file declares for one of `channels`, else 0.
+
+    It is in the unit of the channel.
+    """
     priors = (
         context.vehicle.sensors[name].bias_prior
         for name in channels
@@ -83,7 +86,7 @@ def bias_prior(context: LibraryContext, *channels: str) -> float:
 
 
 def delay_prior(context: LibraryContext, channel: str) -> float:
-    """The delay prior that the vehicle file declares for `channel`, else 0."""
+    """The delay prior that the vehicle file declares for `channel`, else 0. It is in seconds."""
     return (
         context.vehicle.sensors[channel].delay_prior if channel in context.vehicle.sensors else 0.0
     )
@@ -94,6 +97,8 @@ def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Ar
     or a number): axis -> (n,).
 
     Where the log holds no alphadot or betadot, it was made of the angle and changes with it.
+
+    Changes are in SI units, coefficients dimensionless.
     """
     for angle in ("alpha", "beta"):
         if (
@@ -112,5 +117,5 @@ def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Ar
 
 
 def added(*columns: Columns) -> dict[str, Array]:
-    """Sum of several sets of columns, axis by axis."""
+    """Sum of several sets of columns, axis by axis. Each column is (n,); all are in one unit."""
     return {axis: reduce(np.add, [part[axis] for part in columns]) for axis in AXES}

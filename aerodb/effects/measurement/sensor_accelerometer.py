@@ -19,7 +19,10 @@ WORDS = {"x": "longitudinal", "y": "lateral", "z": "normal"}
 
 
 def bias(view: FlightView, axis: str) -> Columns:
-    """Columns of accelerometer_bias along body `axis`, s2/m."""
+    """Columns of accelerometer_bias along body `axis`, s2/m.
+
+    Each column is (n,), in the unit s2/m.
+    """
     force = view["mass"][:, None] * np.eye(3)["xyz".index(axis)]
     return view.as_coefficients(force, np.zeros_like(force))
 

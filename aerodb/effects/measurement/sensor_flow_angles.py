@@ -37,25 +37,31 @@ WORDS = {"alpha": "angle of attack", "beta": "sideslip"}
 
 
 def bias(view: FlightView, angle: str) -> Columns:
-    """Columns of ``<angle>_bias``, 1/rad."""
+    """Columns of ``<angle>_bias``, 1/rad. Each column is (n,)."""
     return predicted_change(view, **{angle: 1.0})
 
 
 def scale(view: FlightView, angle: str) -> Columns:
-    """Columns of ``<angle>_scale``."""
+    """Columns of ``<angle>_scale``. Each column is (n,), dimensionless."""
     return predicted_change(view, **{angle: at_probe(view, angle)})
 
 
 def delay(view: FlightView, angle: str) -> Columns:
     """Columns of ``<angle>_delay``, 1/s: a reading that is late by t is off by ``-t`` times its
-    rate."""
+    rate.
+
+    Each column is (n,), in the unit 1/s.
+    """
     return predicted_change(
         view, **{angle: -smooth(at_probe(view, angle), view.step, view.bandwidth).rate}
     )
 
 
 def at_probe(view: FlightView, angle: str) -> Array:
-    """The angle (n,) that the probe shows: rotation about the CG moves it through the air."""
+    """The angle (n,) that the probe shows: rotation about the CG moves it through the air.
+
+    It is in rad.
+    """
     if not view.air_data_arm.any():
         return view[angle]
     speed, alpha, beta = view["V"], view["alpha"], view["beta"]
@@ -71,6 +77,8 @@ def position(view: FlightView, axis: str) -> Columns:
 
     The assumed arm is taken off, ``v - omega x r``, so that what is too little is left in: ``+omega
     x e``.
+
+    Each column is (n,), in the unit 1/m.
     """
     return predicted_change(view, **moved_probe(view, axis))
 

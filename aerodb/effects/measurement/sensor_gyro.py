@@ -23,14 +23,14 @@ WORDS = {"p": "roll", "q": "pitch", "r": "yaw"}
 
 
 def bias(view: FlightView, rate: str) -> Columns:
-    """Columns of gyro_bias, s/rad."""
+    """Columns of gyro_bias, s/rad. Each column is (n,)."""
     change = np.zeros_like(view.rates)
     change[:, "pqr".index(rate)] = 1.0
     return wrong_rates(view, change, np.zeros_like(change))
 
 
 def scale(view: FlightView, rate: str) -> Columns:
-    """Columns of gyro_scale."""
+    """Columns of gyro_scale. Each column is (n,), dimensionless."""
     only = np.eye(3)["pqr".index(rate)]
     return wrong_rates(view, view.rates * only, view.angular_acceleration * only)
 

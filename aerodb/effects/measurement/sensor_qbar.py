@@ -16,13 +16,13 @@ SOURCE = "003, eq. 5"
 
 
 def scale(view: FlightView) -> Columns:
-    """Columns of qbar_scale."""
+    """Columns of qbar_scale. Each column is (n,), dimensionless."""
     direct: dict[str, Array] = {axis: -values for axis, values in view.predicted.items()}
     return added(direct, predicted_change(view, qbar=view["qbar"]))
 
 
 def offset(view: FlightView) -> Columns:
-    """Columns of qbar_offset, 1/Pa."""
+    """Columns of qbar_offset, 1/Pa. Each column is (n,), in the unit 1/Pa."""
     direct = {axis: -values * view.inverse_qbar for axis, values in view.predicted.items()}
     return added(direct, predicted_change(view, qbar=1.0))
 

@@ -28,18 +28,27 @@ SOURCE = "003, eq. 6"
 
 
 def scale(view: FlightView, channels: tuple[str, ...]) -> Columns:
-    """Columns of surface_scale of deflections that share one calibration."""
+    """Columns of surface_scale of deflections that share one calibration.
+
+    Each column is (n,), dimensionless.
+    """
     return predicted_change(view, **{name: view[name] for name in channels})
 
 
 def bias(view: FlightView, channel: str) -> Columns:
-    """Columns of surface_bias of one deflection."""
+    """Columns of surface_bias of one deflection.
+
+    Each column is (n,), per unit of the deflection.
+    """
     return predicted_change(view, **{channel: 1.0})
 
 
 def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side: float) -> Columns:
     """Columns of a surface (`side` +1 right, -1 left) that moves less than logged, through the
-    deflections that it is part of."""
+    deflections that it is part of.
+
+    Each column is (n,), dimensionless.
+    """
     half = 0.5 * view[surface]
     changes = {symmetric: half, asymmetric: side * half}
     return predicted_change(view, **{name: change for name, change in changes.items() if name})

@@ -43,7 +43,7 @@ _NARROWEST: Final = 0.05
 
 
 def regressor(database: AeroDatabase, law: Relay) -> Expression:
-    """Regressor of the gain over alpha and `flow_attachment`."""
+    """Regressor of the gain over alpha and `flow_attachment`. Alpha is in rad."""
     return parse(LIFT_LOST.format(from_zero_lift(database), law.low, law.high))
 
 

@@ -89,7 +89,10 @@ _BODY_AXES: Final = {"C_lift": ("CX", "CZ"), "C_drag": ("CX", "CY", "CZ"), "Cm":
 
 
 def stall_regressors(database: AeroDatabase) -> dict[str, Expression]:
-    """Regressors of the stall gains over `flow_attachment`: axis -> expression."""
+    """Regressors of the stall gains over `flow_attachment`: axis -> expression.
+
+    Angles are in rad.
+    """
     separated = parse(SEPARATED)
     return {
         "C_lift": parse(LIFT.format(from_zero_lift(database))),

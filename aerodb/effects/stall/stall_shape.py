@@ -86,6 +86,8 @@ class StallFlight:
         """Flow attachment (n,) under a law, 1 attached and 0 separated.
 
         quickly : interpolate alphadot between two tabulated lags near the law's.
+
+        It is dimensionless.
         """
         channels = {"alpha": self.alpha, "V": self.V}
         if quickly and not isinstance(law, Relay) and law.lag > 0.0:
@@ -110,6 +112,8 @@ def lift_factor(attached: Array) -> Array:
 
     >>> lift_factor(np.array([1.0, 0.0])).tolist()
     [0.0, -0.75]
+
+    attached : (n,), dimensionless.
     """
     return np.asarray(((1.0 + np.sqrt(np.clip(attached, 0.0, 1.0))) / 2.0) ** 2 - 1.0)
 
@@ -201,6 +205,8 @@ class Family:
         """Bounds of the parameters, (k, 2).
 
         Angles lie between the flights' median and greatest angle of attack, with a lag beyond it.
+
+        Angles are in rad.
         """
         high = max(float(np.max(flight.alpha[flight.usable])) for flight in flights)
         low = min(float(np.median(flight.alpha[flight.usable])) for flight in flights)
@@ -310,7 +316,10 @@ class Shape:
         return FAMILIES[self.family].columns(flight, tuple(self.parameters.values()))
 
     def unexplained(self, flight: StallFlight) -> dict[str, Array]:
-        """Residual of a flight less the fitted nuisances and stall, axis -> (n,)."""
+        """Residual of a flight less the fitted nuisances and stall, axis -> (n,).
+
+        Coefficients are dimensionless.
+        """
         columns = self.columns(flight)
         return {
             axis: flight.residual[axis]

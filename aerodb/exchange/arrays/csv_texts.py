@@ -62,7 +62,10 @@ def csv_rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
 
 
 def as_numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
-    """Cells as numbers, (len(rows), width). Raises InputError for text."""
+    """Cells as numbers, (len(rows), width). Raises InputError for text.
+
+    The unit is the file's; rows : (n,) of `width` cells.
+    """
     try:
         return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(
             len(rows), width
@@ -75,6 +78,8 @@ def grid_of(points: Array, where: str) -> tuple[list[Array], Array]:
     """Breakpoints and values of a table from one row per node, in any order.
 
     points : (n, arguments + 1), the last column is the value.
+
+    Raises InputError for numbers that are not finite, and for rows that fill no grid.
     """
     if not np.all(np.isfinite(points)):
         raise InputError("numbers that are not finite", where, "give every node a finite value")

@@ -36,7 +36,16 @@ _ENCODINGS: Final = {
     17: "utf-16",
     18: "utf-32",
 }
-_CELL, _STRUCT, _CHAR, _DOUBLE, _LAST_NUMBER = 1, 2, 4, 6, 15
+#: Array class of a cell array.
+_CELL: Final = 1
+#: Array class of a structure.
+_STRUCT: Final = 2
+#: Array class of text.
+_CHAR: Final = 4
+#: Array class of doubles, the first of numbers.
+_DOUBLE: Final = 6
+#: Last array class of numbers.
+_LAST_NUMBER: Final = 15
 _MAX_DEPTH: Final = 20
 
 

@@ -393,6 +393,8 @@ def hat_rate_expression(rate: str, constant: str) -> Expression:
     """Return ``rate*(length/2)/V``.
 
     The order of the operations is that of `aerodb.tables.reference.hat_rate`.
+
+    The result is dimensionless, the rate in rad/s.
     """
     return Operation(
         "/", Operation("*", Name(rate), Operation("/", Name(constant), Number(2.0))), Name("V")

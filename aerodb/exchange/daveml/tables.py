@@ -65,6 +65,8 @@ class Argument:
         """Return the input within its stated limits.
 
         A limit is dropped where the table already holds its value at `first` or `last`, its ends.
+
+        All are in the unit of the file.
         """
         low = self.low if self.low > first or self.extrapolation in ("min", "both") else -math.inf
         high = self.high if self.high < last or self.extrapolation in ("max", "both") else math.inf
@@ -81,7 +83,10 @@ def limited(value: Expression, low: float, high: float) -> Expression:
 
 
 def read_argument(element: Any, where: str) -> Argument:
-    """Return the argument of an ``independentVarRef`` or ``independentVarPts``."""
+    """Return the argument of an ``independentVarRef`` or ``independentVarPts``.
+
+    Raises InputError for splines.
+    """
     interpolation = (element.get("interpolate") or "linear").strip()
     if interpolation in _SPLINES:
         raise InputError(
@@ -104,7 +109,10 @@ def read_argument(element: Any, where: str) -> Argument:
 
 
 def read_breakpoints(element: Any, where: str) -> Array:
-    """Return the values of a ``breakpointDef``."""
+    """Return the values of a ``breakpointDef``.
+
+    Returns (n,), in the unit of the file. Raises InputError unless there is one ``bpVals``.
+    """
     inner = [child for child in children(element) if tag(child) not in METADATA]
     if len(inner) != 1 or tag(inner[0]) != "bpVals":
         raise InputError("<breakpointDef> without one <bpVals>", where)
@@ -127,7 +135,10 @@ class TableReader:
         self._breakpoints, self._refer, self._declare_inner = breakpoints, refer, declare_inner
 
     def gridded(self, element: Any, where: str) -> Grid:
-        """Return the table of a ``griddedTableDef`` or ``griddedTable``."""
+        """Return the table of a ``griddedTableDef`` or ``griddedTable``.
+
+        Raises InputError for an unknown element, and without breakpoints or data.
+        """
         inner = {tag(child): child for child in children(element)}
         for name, child in inner.items():
             if name not in (*METADATA, "breakpointRefs", "uncertainty", "dataTable"):
@@ -172,7 +183,10 @@ class TableReader:
         return Points(table[:, :-1], table[:, -1], uncertainty, plain(find(element, *METADATA)))
 
     def uncertainty(self, element: Any, where: str) -> Uncertainty | None:
-        """Return the uncertainty of an ``uncertainty`` element; None for no element."""
+        """Return the uncertainty of an ``uncertainty`` element; None for no element.
+
+        Raises InputError unless it holds one distribution.
+        """
         if element is None:
             return None
         inner = [child for child in children(element) if tag(child) not in METADATA]

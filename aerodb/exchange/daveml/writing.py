@@ -45,7 +45,10 @@ def text_number(value: float) -> str:
 
 
 def text_numbers(values: NDArray[np.float64]) -> str:
-    """Return numbers separated by commas, a line for each run along the last axis."""
+    """Return numbers separated by commas, a line for each run along the last axis.
+
+    values : array of any shape, in the unit of the file.
+    """
     rows = np.atleast_2d(values.reshape(-1, values.shape[-1]) if values.ndim > 1 else values)
     return (
         "\n"

@@ -111,7 +111,10 @@ def unsupported(element: Any, parent: str, where: str) -> InputError:
 
 
 def required(element: Any, attribute: str, where: str) -> str:
-    """Return an attribute that must be present, stripped of blanks."""
+    """Return an attribute that must be present, stripped of blanks.
+
+    Raises InputError where it is missing.
+    """
     value = (element.get(attribute) or "").strip()
     if not value:
         raise InputError(f"<{tag(element)}> without '{attribute}'", where)
@@ -143,7 +146,10 @@ def plain(element: Any) -> str:
 
 
 def number(text: str | None, where: str) -> float:
-    """Return a finite number; the exponent letter D of Fortran is accepted."""
+    """Return a finite number; the exponent letter D of Fortran is accepted.
+
+    Raises InputError for other text; the unit is the file's.
+    """
     digits = (text or "").strip()
     if _NUMBER.fullmatch(digits) is None:
         raise InputError(f"'{digits[:40]}' is not a number", where)
@@ -157,6 +163,8 @@ def numbers(element: Any, where: str) -> NDArray[np.float64]:
     """Return the numbers of a list.
 
     They are separated by any mixture of blanks, commas, semicolons, line ends and comments.
+
+    Returns (n,). Raises InputError for an element inside the list, or a word that is no number.
     """
     words = [word for word in _SEPARATORS.split(own_text(element)) if word]
     if next(children(element), None) is not None:
@@ -165,7 +173,10 @@ def numbers(element: Any, where: str) -> NDArray[np.float64]:
 
 
 def choice(element: Any, attribute: str, known: tuple[str, ...], where: str) -> str:
-    """Return an attribute that takes one of `known` words; the first if it is absent."""
+    """Return an attribute that takes one of `known` words; the first if it is absent.
+
+    Raises InputError for another word.
+    """
     value = (element.get(attribute) or known[0]).strip()
     if value not in known:
         raise InputError(f"{attribute}='{value}' of <{tag(element)}>", where, nearest(value, known))

@@ -35,8 +35,10 @@ _WIDTHS: Final = (0.15, 0.3, 0.6, 1.2)
 _BANDS: Final = ((2, 12), (3, 24), (4, 40))
 #: Amplitudes that are tried, as shares of the deflection that is left from trim.
 _SHARES: Final = np.array([0.9, 0.6, 0.4, 0.27, 0.18, 0.12, 0.08, 0.05])
-#: Seconds before the first input and after the last one.
-_BEFORE, _AFTER = 1.0, 2.0
+#: Time before the first input [s].
+_BEFORE: Final = 1.0
+#: Time after the last input [s].
+_AFTER: Final = 2.0
 #: Perturbation of a start [SI] by state, and of a parameter as a share of one of its size.
 _STARTS: Final = {
     "V": 0.1, "alpha": 1e-3, "beta": 1e-3, "p": 1e-3, "q": 1e-3, "r": 1e-3, "phi": 1e-3,
