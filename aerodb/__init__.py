@@ -14,8 +14,8 @@ The way through the science packages, in the order in which a flight passes them
 - `recording`, `logs`: a `Recording` (topics as logged) and a mapping file give a `Flight`.
 - `flight`, `nomenclature`, `units`, `vehicle`: canonical channels in SI and body axes on one time
   grid, and the vehicle file (geometry, mass, surfaces, sensors).
-- `conditioning`: flags for unusable samples, segments, delays, plausibility, duplicates.
-- `crosschecks`: a flight against its vehicle by physics: air, masses, lift, surfaces.
+- `conditioning`: flags for unusable samples, segments, delays, duplicates.
+- `suspicions`: what looks wrong: plausibility, and a flight against its vehicle by physics.
 - `consistency`: flight-path reconstruction; sensor errors, a consistent trajectory and a verdict.
 - `coefficients`: measured coefficients with their uncertainty, and residuals against a database.
 - `tables`: the aerodynamic database: breakpoint tables, build-up, increments, evaluation.

@@ -1,13 +1,13 @@
-"""Quality of one flight before anything is estimated from it: flags, segments, delays, suspicions.
+"""Quality of one flight before anything is estimated from it: flags, segments, delays.
 
 The way through:
 
 1. `flag_unusable` flags wild points and samples on the ground; values stay as they are
    (`wild_points`, `segmentation`, `condition`).
-2. `examine` returns a `Conditioning`: suspected faults of sign, unit and wiring (`plausibility`,
-   `hypotheses`), segments and manoeuvres (`segmentation`, `manoeuvres`, `responses`), and the
-   delay of each channel against its kinematics (`delay`, `channel_rates`).
-3. `to_document` and `from_document` convert these findings to and from JSON.
+2. `segments` finds segments and manoeuvres (`segmentation`, `manoeuvres`, `responses`), `delays`
+   the delay of each channel against its kinematics (`delay`, `channel_rates`).
+3. `aerodb.suspicions.examine` adds each `Suspicion` and returns a `Conditioning`; `to_document` and
+   `from_document` convert it to and from JSON.
 4. `fingerprint` and `shared_samples` find records of the same flight (`duplicates`).
 """
 

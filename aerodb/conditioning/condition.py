@@ -1,4 +1,4 @@
-"""Conditioning of one flight: the order of its steps, and its findings as one document."""
+"""Conditioning of one flight: its flags, and the findings on it as one document."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.conditioning.delay import Delay, delays
-from aerodb.conditioning.plausibility import Suspicion, suspicions
-from aerodb.conditioning.segmentation import Segment, flag_on_ground, ground_and_air, segments
+from aerodb.conditioning.delay import Delay
+from aerodb.conditioning.segmentation import Segment, flag_on_ground
+from aerodb.conditioning.suspicion import Suspicion
 from aerodb.conditioning.wild_points import flag_wild_points
 from aerodb.flight import Flight
 
@@ -25,32 +25,6 @@ class Conditioning:
 def flag_unusable(flight: Flight) -> Flight:
     """Return the flight with wild points and samples on the ground flagged; values stay."""
     return flag_on_ground(flag_wild_points(flight))
-
-
-def examine(
-    flight: Flight,
-    clocks: tuple[Suspicion, ...] = (),
-    span: float | None = None,
-    chord: float | None = None,
-) -> Conditioning:
-    """Return the findings on a flight whose unusable samples are flagged.
-
-    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). span, chord :
-    of the vehicle [m], where it is known. Delays are estimated over the longest airborne stretch.
-    """
-    flight_segments = segments(flight)
-    return Conditioning(
-        (*clocks, *suspicions(flight, span, chord)),
-        flight_segments,
-        delays(flight, during=_longest_in_the_air(flight)),
-    )
-
-
-def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
-    """Return start and end [s] of the longest airborne stretch; None if airspeed is not known."""
-    flown = [segment for segment in ground_and_air(flight) if segment.kind == "airborne"]
-    longest = max(flown, key=lambda segment: segment.end - segment.start, default=None)
-    return None if longest is None else (longest.start, longest.end)
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:

@@ -10,7 +10,6 @@ from aerodb.coefficients import Coefficients, Comparison
 from aerodb.coefficients import compare as compare_coefficients
 from aerodb.coefficients import total_coefficients as total_coefficients_of
 from aerodb.consistency import make_consistent
-from aerodb.crosschecks import limited_document, limits_flight
 from aerodb.flight import Flight
 from aerodb.flows.library.logs import Log
 from aerodb.flows.library.views import (
@@ -27,6 +26,7 @@ from aerodb.flows.library.views import (
 )
 from aerodb.report import sensor_error_unit
 from aerodb.support import Array
+from aerodb.suspicions import limited_document, limits_flight
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, with_mass_channels
 

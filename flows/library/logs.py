@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from aerodb.conditioning import Conditioning, without_wild_points
 from aerodb.consistency import Calibration
-from aerodb.crosschecks import examined_beside
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.flight import Flight
 from aerodb.flows.library.views import (
@@ -33,6 +32,7 @@ from aerodb.recording import Recording
 from aerodb.storage.files import read_recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.mappings import builtin_mappings, load_mapping
+from aerodb.suspicions import examined_beside
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.workers import parsed_log
 from aerodb.vehicle import Vehicle, parse_vehicle

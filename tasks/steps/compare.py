@@ -11,7 +11,6 @@ from aerodb.coefficients import (
     compare,
 )
 from aerodb.conditioning import Suspicion, suspicion_documents
-from aerodb.crosschecks import against_database, limits_flight
 from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
@@ -19,6 +18,7 @@ from aerodb.nomenclature import AXES
 from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import write_results
+from aerodb.suspicions import against_database, limits_flight
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients

@@ -4,14 +4,13 @@ from aerodb.conditioning import (
     Conditioning,
     Suspicion,
     from_document,
-    start_suspicions,
     to_document,
 )
-from aerodb.crosschecks import examined_beside
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, mapped_clock_suspicions
 from aerodb.storage.catalogue import FlightRow, StoredFile
 from aerodb.storage.files import read_recording, read_results, write_results
+from aerodb.suspicions import examined_beside, start_suspicions
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess
 

@@ -18,7 +18,6 @@ from aerodb.consistency import (
     state_noise_from,
     unreadable_document,
 )
-from aerodb.crosschecks import limited_document, limits_flight
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
@@ -26,6 +25,7 @@ from aerodb.remarks import from_document as remark_from
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.storage.workspace_settings import SettingsError
+from aerodb.suspicions import limited_document, limits_flight
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult

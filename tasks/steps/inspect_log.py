@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from aerodb.conditioning import (
-    examine,
     flag_unusable,
-    start_suspicions,
     suspicion_documents,
     to_document,
 )
-from aerodb.crosschecks import air_suspicions
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording, mapped_clock_suspicions, with_mapped_clock
 from aerodb.storage.files import open_recording
+from aerodb.suspicions import air_suspicions, examine, start_suspicions
 from aerodb.tasks.workers import confined
 from aerodb.vehicle import parse_vehicle
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from aerodb.crosschecks import limits_flight
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.increments import (
@@ -25,6 +24,7 @@ from aerodb.remarks import CONTRADICTS, SUSPECTED
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import GateSettings, load_settings
+from aerodb.suspicions import limits_flight
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED

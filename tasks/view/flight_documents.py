@@ -86,8 +86,9 @@ def _conditioning(
 ) -> dict[str, Any]:
     """Return the conditioning findings of the last time the flight was processed, and a start that
     cannot be."""
-    from aerodb.conditioning import start_suspicions, suspicion_documents  # slow to import
+    from aerodb.conditioning import suspicion_documents  # slow to import
     from aerodb.storage.files import read_results  # slow to import
+    from aerodb.suspicions import start_suspicions
 
     stored = [result for result in results if result.step == "conditioning"]
     conditioning = read_results(access.file_of(stored[-1].path))[1] if stored else {}

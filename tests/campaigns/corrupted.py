@@ -20,14 +20,18 @@ import numpy as np
 from aerodb.coefficients.comparison import as_inputs, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion, flag_unusable
-from aerodb.conditioning.plausibility import suspicions
-from aerodb.crosschecks import against_database, against_vehicle, limits_flight
 from aerodb.errors import InputError
 from aerodb.examples.phoenix import mission, read_example
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
+from aerodb.suspicions import (
+    against_database,
+    against_vehicle,
+    limits_flight,
+)
+from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of

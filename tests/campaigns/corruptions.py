@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.crosschecks.equation_error import equation_errors
-from aerodb.crosschecks.surfaces import by_role
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.suspicions.equation_error import equation_errors
+from aerodb.suspicions.surfaces import by_role
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle, add_combinations
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from aerodb.crosschecks import limits_flight
+from aerodb.suspicions import limits_flight
 from tests.campaigns.corrupted import (
     Count,
     attack,

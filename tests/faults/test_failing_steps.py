@@ -32,7 +32,7 @@ POINTS = {
     "aerodb.logs.usable_flight.map_recording": "quarantined",
     "aerodb.logs.usable_flight.flag_unusable": "quarantined",
     f"{STEPS}.ingest.examined": "quarantined",
-    "aerodb.crosschecks.every.against_vehicle": "quarantined",
+    "aerodb.suspicions.every.against_vehicle": "quarantined",
     f"{STEPS}.ingest.fingerprint": "quarantined",
     f"{STEPS}.consistency.make_consistent": "rejected",
     "aerodb.consistency.whole_flight.decimated_records": "measured",

@@ -56,7 +56,7 @@ LONGEST = (
     "test_wrong_shapes.py",
     "test_cli.py",
     "test_wheel.py",
-    "test_crosschecks_of_flights.py",
+    "test_suspicions_of_flights.py",
     "test_version_notes.py",
     "test_corrupted.py",
     "test_export_command.py",

@@ -7,14 +7,15 @@ import pytest
 
 from aerodb.conditioning.delay import delays
 from aerodb.conditioning.duplicates import fingerprint, shared_samples
-from aerodb.conditioning.plausibility import clock_suspicions, suspicions
 from aerodb.conditioning.segmentation import segments
+from aerodb.conditioning.suspicion import clock_suspicions
 from aerodb.conditioning.wild_points import flag_wild_points
 from aerodb.examples.phoenix import mission, read_example
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
+from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 
 

@@ -15,8 +15,8 @@ from lxml import html
 from matplotlib.figure import Figure
 
 from aerodb.coefficients.comparison import Comparison
-from aerodb.conditioning.plausibility import Suspicion
 from aerodb.conditioning.segmentation import Segment
+from aerodb.conditioning.suspicion import Suspicion
 from aerodb.flight import Flight
 from aerodb.remarks import CONTRADICTS, MOVING_AIR, SAID, SUSPECTED, Remark
 from aerodb.report.database_figure import database_figure

@@ -11,13 +11,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.crosschecks.equation_error import FASTEST, SAMPLES, SLOWEST, averaged
-from aerodb.crosschecks.in_flight import HUGE, flying
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import band_passed
 from aerodb.support import Array
+from aerodb.suspicions.equation_error import (
+    FASTEST,
+    SAMPLES,
+    SLOWEST,
+    averaged,
+)
+from aerodb.suspicions.in_flight import HUGE, flying
 from aerodb.tables import AeroDatabase, slopes_by
 
 #: Axes that are looked at: the axial force is the thrust's as much as the air's.

@@ -13,13 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.derivatives import INFLATION, AxisShares, Share
-from aerodb.crosschecks.drag import ACCELERATION, ANGLE
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import Array
+from aerodb.suspicions.derivatives import (
+    INFLATION,
+    AxisShares,
+    Share,
+)
+from aerodb.suspicions.drag import ACCELERATION, ANGLE
 from aerodb.tables import Reference
 from aerodb.vehicle import Vehicle
 

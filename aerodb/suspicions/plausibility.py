@@ -6,22 +6,25 @@ few percent, biases and delays raise no suspicion: flight-path reconstruction es
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.channel_rates import KINEMATICS, airspeed_rate, with_accelerations
-from aerodb.conditioning.hypotheses import explain
-from aerodb.conditioning.wild_points import stuck
+from aerodb.conditioning import (
+    KINEMATICS,
+    Suspicion,
+    airspeed_rate,
+    stuck,
+    with_accelerations,
+)
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.physics import GRAVITY
-from aerodb.recording import Recording
-from aerodb.remarks import Remark
 from aerodb.signals import decimated, low_passed
 from aerodb.support import Array
+from aerodb.suspicions.hypotheses import explain
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
@@ -43,8 +46,6 @@ LEAST_BANK = 0.1
 LOAD_SPREAD = 0.7
 #: Least sampling rate [Hz] for the comparison with kinematics, which is done below 1 Hz.
 RATE = 10.0
-#: Least number of time stamps of a topic that is a record and not a single event.
-FEWEST_STAMPS = 10
 #: Largest plausible alpha, beta or theta [rad].
 LARGEST_ANGLE = np.pi / 2 + 0.1
 #: Largest plausible distance of a centre of gravity from its datum [m], which may lie ahead of the
@@ -55,26 +56,6 @@ FARTHEST_SPANS = 5.0
 #: A start later than the moment of reading by no more than this can be local time taken for UTC.
 _AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")
-
-
-@dataclass(frozen=True)
-class Suspicion:
-    """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
-
-    Kinds: ``no_overlap future stuck sign degrees radians gravity swapped unit``, and of
-    `crosschecks` also ``size delay unmoved``.
-    """
-
-    channel: str
-    kind: str
-    sentence: str
-    evidence: Mapping[str, float]
-
-    @property
-    def remark(self) -> Remark:
-        """The suspicion as a reason of a flight's verdict."""
-        values = {name: (float(value), "SI") for name, value in self.evidence.items()}
-        return Remark(f"suspicion_{self.kind}", (self.channel,), values, self.sentence)
 
 
 def suspicions(
@@ -114,39 +95,6 @@ def suspicions(
     if len(flight.time) >= 32 and channels:
         thin, step = decimated(channels, flight.step, RATE)
         listed += _kinematic(thin, step) or _aerodynamic(thin, step)
-    return tuple(listed)
-
-
-def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
-    """Return the topics whose time stamps do not overlap with most of the others.
-
-    "Most" is more than half of the other topics. Topics with fewer than ten samples, or with all
-    samples at one time, are events and are left out.
-    """
-    lasting = {
-        name: t.time
-        for name, t in recording.topics.items()
-        if len(t.time) >= FEWEST_STAMPS and t.time[-1] > t.time[0]
-    }
-    spans = {name: (float(time[0]), float(time[-1])) for name, time in lasting.items()}
-    listed = []
-    for name, (start, end) in spans.items():
-        others = [span for other, span in spans.items() if other != name]
-        apart = [span for span in others if span[0] > end or span[1] < start]
-        if not others or (2 * len(apart) <= len(others) and len(others) > 1) or not apart:
-            continue
-        low, high = min(span[0] for span in others), max(span[1] for span in others)
-        cause = "it has a different clock"
-        if start > 1e8 > high:
-            cause = "its time stamps look like UTC, the others like time since start-up"
-        elif (end - start) > 300.0 * (high - low):
-            cause = "its time stamps look like milliseconds or microseconds"
-        sentence = (
-            f"topic {name} runs from {start:.10g} to {end:.10g} s, the others from {low:.10g} to"
-            f" {high:.10g} s: {cause}"
-        )
-        evidence = {"start": start, "end": end, "others_start": low, "others_end": high}
-        listed.append(Suspicion(name, "no_overlap", sentence, evidence))
     return tuple(listed)
 
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.in_flight import known_masses
 from aerodb.flight import Flight
 from aerodb.support import Array
+from aerodb.suspicions.in_flight import known_masses
 from aerodb.vehicle import Reference, Vehicle
 
 #: Share by which a moment of inertia may exceed the sum of the other two: errors of estimates. No

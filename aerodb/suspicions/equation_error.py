@@ -7,12 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 
-from aerodb.crosschecks.in_flight import HUGE, flying, known_masses
-from aerodb.crosschecks.surfaces import Control, along
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, smooth
 from aerodb.support import Array
+from aerodb.suspicions.in_flight import (
+    HUGE,
+    flying,
+    known_masses,
+)
+from aerodb.suspicions.surfaces import Control, along
 from aerodb.vehicle import Vehicle
 
 #: Lower edge of the band of manoeuvres [Hz]: slower is trim.

@@ -7,11 +7,11 @@ aircraft's log, gives a lift coefficient or a slope that no wing has.
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.in_flight import flying, known_masses
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import low_passed
+from aerodb.suspicions.in_flight import flying, known_masses
 from aerodb.vehicle import Vehicle
 
 #: Least lift coefficient, as a median over a flight: less is a zero-g arc.

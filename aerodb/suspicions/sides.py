@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.equation_error import EquationError, equation_errors
-from aerodb.crosschecks.surfaces import Control
 from aerodb.estimation import Regression
 from aerodb.flight import Flight
+from aerodb.suspicions.equation_error import EquationError, equation_errors
+from aerodb.suspicions.surfaces import Control
 from aerodb.vehicle import Vehicle
 
 #: Least effect of a side over that of the other.

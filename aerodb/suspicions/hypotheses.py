@@ -13,7 +13,7 @@ import numpy as np
 from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
-from aerodb.conditioning.channel_rates import KINEMATICS, OPTIONAL
+from aerodb.conditioning import KINEMATICS, OPTIONAL
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import Array

@@ -12,12 +12,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.derivatives import AxisShares, whole_surface
-from aerodb.crosschecks.surfaces import role_of
 from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
+from aerodb.suspicions.derivatives import AxisShares, whole_surface
+from aerodb.suspicions.surfaces import role_of
 
 #: Least ratio of likelihoods of both axes, as a logarithm.
 LIKELIER = 8.0

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
-from tests.aerodb.crosschecks.test_database import database_text
+from tests.aerodb.suspicions.test_against_vehicle import VEHICLE, flown
+from tests.aerodb.suspicions.test_database import database_text
 from tests.support import small_glider
 from tests.support.command import aerodb, asked
 from tests.support.small_glider import write_csv

@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks import limits_flight
-from aerodb.crosschecks.exchanged import exchanged_suspicions
-from aerodb.crosschecks.lift import helmbold
-from aerodb.crosschecks.loads import POSSIBLE, cg_beside, mass_beside, thrust_beside
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
+from aerodb.suspicions import limits_flight
+from aerodb.suspicions.exchanged import exchanged_suspicions
+from aerodb.suspicions.lift import helmbold
+from aerodb.suspicions.loads import (
+    POSSIBLE,
+    cg_beside,
+    mass_beside,
+    thrust_beside,
+)
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
-from tests.aerodb.crosschecks.test_crosschecks import (
+from tests.aerodb.suspicions.test_against_vehicle import (
     AREA,
     CHORD,
     CM,
@@ -27,7 +32,7 @@ from tests.aerodb.crosschecks.test_crosschecks import (
     changed,
     wrong,
 )
-from tests.aerodb.crosschecks.test_database import about_cg, database, flight, said
+from tests.aerodb.suspicions.test_database import about_cg, database, flight, said
 from tests.support import effect_flights
 
 REFERENCE = (-2.1, 0.0, 0.0)

@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.conditioning.hypotheses import agreement, explain
-from aerodb.conditioning.plausibility import clock_suspicions, suspicions
 from aerodb.conditioning.segmentation import segments
+from aerodb.conditioning.suspicion import clock_suspicions
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording, Topic
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.ulog import read_ulog
+from aerodb.suspicions.hypotheses import agreement, explain
+from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 from tests.support.kinematic_flights import GRAVITY, kinematic_flight
 from tests.support.measured_flights import (

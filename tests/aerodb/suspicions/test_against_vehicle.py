@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from aerodb.crosschecks import against_vehicle, air_suspicions, limits_flight
-from aerodb.crosschecks.controls import control_suspicions
-from aerodb.crosschecks.drag import drag_suspicions
-from aerodb.crosschecks.lift import helmbold, lift_suspicions
-from aerodb.crosschecks.masses import mass_suspicions
-from aerodb.crosschecks.surfaces import size_suspicions
 from aerodb.flight import Flight
 from aerodb.physics import standard_atmosphere
+from aerodb.suspicions import (
+    against_vehicle,
+    air_suspicions,
+    limits_flight,
+)
+from aerodb.suspicions.controls import control_suspicions
+from aerodb.suspicions.drag import drag_suspicions
+from aerodb.suspicions.lift import helmbold, lift_suspicions
+from aerodb.suspicions.masses import mass_suspicions
+from aerodb.suspicions.surfaces import size_suspicions
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 RHO, V, MASS, AREA, CHORD, SPAN = 1.112, 40.0, 600.0, 12.0, 1.25, 9.6

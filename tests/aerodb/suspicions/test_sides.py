@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from aerodb.crosschecks import against_vehicle, limits_flight
 from aerodb.flight import Flight
+from aerodb.suspicions import against_vehicle, limits_flight
 from aerodb.vehicle import Vehicle, add_combinations, parse_vehicle
-from tests.aerodb.crosschecks.test_crosschecks import VEHICLE, flown
+from tests.aerodb.suspicions.test_against_vehicle import VEHICLE, flown
 
 RIGHT, LEFT = "delta_elevon_right", "delta_elevon_left"
 ELEVONS = (

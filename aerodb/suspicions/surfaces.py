@@ -7,10 +7,10 @@ from itertools import permutations
 import numpy as np
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.in_flight import FEWEST, flying
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
+from aerodb.suspicions.in_flight import FEWEST, flying
 from aerodb.vehicle import Surface, Vehicle
 
 #: Deflection beyond the limits, as a share of the travel, that no rigging explains.

@@ -1,4 +1,7 @@
-"""Checks of a flight against its vehicle by physics, before anything is estimated from it.
+"""What looks wrong in a flight, by itself and against its vehicle, before estimation.
+
+`examine` returns the findings on a flight by itself: suspected faults of sign, unit and wiring
+(`plausibility`, `hypotheses`), with its segments and delays. Then physics, beside its vehicle:
 
 1. `air`: density, pressure, temperature, altitude, airspeed, dynamic pressure, each against the
    others.
@@ -12,7 +15,7 @@
    lift, sign, size and delay of each control, a factor that all moments share (`derivatives`),
    aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`).
 
-`against_vehicle` runs the first six (`examined_beside` after conditioning's own checks) and
+`against_vehicle` runs the first six (`examined_beside` after `examine`) and
 `against_database` the last. They return suspicions
 (`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.

@@ -4,18 +4,19 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from aerodb.conditioning import Conditioning, Suspicion, examine
-from aerodb.crosschecks.air import air_suspicions
-from aerodb.crosschecks.controls import UNMOVED, control_suspicions
-from aerodb.crosschecks.drag import drag_suspicions
-from aerodb.crosschecks.lift import lift_suspicions
-from aerodb.crosschecks.loads import POSSIBLE
-from aerodb.crosschecks.masses import mass_suspicions
-from aerodb.crosschecks.surfaces import size_suspicions
-from aerodb.crosschecks.vane import vane_suspicions
+from aerodb.conditioning import Conditioning, Suspicion, delays, ground_and_air, segments
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.remarks import Remark, sentences
+from aerodb.suspicions.air import air_suspicions
+from aerodb.suspicions.controls import UNMOVED, control_suspicions
+from aerodb.suspicions.drag import drag_suspicions
+from aerodb.suspicions.lift import lift_suspicions
+from aerodb.suspicions.loads import POSSIBLE
+from aerodb.suspicions.masses import mass_suspicions
+from aerodb.suspicions.plausibility import suspicions
+from aerodb.suspicions.surfaces import size_suspicions
+from aerodb.suspicions.vane import vane_suspicions
 from aerodb.vehicle import Vehicle
 
 #: Channels from which lift and moments follow: with one of them wrong, nothing more is concluded.
@@ -74,6 +75,32 @@ def examined_beside(
     found = examine(flight, clocks, size.span, size.chord)
     more = against_vehicle(flight, vehicle, {each.channel for each in found.suspicions})
     return replace(found, suspicions=(*found.suspicions, *more))
+
+
+def examine(
+    flight: Flight,
+    clocks: tuple[Suspicion, ...] = (),
+    span: float | None = None,
+    chord: float | None = None,
+) -> Conditioning:
+    """Return the findings on a flight whose unusable samples are flagged.
+
+    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). span, chord :
+    of the vehicle [m], where it is known. Delays are estimated over the longest airborne stretch.
+    """
+    flight_segments = segments(flight)
+    return Conditioning(
+        (*clocks, *suspicions(flight, span, chord)),
+        flight_segments,
+        delays(flight, during=_longest_in_the_air(flight)),
+    )
+
+
+def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
+    """Return start and end [s] of the longest airborne stretch; None if airspeed is not known."""
+    flown = [segment for segment in ground_and_air(flight) if segment.kind == "airborne"]
+    longest = max(flown, key=lambda segment: segment.end - segment.start, default=None)
+    return None if longest is None else (longest.start, longest.end)
 
 
 def limited_document(document: Mapping[str, Any], remarks: Sequence[Remark]) -> dict[str, Any]:

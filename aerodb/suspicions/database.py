@@ -11,14 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks.derivatives import INFLATION, AxisShares, Share, axis_shares, whole_surface
-from aerodb.crosschecks.exchanged import exchanged_suspicions
-from aerodb.crosschecks.loads import cg_beside, force_ratio, mass_beside, thrust_beside
-from aerodb.crosschecks.surfaces import role_of
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
+from aerodb.suspicions.derivatives import (
+    INFLATION,
+    AxisShares,
+    Share,
+    axis_shares,
+    whole_surface,
+)
+from aerodb.suspicions.exchanged import exchanged_suspicions
+from aerodb.suspicions.loads import (
+    cg_beside,
+    force_ratio,
+    mass_beside,
+    thrust_beside,
+)
+from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 

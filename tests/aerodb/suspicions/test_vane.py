@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerodb.crosschecks import limits_flight
-from aerodb.crosschecks.vane import vane_suspicions
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
+from aerodb.suspicions import limits_flight
+from aerodb.suspicions.vane import vane_suspicions
 from tests.support.measured_flights import TWIN_OTTER, as_flight
 
 V, STEP = 60.0, 0.02

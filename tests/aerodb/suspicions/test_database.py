@@ -12,14 +12,14 @@ import pytest
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion
-from aerodb.crosschecks import against_database, limits_flight
-from aerodb.crosschecks.derivatives import axis_shares
-from aerodb.crosschecks.lift import helmbold
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
+from aerodb.suspicions import against_database, limits_flight
+from aerodb.suspicions.derivatives import axis_shares
+from aerodb.suspicions.lift import helmbold
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
-from tests.aerodb.crosschecks.test_crosschecks import (
+from tests.aerodb.suspicions.test_against_vehicle import (
     AREA,
     CHORD,
     CL_,

@@ -14,12 +14,12 @@ from aerodb.conditioning import (
     alpha_rate,
     with_accelerations,
 )
-from aerodb.crosschecks.equation_error import averaged
-from aerodb.crosschecks.in_flight import flying
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge
+from aerodb.suspicions.equation_error import averaged
+from aerodb.suspicions.in_flight import flying
 
 #: Lower edge of the band of manoeuvres [Hz]: slower is drift and the air's own motion.
 SLOWEST = 0.15
