@@ -80,7 +80,10 @@ def _open_topic(path: Path) -> Topic:
 
 
 def write_topic(path: Path, topic: Topic) -> None:
-    """Write a topic to `path`; dtypes are preserved."""
+    """Write a topic to `path`; dtypes are preserved.
+
+    Time (n,) [s]; fields (n,) in the units of the log.
+    """
     time, clock = _compact_time(topic.time)
     # A field's name is the log's own and may be anything: columns carry it where Parquet can, the
     # metadata always does.

@@ -240,7 +240,10 @@ def metadata_of(definitions: ULog) -> dict[str, str | int | float]:
 
 
 def messages_of(definitions: ULog) -> tuple[LoggedMessage, ...]:
-    """What the autopilot said, with and without a tag, by time; at most `_MOST_MESSAGES`."""
+    """What the autopilot said, with and without a tag, by time; at most `_MOST_MESSAGES`.
+
+    Times [s].
+    """
     said = [*definitions.logged_messages, *chain(*definitions.logged_messages_tagged.values())]
     return tuple(
         LoggedMessage(entry.timestamp * 1e-6, entry.log_level_str().lower(), entry.message)
