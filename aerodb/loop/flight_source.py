@@ -48,7 +48,7 @@ class FlightSource(Protocol):
         ...
 
     def flight(self, flight: str) -> Flight:
-        """Return the channels of a flight after reconstruction."""
+        """Return the channels of a flight after reconstruction. Channels are (n,), in SI units."""
         ...
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
@@ -62,6 +62,8 @@ class FlightSource(Protocol):
     def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
         """Return the coefficients of a flight with those that a database predicts, at the full
         rate.
+
+        Coefficients are (n,), dimensionless.
         """
         ...
 

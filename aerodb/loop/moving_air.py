@@ -37,6 +37,8 @@ def rolling_share(
 
     As vanes show it beyond what they may be wrong (`roll_rates`), over all flights together and in
     the band of tracing. Zero without a vane or a roll rate.
+
+    It is dimensionless.
     """
 
     def rates(flight: str) -> tuple[float, float]:
@@ -55,7 +57,10 @@ def rolling_share(
 def evidently_moving(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library
 ) -> bool:
-    """Return whether the air evidently rolled in these flights (ids)."""
+    """Return whether the air evidently rolled in these flights (ids).
+
+    The measure is `rolling_share`, which is dimensionless.
+    """
     return rolling_share(source, flights, database, library) > _MOVING
 
 

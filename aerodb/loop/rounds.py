@@ -427,7 +427,10 @@ def _bearable(
 def compared(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Comparison]:
-    """Return, for each flight (its id), its comparison with a database."""
+    """Return, for each flight (its id), its comparison with a database.
+
+    Coefficients are (n,), dimensionless.
+    """
     return dict(
         zip(flights, in_threads(lambda id: source.comparison(id, database), flights), strict=True)
     )

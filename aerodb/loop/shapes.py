@@ -41,7 +41,10 @@ def checked_shapes(
 
 def shape_variables(view: FlightView) -> dict[str, Array]:
     """Return what an effect may depend on, name -> (n,): flow angles, rates, deflections, Mach
-    number, height above ground, thrust over dynamic pressure, time."""
+    number, height above ground, thrust over dynamic pressure, time.
+
+    All are in SI units.
+    """
     surfaces = {surface.channel for surface in surfaces_of(view.vehicle, view.channels)}
     names = {"alpha", "beta", "mach", "height_above_ground", *HAT_RATES, *surfaces}
     if "mach" not in view.channels:

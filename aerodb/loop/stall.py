@@ -57,6 +57,8 @@ def stalled_flights(source: FlightSource, flights: Sequence[str]) -> tuple[str, 
     breaks.
 
     Empty where fewer than two do: one flight cannot validate a shape that was fitted to it.
+
+    Angles are in rad.
     """
     spans = {
         flight: [each for each in source.segments(flight) if each.kind == "stall"]
@@ -133,6 +135,8 @@ def cross_fitted_laws(
     """Return, for each flight, the law that the others agree with.
 
     Empty where no shape separates their flow, or they lack channels that it needs.
+
+    Angles of a law are in rad.
     """
     try:
         shapes = cross_fit_shapes(stall_flights(source, flights, database), FAMILY)
@@ -222,6 +226,8 @@ def stall_flights(
     """Return the flights (ids) as stall shapes need them, compared with a database.
 
     Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
+
+    Channels are (n,), in SI units.
     """
     views = [source.view(flight, database) for flight in flights]
     return [_stall_flight(source, view, views, database) for view in views]

@@ -67,7 +67,10 @@ class LinearModel:
     covariance: Array | None = None
 
     def standard_errors(self) -> tuple[Array, Array]:
-        """Standard errors of A and B, 0 where no estimate has any."""
+        """Standard errors of A and B, 0 where no estimate has any.
+
+        They are (n, n) and (n, m), in SI units.
+        """
         errors = []
         for matrix, slopes in ((self.A, self.A_slopes), (self.B, self.B_slopes)):
             if slopes is None or self.covariance is None:

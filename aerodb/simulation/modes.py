@@ -76,7 +76,10 @@ def modes(model: LinearModel) -> tuple[Mode, ...]:
 
 
 def figures(value: complex) -> dict[str, float]:
-    """Figures of an eigenvalue, see `Mode`; infinite times for a neutral one."""
+    """Figures of an eigenvalue, see `Mode`; infinite times for a neutral one.
+
+    Times are in seconds, omega is in rad/s.
+    """
     result: dict[str, float] = {}
     if value.imag:
         omega = abs(value)

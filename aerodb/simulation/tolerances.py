@@ -46,7 +46,10 @@ class Band:
     of: str = ""
 
     def holds(self, simulated: Array, flown: Array) -> Array:
-        """Whether each sample is inside, (n,) of bool; NaN is outside."""
+        """Whether each sample is inside, (n,) of bool; NaN is outside.
+
+        Both are (n,), in the unit of the width.
+        """
         known = flown[np.isfinite(flown)]
         excursion = float(np.abs(known - known[0]).max()) if known.size else 0.0
         return np.asarray(np.abs(simulated - flown) <= max(self.width, self.share * excursion))

@@ -286,7 +286,10 @@ def varied(model: FlightModel) -> tuple[Array, dict[str, Array]]:
 
 
 def differences(values: Array, steps: Array) -> Array:
-    """Derivatives (..., p) from values (..., 2 p) at `varied` parameters; 0 for fixed ones."""
+    """Derivatives (..., p) from values (..., 2 p) at `varied` parameters; 0 for fixed ones.
+
+    The unit is that of the values over that of the parameter.
+    """
     p = len(steps)
     moving = np.where(steps > 0, steps, 1.0)
     return np.asarray(np.where(steps > 0, (values[..., :p] - values[..., p:]) / (2 * moving), 0.0))
@@ -294,7 +297,10 @@ def differences(values: Array, steps: Array) -> Array:
 
 def moved_points(problem: Problem, point: Array, steps: Array) -> Array:
     """The unknowns (u, 2 p) of the trims at `varied` parameters, to first order (implicit
-    function)."""
+    function).
+
+    Unknowns are in SI units.
+    """
     _, parameters = varied(problem.model)
     lanes = np.repeat(point[:, None], 2 * len(steps), axis=1)
     by_parameter = differences(problem.residual(lanes, parameters), steps)

@@ -114,7 +114,10 @@ class Problem:
     scales: Array
 
     def placed(self, z: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Start and series of runs at the unknowns z (u, k); rates of the start are (k,)."""
+        """Start and series of runs at the unknowns z (u, k); rates of the start are (k,).
+
+        Unknowns are in SI units.
+        """
         condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
         at = {name: np.full(z.shape[1], value) for name, value in condition.fixed.items()} | found
         alpha, beta, phi, turn = at["alpha"], at["beta"], at["phi"], at["turn_rate"]
@@ -164,7 +167,10 @@ class Problem:
         return np.vstack([rows, load_factors(run)[2] - condition.load_factor])
 
     def residual(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Array:
-        """`accelerations` over gravity, angular ones by half span and chord."""
+        """`accelerations` over gravity, angular ones by half span and chord.
+
+        It is dimensionless.
+        """
         reference = self.model.database.reference
         lengths = (reference.span, reference.chord, reference.span)
         weights = np.array([1.0, 1.0, 1.0, *(0.5 * x for x in lengths), GRAVITY]) / GRAVITY
@@ -173,7 +179,10 @@ class Problem:
         return np.nan_to_num(weights[: len(rows), None] * rows, nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, z: Array) -> Array:
-        """Derivative (r, u) of `residual` by central differences."""
+        """Derivative (r, u) of `residual` by central differences.
+
+        It is dimensionless per SI unit of an unknown.
+        """
         u = len(z)
         steps = STEP * self.scales
         both = z[:, None] + np.hstack([np.diag(steps), -np.diag(steps)])
@@ -188,7 +197,10 @@ def is_force(name: str) -> bool:
 
 def load_factors(run: Simulation) -> Array:
     """Specific force (3, k) at the CG over gravity: ny = ay/g and nz = -az/g in body axes, and
-    normal to the flight path in the plane of symmetry."""
+    normal to the flight path in the plane of symmetry.
+
+    They are dimensionless.
+    """
     ax, ay, az, alpha = (run.channels[name][-1] for name in ("ax", "ay", "az", "alpha"))
     return np.array([ay, -az, ax * np.sin(alpha) - az * np.cos(alpha)]) / GRAVITY
 

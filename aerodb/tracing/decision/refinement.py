@@ -61,6 +61,8 @@ class Refined:
 
         values (t,), covariance (t, t) : of tracing. Where tracing is less sure than this fit, above
         all because of sensors, the difference is a gain common to a whole term; it is added there.
+
+        Each value is in the unit of its term.
         """
         count = len(values)
         total, joint = self.values.copy(), self.covariance.copy()

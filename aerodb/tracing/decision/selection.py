@@ -251,6 +251,8 @@ def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
     """Fall of the whitened sum of squares of each flight in the test (m,) under one common value.
 
     ``2 m b - m^2 A``.
+
+    It is dimensionless.
     """
     on = test.included[:, index]
     information = estimates.information[on, index]
@@ -287,6 +289,8 @@ def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Arra
     """As `flight_gains`, each flight under the value of the others.
 
     What the term is worth on a flight that was not used to estimate it.
+
+    It is (m,), dimensionless.
     """
     on = test.included[:, index]
     information = estimates.information[on, index]

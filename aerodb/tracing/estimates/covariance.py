@@ -14,6 +14,8 @@ def joint_covariance(findings: Sequence[Finding], prior_dof: float) -> Array:
     Standard errors are those of the intervals, systematic part included. Correlations are those of
     the per-flight estimates over the flights that took part in both, shrunk towards zero by ``d /
     (d + prior_dof)`` with d degrees of freedom: few flights say little about them.
+
+    Values are in the units of their parameters.
     """
     sigma = np.array([(f.ci95[1] - f.ci95[0]) / (2.0 * 1.96) for f in findings])
     correlation = np.eye(len(findings))

@@ -102,6 +102,8 @@ class FlightEstimates:
 
         included : (flights, hypotheses) the flights over which each mean is taken. At least one
         hypothesis.
+
+        Both are in SI units.
         """
         on = np.ascontiguousarray(included[:, list(indices)].T, dtype=np.float64)
         on /= np.maximum(on.sum(axis=1, keepdims=True), 1.0)

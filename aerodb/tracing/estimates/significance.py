@@ -51,7 +51,10 @@ class Tested:
 
     @cached_property
     def systematic(self) -> Array:
-        """(k,) systematic bound, from sensors and state noise."""
+        """(k,) systematic bound, from sensors and state noise.
+
+        Each is in the unit of its parameter.
+        """
         return self.systematic_at(range(len(self.mean)))
 
     @cached_property
@@ -66,20 +69,26 @@ class Tested:
 
     @cached_property
     def bound(self) -> Array:
-        """(k,) upper bound: larger values are excluded (95 %)."""
+        """(k,) upper bound: larger values are excluded (95 %).
+
+        Each is in the unit of its parameter.
+        """
         half = stdtrit(self.dof, 0.975) * self.standard_error + self.systematic
         return np.where(self.count > 0, np.abs(self.mean) + half, np.inf)
 
     @cached_property
     def detectable(self) -> Array:
-        """(k,) minimum detectable effect, power .8."""
+        """(k,) minimum detectable effect, power .8. Each is in the unit of its parameter."""
         hurdle = stdtrit(self.dof, 1.0 - 0.5 * self.settings.level / len(self.mean)) + stdtrit(
             self.dof, POWER
         )
         return np.where(self.count > 0, self.systematic + hurdle * self.standard_error, np.inf)
 
     def systematic_at(self, indices: Sequence[int]) -> Array:
-        """Systematic bound (m,) of some hypotheses, from sensors and state noise."""
+        """Systematic bound (m,) of some hypotheses, from sensors and state noise.
+
+        Each is in the unit of its parameter.
+        """
         sensors, simex_bias = self._biases_at(indices)
         return np.asarray(sensors + np.abs(simex_bias))
 
@@ -177,6 +186,8 @@ class Tested:
         The ends are the test solved for its null value, with the systematic bound on the side on
         which it counts: an interval for an estimate of bounded bias (Armstrong & Kolesar,
         Econometrica 86(2), 2018, section 3).
+
+        They are in the unit of the parameter.
         """
         sensors, simex_bias = (float(part[0]) for part in self._biases_at([index]))
         mean, error, dof = (float(of[index]) for of in (self.mean, self.standard_error, self.dof))
@@ -317,7 +328,7 @@ def over_flights(
 
 
 def coherent_gain(estimate: Array, information: Array, settings: TracingSettings) -> float:
-    """`gain` of one hypothesis, estimate and information (flights,)."""
+    """`gain` of one hypothesis, estimate and information (flights,). It is dimensionless."""
     on = information > settings.least_share * information.max(initial=0.0)
     total = float(information[on].sum())
     return float(information[on] @ estimate[on]) ** 2 / total if total > 0.0 else 0.0

@@ -65,6 +65,8 @@ def correlation_time(records: Sequence[Array], step: float) -> float:
     """Integral time scale [s] of records with their mean removed.
 
     ``step (1/2 + sum rho_k)`` up to the first rho_k <= 0.
+
+    Records are (n,), sampled at `step` [s].
     """
     total = sum(float(record @ record) for record in records)
     if total <= 0.0:

@@ -42,7 +42,10 @@ def decimation(step: float, bandwidth: float) -> int:
 
 
 def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[slice]:
-    """Return the stretches that are long enough to whiten; short gaps inside are bridged later."""
+    """Return the stretches that are long enough to whiten; short gaps inside are bridged later.
+
+    usable : (n,). step : [s]. bandwidth : [Hz].
+    """
     ratio = decimation(step, bandwidth)
     longest_gap = int(BRIDGED / (bandwidth * step))
     usable_runs = runs(usable, (SHORTEST + order + 2 * ends_left_out(ratio)) * ratio, longest_gap)
@@ -253,6 +256,6 @@ def _limited(
 
 
 def centred(records: Sequence[Array]) -> list[Array]:
-    """The records with their common mean removed."""
+    """The records with their common mean removed. Each is (n,), all in one unit."""
     mean = float(np.mean(np.concatenate(records)))
     return [record - mean for record in records]
