@@ -196,7 +196,10 @@ def per_axis(
     source: str,
 ) -> Template:
     """The template ``C_axis += k * regressor`` on each axis of `sizes` (body axis -> largest
-    believable k)."""
+    believable k).
+
+    `unit` is that of k.
+    """
 
     def hypotheses(context: LibraryContext) -> list[Hypothesis]:
         return [

@@ -53,7 +53,10 @@ def binding_fault(name: str, expression: Expression, unit: str) -> tuple[str, st
 
 
 def binding_question(name: str, fault: tuple[str, str], where: str) -> OpenQuestionsError:
-    """Return the question that a `binding_fault` of an input leaves open."""
+    """Return the question that a `binding_fault` of an input leaves open.
+
+    It is an OpenQuestionsError, for the caller to raise.
+    """
     what, instead = fault
     what = f"the binding of {name} is in another unit: {what}"
     proposal = instead.partition("=")[2] or "EXPRESSION in the unit of the file"

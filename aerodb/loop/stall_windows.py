@@ -61,6 +61,8 @@ def stall_windows(
     """Return the errors in the stall of each flight.
 
     predictors : flight (its id) -> the database that the other flights give it.
+
+    Coefficients are dimensionless; the low pass is that of this module (Jategaonkar 2015).
     """
     found = []
     for flight, database in predictors.items():

@@ -26,7 +26,7 @@ def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) 
     """Return a flight's head, to the middle of its first manoeuvre, and tail, from the middle of
     its last.
 
-    So what is left out is flown once more in what remains. time (n,) s; spans from its first
+    So what is left out is flown once more in what remains. time (n,) [s]; spans from its first
     sample. Without a manoeuvre: halves.
     """
     since = time - time[0]

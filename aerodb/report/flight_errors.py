@@ -21,6 +21,8 @@ def flight_errors(axis: str, *sides: Mapping[str, Comparison]) -> dict[str, list
 
     sides : flight id -> comparison. Returns flight id -> errors, None where a flight has no usable
     sample or a side lacks it.
+
+    Errors are dimensionless.
     """
     flights = dict.fromkeys(flight for side in sides for flight in side)
     return {flight: [_error(axis, side.get(flight)) for side in sides] for flight in flights}

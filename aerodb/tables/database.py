@@ -173,7 +173,10 @@ class AeroDatabase:
         tables: Mapping[str, AnyTable],
     ) -> Program:
         """Compile `expressions` with this database's reference lengths and the given variables and
-        tables in place of its own."""
+        tables in place of its own.
+
+        Reference lengths are in metres.
+        """
         constants = {
             name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()
         }

@@ -175,7 +175,10 @@ class Increment:
 
     @cached_property
     def layered(self) -> Array:
-        """(k,) estimates that act as a layer: zero where a regressor is folded into a table."""
+        """(k,) estimates that act as a layer: zero where a regressor is folded into a table.
+
+        Each is per unit of its regressor.
+        """
         return np.where([bool(table) for table in self.folded], 0.0, self.estimates)
 
     @cached_property

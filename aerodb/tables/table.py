@@ -162,7 +162,10 @@ class Table:
         return modes
 
     def stacked(self, arguments: tuple[Any, ...]) -> Array:
-        """Arguments, each (n,) or a number, as (N, n)."""
+        """Arguments, each (n,) or a number, as (N, n).
+
+        Raises InputError unless there is one for each axis.
+        """
         return stacked_arguments(self.name, len(self.breakpoints), arguments)
 
     def lookup(self, *arguments: Array | float) -> Lookup:

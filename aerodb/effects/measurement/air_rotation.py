@@ -43,6 +43,8 @@ def air_rotation_columns(view: FlightView, measured: Mapping[str, Array]) -> Map
     measured : body axis -> (n,) total coefficients over the database's reference geometry; their
     forces give the inertial motion. Empty where the flight lacks a force, a rate or its attitude;
     without a column where the model does not depend on the rate.
+
+    Columns are dimensionless.
     """
     if not view.has(_NEEDED) or not set(FORCE_AXES) <= measured.keys():
         return {}

@@ -58,6 +58,8 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
     """Return `database` as a ZIP of CSV files.
 
     check_cases : written to the archive; by default 25 cases made from the database.
+
+    Numbers are in SI units and radians, as `conventions` says.
     """
     contents = to_contents(database, _KIND, check_cases)
     files = {

@@ -53,6 +53,8 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
     """Return `database` as the bytes of a MAT-file.
 
     check_cases : written to the file; by default 25 cases made from the database.
+
+    Numbers are in SI units and radians, as `conventions` says.
     """
     from scipy.io import savemat  # slow to import
 

@@ -38,6 +38,8 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
     """Return `database` as the bytes of a NetCDF file.
 
     check_cases : written to the file; by default 25 cases made from the database.
+
+    Numbers are in SI units and radians, as `conventions` says.
     """
     from scipy.io import netcdf_file  # slow to import
 

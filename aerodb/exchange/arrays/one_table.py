@@ -56,6 +56,8 @@ def export_csv_table(
     """Return `database` as one CSV table.
 
     check_cases : written as rows; by default 25 cases made from the database.
+
+    Numbers are in SI units and radians, as `conventions` says.
     """
     contents = to_contents(database, _KIND, check_cases)
     arguments = _argument_columns(database)

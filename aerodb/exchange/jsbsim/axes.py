@@ -117,7 +117,10 @@ def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
 
 
 def body_forces(drag: str, side: str, lift: str) -> dict[str, str]:
-    """Return CX, CY, CZ as expressions of three identifiers, as `wind_to_body` computes them."""
+    """Return CX, CY, CZ as expressions of three identifiers, as `wind_to_body` computes them.
+
+    Angles are in rad.
+    """
     along = f"({drag}*cos(beta) + {side}*sin(beta))"
     return {
         "CX": f"{lift}*sin(alpha) - {along}*cos(alpha)",

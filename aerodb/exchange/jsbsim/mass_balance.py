@@ -56,7 +56,10 @@ def mass_balance_of(properties: MassProperties, source: str) -> MassBalance | No
 
 def location(point: tuple[float, float, float], name: str) -> Element:
     """Return a point [m, body axes] in structural axes (inches, x aft, y right, z up), whose origin
-    is the datum."""
+    is the datum.
+
+    The point is (3,).
+    """
     x, y, z = point
     structural = {"x": -x / INCH + 0.0, "y": y / INCH, "z": -z / INCH + 0.0}
     return node(

@@ -135,6 +135,8 @@ def stack_slices(
 
     Slices with different breakpoints are interpolated to the union of them. This is exact, because
     they are linear in between and hold their end values.
+
+    levels : (n,), one for each slice.
     """
     dimensions = len(slices[0][0])
     axes = tuple(

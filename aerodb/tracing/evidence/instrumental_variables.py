@@ -35,6 +35,8 @@ def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
 
     bandwidth : of tracing, Hz; the filters' pole is at half of it. None where no logged command
     moved.
+
+    Rates are (n,), in rad/s.
     """
     rates: dict[str, Array] = {}
     for rate, commands in COMMANDS_FOR.items():
