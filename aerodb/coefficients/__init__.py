@@ -4,7 +4,7 @@ The way through:
 
 1. `total_coefficients` solves Newton and Euler for the aerodynamic part and gives `Coefficients`:
    CX CY CZ Cl Cm Cn with standard deviations and usable samples. Its building blocks are
-   `specific_force_at_cg`, `inertial_moment` and `thrust_loads`; `bandwidth_of` chooses the
+   `thrust_loads` and the motion of a rigid body (`aerodb.physics`); `bandwidth_of` chooses the
    bandwidth of differentiated rates (`DEFAULT_BANDWIDTH`).
 2. `compare` puts them beside a database's prediction in the database's reference geometry and gives
    a `Comparison`, whose `residual` is measured - predicted. `with_states` integrates the database's

@@ -11,14 +11,7 @@ from .comparison import (
 )
 from .inputs import UNHOLDABLE, InputUse, held_inputs, input_uses, lacking_inputs, with_held_inputs
 from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
-from .total import (
-    DEFAULT_BANDWIDTH,
-    Coefficients,
-    bandwidth_of,
-    inertial_moment,
-    specific_force_at_cg,
-    total_coefficients,
-)
+from .total import DEFAULT_BANDWIDTH, Coefficients, bandwidth_of, total_coefficients
 
 __all__ = [
     "DEFAULT_BANDWIDTH",
@@ -34,11 +27,9 @@ __all__ = [
     "bandwidth_of",
     "compare",
     "held_inputs",
-    "inertial_moment",
     "input_uses",
     "lacking_inputs",
     "rate_bandwidth",
-    "specific_force_at_cg",
     "thrust_loads",
     "thrust_share",
     "total_coefficients",

@@ -11,14 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.coefficients import specific_force_at_cg
 from aerodb.conditioning import local_gravity
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.physics import HIGHEST_LATITUDE, Earth
+from aerodb.physics import HIGHEST_LATITUDE, Earth, specific_force_at_cg
 from aerodb.signals import (
     FEWEST_SAMPLES,
     bridge,

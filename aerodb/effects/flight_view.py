@@ -15,12 +15,12 @@ from aerodb.coefficients import (
     FLOW_RATES,
     Comparison,
     as_inputs,
-    inertial_moment,
     rate_bandwidth,
     thrust_loads,
 )
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.physics import inertial_moment
 from aerodb.signals import bridge
 from aerodb.support import Array
 from aerodb.tables import (

@@ -1,4 +1,4 @@
-"""Standard atmosphere, WGS-84 earth and attitude representations, all in SI and radians.
+"""Standard atmosphere, WGS-84 earth, attitudes and rigid bodies, all in SI and radians.
 
 Begin with the relation that you need; nothing here keeps state.
 
@@ -10,6 +10,7 @@ Begin with the relation that you need; nothing here keeps state.
 - `Earth` is a local origin: `Earth.to_local` gives north and east in metres. `normal_gravity`,
   `radii_of_curvature`, `EARTH_RATE` and `PLUMB_LINE_CURVATURE` are the terms of the equations of
   motion over a rotating oblate earth (`geodesy`).
+- `specific_force_at_cg` and `inertial_moment` are the motion of a rigid body (`rigid_body`).
 
 Which relation fills which missing channel of a flight is decided in `aerodb.logs.air_data`.
 """

@@ -26,6 +26,7 @@ from .geodesy import (
     normal_gravity,
     radii_of_curvature,
 )
+from .rigid_body import inertial_moment, specific_force_at_cg
 
 __all__ = [
     "DENSITY_0",
@@ -42,10 +43,12 @@ __all__ = [
     "density",
     "euler_321_from_enu_quaternion",
     "euler_321_from_quaternion",
+    "inertial_moment",
     "mach_from_calibrated",
     "normal_gravity",
     "quaternion_from_euler",
     "radii_of_curvature",
+    "specific_force_at_cg",
     "speed_of_sound",
     "standard_atmosphere",
     "to_body",

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from aerodb.coefficients import specific_force_at_cg
 from aerodb.consistency.sensors import Record
+from aerodb.physics import specific_force_at_cg
 from aerodb.vehicle import parse_vehicle
 
 FOOT = 0.3048

@@ -13,12 +13,12 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.coefficients import inertial_moment, specific_force_at_cg
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, predicted_change, sensor
 from aerodb.effects.measurement.sensor_flow_angles import moved_probe
 from aerodb.effects.template import LibraryContext, Template
+from aerodb.physics import inertial_moment, specific_force_at_cg
 
 SOURCE = "003, eqs. 1-4"
 INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")

@@ -10,12 +10,12 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.coefficients import inertial_moment, specific_force_at_cg
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
 from aerodb.effects.measurement.sensor_flow_angles import SLOWEST, flow_changes
 from aerodb.effects.template import LibraryContext, Template
+from aerodb.physics import inertial_moment, specific_force_at_cg
 from aerodb.support import Array
 
 SOURCE = "003, eqs. 1-4"

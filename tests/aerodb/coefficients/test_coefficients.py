@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 import scipy.io
 
-from aerodb.coefficients.total import inertial_moment, specific_force_at_cg, total_coefficients
+from aerodb.coefficients.total import total_coefficients
 from aerodb.errors import InputError
 from aerodb.estimation.ordinary_least_squares import least_squares
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import AXES
+from aerodb.physics.rigid_body import inertial_moment, specific_force_at_cg
 from aerodb.signals.differentiation import smooth
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.any_format import read_log
