@@ -2,7 +2,7 @@
 1-4).
 
 Newton's and Euler's equations for a rigid body, solved for the aerodynamic part. Two equations are
-misprinted in 003 (a square on z in eq. 1, a missing division in eq. 4); those below are derived
+misprinted in 003 (a square on z in eq. 1, a missing division in eq. 4); those used are derived
 from ``a_P = a_CG + wdot x r + w x (w x r)``.
 """
 

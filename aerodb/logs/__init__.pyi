@@ -3,7 +3,7 @@ from .autopilots import read_autopilot
 from .columns import TIME, Columns, find_columns
 from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
 from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
-from .inspection import TopicSummary, describe, missing_by_topic
+from .inspection import TopicSummary, describe, missing_samples
 from .mapping import choose_mapping, map_recording
 from .mapping_draft import MappingDraft, draft_mapping
 from .mapping_file import Mapping, parse_mapping
@@ -29,7 +29,7 @@ __all__ = [
     "find_columns",
     "map_recording",
     "mapped_clock_suspicions",
-    "missing_by_topic",
+    "missing_samples",
     "parse_mapping",
     "read_autopilot",
     "usable_flight",

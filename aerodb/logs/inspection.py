@@ -1,6 +1,5 @@
 """Summary of a recording: rates, gaps and damage per topic, before its fields are interpreted."""
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,34 +114,6 @@ def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap 
         return None
     k = first + int(np.argmax(np.diff(time[first : last + 1])))
     return _gap(time, k, usual) if time[k + 1] - time[k] > 1.5 * usual else None
-
-
-def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> tuple[Damage, ...]:
-    """Return the gaps of each topic where the whole file has framing or dropout damage.
-
-    Times (n,) [s].
-    """
-    places = [
-        (place.kind, place.start, place.end)
-        for place in damage
-        if not place.topic
-        and place.kind in ("framing", "dropout")
-        and place.start is not None
-        and place.end is not None
-    ]
-    gaps_as_damage = []
-    for name in topics if places else ():
-        time = topics[name].time
-        for kind, start, end in places:
-            gap = missing_samples(time, start, end)
-            if gap is not None:
-                plural = "sample" if gap.samples == 1 else "samples"
-                gaps_as_damage.append(
-                    Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end)
-                )
-    return tuple(
-        dict.fromkeys(gaps_as_damage)
-    )  # one long gap may hold several dropouts of the file
 
 
 def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:

@@ -21,7 +21,6 @@ from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, St
 from mcap_ros2.decoder import DecoderFactory
 
 from aerodb.errors import InputError
-from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.readers.mcap_framing import (
     MAGIC,
@@ -41,6 +40,7 @@ from aerodb.storage.readers.mcap_messages import (
     Values,
     message_reader,
 )
+from aerodb.storage.readers.missing_samples import missing_by_topic
 
 #: Header stamps that differ from the recorder's clock by more than this [s] are from another clock.
 _CLOCKS_APART = 60.0

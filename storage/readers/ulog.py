@@ -20,8 +20,8 @@ from pyulog import ULog
 from pyulog.exceptions import ULogException
 
 from aerodb.errors import InputError
-from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, DamageKind, LoggedMessage, Recording, Topic
+from aerodb.storage.readers.missing_samples import missing_by_topic
 from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
 from aerodb.storage.readers.ulog_topics import LoggedTopics, TopicRecords
 
