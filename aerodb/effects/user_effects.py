@@ -19,10 +19,9 @@ from pydantic import Field, model_validator
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import LibraryContext, Template, on_axis
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.increments import INCREMENT_AXES
 from aerodb.nomenclature import channel
 from aerodb.support import Strict, validated_toml
-from aerodb.tables import Expression, parse
+from aerodb.tables import INCREMENT_AXES, Expression, parse
 
 GROUP: Final = "aerodb.effects"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")

@@ -21,14 +21,7 @@ from .gate import (
     sign_reasons,
 )
 from .held_out import UNCHANGED, held_out_error
-from .model_file import (
-    CONSTANT,
-    INCREMENT_AXES,
-    DeclaredIncrement,
-    ModelFile,
-    expand,
-    parse_model_file,
-)
+from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
 from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
 from .validation import (
     NEAR_FLOOR,
@@ -44,7 +37,6 @@ __all__ = [
     "CONSTANT",
     "CONTRADICTIONS",
     "FILE_CHECKS",
-    "INCREMENT_AXES",
     "NEAR_FLOOR",
     "UNCHANGED",
     "AxisSamples",

@@ -38,12 +38,8 @@ from aerodb.increments.spline_terms import (
     spline_expressions,
     split_key,
 )
-from aerodb.nomenclature import AXES
 from aerodb.support import Strict, validated_toml
-from aerodb.tables import Expression, parse
-
-#: Axes of an increment: the body axes, and the wind axes for the forces.
-INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
+from aerodb.tables import INCREMENT_AXES, Expression, parse
 
 #: The term that is a constant.
 CONSTANT = "1"

@@ -29,6 +29,7 @@ from .nodes import neutral_point, table_grids, vary
 from .program import AnyTable, Program, compile_program, evaluate
 from .reference import (
     HAT_RATES,
+    INCREMENT_AXES,
     WIND_AXES,
     Reference,
     body_to_wind,
@@ -52,6 +53,7 @@ __all__ = [
     "EXTRAPOLATIONS",
     "FUNCTIONS",
     "HAT_RATES",
+    "INCREMENT_AXES",
     "LAWS",
     "LIFT_INCREMENTS",
     "MAX_DEPTH",

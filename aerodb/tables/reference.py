@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerodb.errors import InputError
+from aerodb.nomenclature import AXES
 from aerodb.support import Array
 
 Point = tuple[float, float, float]
@@ -21,6 +22,8 @@ HAT_RATES: Final[dict[str, tuple[str, str]]] = {
     "alphadot_hat": ("alphadot", "chord"),
 }
 
+#: Axes of an increment: the body axes, and the wind axes for the forces.
+INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
 #: Coefficients along the wind axes: drag aft, side force right, lift up.
 WIND_AXES: Final[tuple[str, ...]] = ("C_drag", "C_side", "C_lift")
 
