@@ -28,6 +28,10 @@ SOLUTION: Final = "navigation_solution"
 CONTRADICTS: Final = "contradicts_version"
 #: What a flight is only suspected of beside the version; the same subjects.
 SUSPECTED: Final = "suspected_beside_version"
+#: For which the gate will refuse a version.
+REFUSED: Final = "gate_will_refuse"
+#: A flight that leaves the flown envelope, whose numbers a report has in a table.
+LEAVES_ENVELOPE: Final = "leaves_flown_envelope"
 #: What has no words of its own here: the text is the sentence.
 SAID: Final = "said"
 
@@ -170,5 +174,6 @@ WORDS: Final[Mapping[str, Callable[[Remark], str]]] = {
     POSITION_AGAINST_VELOCITY: _position,
     FLOW_AGAINST_VELOCITY: _flow,
     CONTRADICTS: lambda r: f"beside version {r.subjects[0]}: {r.text}",
+    REFUSED: lambda r: f"The gate will refuse this version: {r.text}.",
     SUSPECTED: lambda r: f"suspected beside version {r.subjects[0]}: {r.text}",
 }

@@ -16,8 +16,8 @@ step for one flight; its stages, in order:
 7. `verdict.judge` says whether the flight is good, limited or rejected, and why.
 
 Main names: `make_consistent` -> `Consistent`; `joint_calibration` -> `Calibration`, from several
-flights; `StateNoise`, the error spectrum of the corrected channels; `ChannelSource` and `Origin`,
-where a channel's values come from. Method and references: docs/method/consistency.md.
+flights; `StateNoise`, the error spectrum of the corrected channels; `Origin`, where
+a channel's values come from. Method and references: docs/method/consistency.md.
 """
 
 import lazy_loader as lazy

@@ -1,6 +1,6 @@
 from . import calibration
 from .calibration import Calibration, from_document
-from .corrected import ChannelSource, CorrectedFlight, Origin, corrected_flight
+from .corrected import CorrectedFlight, Origin, corrected_flight
 from .output_error import joint_calibration
 from .plan import Plan, make_plan
 from .records import records_from_flight
@@ -10,7 +10,6 @@ from .whole_flight import Consistent, make_consistent, unreadable_document
 
 __all__ = [
     "Calibration",
-    "ChannelSource",
     "Consistent",
     "CorrectedFlight",
     "Origin",

@@ -69,7 +69,8 @@ _OTHERS: Final = ("velocity_north", "velocity_east", "velocity_down")
 
 class Origin(Enum):
     """Where the values of a channel come from: its sensor, the smoother (with or without a sensor),
-    or nowhere. The enumeration's values are the texts of stored documents."""
+    or nowhere. The values are its words in documents, the names in lower case their
+    ``origins``."""
 
     SENSOR = "corrected sensor"
     SENSOR_AND_MOTION = "smoothed: sensor and motion together"
@@ -94,16 +95,6 @@ class ChannelSource:
     def text(self) -> str:
         """As text, as stored in documents."""
         return f"{self.origin.value}, and {self.because}" if self.because else self.origin.value
-
-    @classmethod
-    def from_text(cls, text: str) -> "ChannelSource":
-        """The source with this `text`; raises ValueError for an unknown one.
-
-        >>> ChannelSource.from_text("not given: it has no sensor, and nothing determines it").origin
-        <Origin.NOT_GIVEN: 'not given: it has no sensor'>
-        """
-        words, _, because = text.partition(", and ")
-        return cls(Origin(words), because)
 
 
 @dataclass(frozen=True)

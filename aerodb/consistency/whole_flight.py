@@ -216,6 +216,7 @@ def _document(
         **as_document(verdict),
         "checked": True,
         "used": {name: source.text for name, source in corrected.used.items()},
+        "origins": {name: source.origin.name.lower() for name, source in corrected.used.items()},
         "estimates": [_estimate(entry, values) for entry in shown],
         "not_estimated": list(plan.not_estimated),
         "left_out": dict(plan.left_out),

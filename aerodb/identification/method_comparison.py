@@ -41,11 +41,13 @@ class Agreement:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """Parameters by several methods; the method to believe here, and why in sentences."""
+    """Parameters by several methods; the method to believe here, why in sentences, and whether
+    anything speaks against it."""
 
     parameters: tuple[Agreement, ...]
     believe: str | None
     reasons: tuple[str, ...]
+    reserved: bool = False
 
 
 def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
@@ -64,13 +66,14 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
         for name in names
     )
     believe, reasons = _believe(fits)
-    reasons += _reservations(fits.get(believe or "", ()))
+    reservations = _reservations(fits.get(believe or "", ()))
     plain = fits.get("output-error", ())
     if believe and METHODS[believe].disturbed and not all(fit.converged for fit in plain):
-        reasons += (
+        reservations += (
             "With reservation: without process noise the model does not follow the motion at all;"
             " if the aircraft is stable, look for a wrong sign, unit or equation",
         )
+    reasons += reservations
     apart = [each for each in parameters if not each.agree]
     if apart:
         worst = max(apart, key=lambda each: each.spread)
@@ -79,7 +82,7 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
             f"{len(apart)} of {len(parameters)} parameters differ by more than {_AGREE:g} standard"
             f" errors between methods, most {worst.name}, by {worst.spread:.1f} ({pair})",
         )
-    return MethodComparison(parameters, believe, reasons)
+    return MethodComparison(parameters, believe, reasons, bool(reservations))
 
 
 def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:

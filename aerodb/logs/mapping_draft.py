@@ -73,7 +73,8 @@ _FASTEST_SOUND = 365.0
 
 @dataclass(frozen=True)
 class Guess:
-    """A channel, the field that may be it, and why. unit : '' where it stays open."""
+    """A channel, the field that may be it, and why. unit : '' where it stays open; assumed : whether
+    nothing says it."""
 
     channel: str
     topic: str
@@ -81,6 +82,7 @@ class Guess:
     unit: str
     scale: float
     reason: str
+    assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ def draft_mapping(
             guesses.setdefault(named.channel, named)
     guesses = {known: _settled(guess, guesses, usable) for known, guess in guesses.items()}
     for guess in guesses.values():
-        if "assumed" in guess.reason:
+        if guess.assumed:
             questions.append(f"is {guess.field} ({guess.channel}) in {guess.unit}? {guess.reason}")
     if not is_known:
         questions += _relations(recording, guesses, clocks, usable)
@@ -166,17 +168,17 @@ def _settled(
     """A guess whose unit another channel decides: the airspeed by the Mach number, the longitude by
     the latitude."""
     other = guesses.get({"V": "mach", "longitude": "latitude"}.get(guess.channel, ""))
-    if other is None or other.topic != guess.topic or "assumed" not in guess.reason:
+    if other is None or other.topic != guess.topic or not guess.assumed:
         return guess
     if guess.channel == "longitude":
-        return replace(guess, unit=other.unit, reason="in the unit of the latitude")
+        return replace(guess, unit=other.unit, reason="in the unit of the latitude", assumed=False)
     speed, mach = (columns[each.topic, each.field] for each in (guess, other))
     moving = mach > 0.5 * float(np.nanmax(mach))
     sound = float(np.nanmedian(speed[moving] / mach[moving])) if np.any(moving) else 0.0
     for unit in ("m/s", "knot", "ft/s", "km/h"):
         if _SLOWEST_SOUND < sound * conversion(unit, "m/s")[0] < _FASTEST_SOUND:
             why = f"a speed of sound of {sound:.4g} {unit} beside the Mach number"
-            return replace(guess, unit=unit, reason=why)
+            return replace(guess, unit=unit, reason=why, assumed=False)
     return guess
 
 
@@ -230,8 +232,11 @@ def guess_by_name(topic: Topic, field: str, values: Array) -> Guess | None:
     for given, why in ((declared, "the log declares the unit"), (unit, "the name states the unit")):
         if given and _fits(given, si):
             return Guess(known, topic.name, field, given, *_sign(known, values, given), why)
-    guessed, why = _by_range(known, si, values)
-    return Guess(known, topic.name, field, guessed, *_sign(known, values, guessed), why)
+    size = float(np.nanpercentile(np.abs(values), 99.0))
+    found = _by_range(known, si, size, values)
+    guessed, why = found or (si or "1", _assumed(size))
+    sign = _sign(known, values, guessed)
+    return Guess(known, topic.name, field, guessed, *sign, why, assumed=found is None)
 
 
 def _fits(unit: str, si: str) -> bool:
@@ -242,13 +247,12 @@ def _fits(unit: str, si: str) -> bool:
     return True
 
 
-def _by_range(known: str, si: str, values: Array) -> tuple[str, str]:
-    """Unit by the size of the values, and why."""
-    size = float(np.nanpercentile(np.abs(values), 99.0))
+def _by_range(known: str, si: str, size: float, values: Array) -> tuple[str, str] | None:
+    """Unit by the size of the values, and why; None where it may be another."""
     if si in _MOST:
         most = 6.3 if known in ("phi", "psi", "longitude") else _MOST[si]
         too_large = f"up to {size:.4g}: too large for {si}"
-        return (_MORE[si], too_large) if size > most else (si, _assumed(size))
+        return (_MORE[si], too_large) if size > most else None
     if known == "az_imu":
         level = abs(float(np.nanmedian(values)))
         for unit, of in (("m/s^2", 9.81), ("g", 1.0), ("ft/s^2", 32.2)):
@@ -260,7 +264,7 @@ def _by_range(known: str, si: str, values: Array) -> tuple[str, str]:
         return "degC", f"up to {size:.3g}: too small for K"
     if known == "mach":
         return "1", f"up to {size:.2g}"
-    return si or "1", _assumed(size)
+    return None
 
 
 #: Largest size of a quantity in SI, and the unit in which it is larger.

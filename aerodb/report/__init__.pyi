@@ -2,7 +2,13 @@ from . import page
 from .decimation import decimated, extremes, flagged_stretches
 from .diff_documents import diff_document
 from .diff_figures import diff_figure
-from .document import beyond_remarks, hold_out_remarks, left_out_remarks, update_document
+from .document import (
+    add_remarks,
+    beyond_remarks,
+    hold_out_remarks,
+    left_out_remarks,
+    update_document,
+)
 from .estimates_page import estimates_report
 from .findings import meaning
 from .fit_report import fit_report
@@ -33,6 +39,7 @@ __all__ = [
     "UpdateStory",
     "UsedFlight",
     "VersionStory",
+    "add_remarks",
     "advice_words",
     "beyond_remarks",
     "channel_scale",

@@ -1,15 +1,15 @@
 """The JSON of an update: estimates, flights and validation (docs/reference/contract.md, "JSON")."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 from aerodb.coefficients import THRUST_REMEDY
 from aerodb.increments import AxisUpdate, AxisValidation, Beyond, Excursion, HoldOut, Update
 from aerodb.nomenclature import is_surface
-
-WITHIN_FLIGHTS: Final = "cross-validated within flights"
+from aerodb.remarks import LEAVES_ENVELOPE, Remark, said, sentences
+from aerodb.report.former_documents import former_kinds
 
 
 def update_document(
@@ -37,8 +37,30 @@ def update_document(
         "findings": [],
         "not_found": [],
         "next_flight": [],
-        "remarks": _remarks(update, proof, hold_out),
+        **remark_documents(map(said, _remarks(update, proof, hold_out))),
     }
+
+
+def remark_documents(remarks: Iterable[Remark]) -> dict[str, Any]:
+    """The keys of a document for remarks: their sentences, and beside each what it is as data."""
+    held = list(remarks)
+    return {
+        "remarks": sentences(held),
+        "remark_data": [{**remark.document(), "text": ""} for remark in held],
+    }
+
+
+def add_remarks(document: dict[str, Any], remarks: Iterable[Remark]) -> None:
+    """Add remarks to the document of an update or a closed loop."""
+    for key, entries in remark_documents(remarks).items():
+        document[key] += entries
+
+
+def remarks_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Kind and sentence of each remark in a document."""
+    data = document.get("remark_data")
+    kinds = former_kinds(document) if data is None else [each["kind"] for each in data]
+    return list(zip(kinds, document["remarks"], strict=True))
 
 
 def opening(
@@ -91,7 +113,7 @@ def beyond_document(entry: Beyond) -> dict[str, Any]:
     }
 
 
-def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[str]:
+def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[Remark]:
     """Remarks on flights that leave the envelope of what predicts them: where, both errors, and
     which one the version uses. One per flight and axis.
 
@@ -101,13 +123,15 @@ def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[
     for entry in beyond:
         name = labels.get(entry.flight, entry.flight[:12])
         ways = [_excursion(each) for each in entry.excursions]
-        remarks.append(
+        sentence = (
             f"{name} leaves the flown envelope on {entry.axis} in {entry.share:.0%} of its samples"
             f" ({'; '.join(ways)}). There the error is {entry.held_outside:.2g} with the correction"
             f" held at the edge and faded, as the version has it, and"
             f" {entry.extrapolated_outside:.2g} with its slopes extrapolated; over the whole flight"
             f" {entry.held:.2g} and {entry.extrapolated:.2g}."
         )
+        values = {"share": (entry.share, "1")}
+        remarks.append(Remark(LEAVES_ENVELOPE, (entry.flight, entry.axis), values, sentence))
     return remarks
 
 
@@ -161,8 +185,8 @@ def hold_out_remarks(hold_out: HoldOut, within_flights: bool = False) -> list[st
     """
     if hold_out.kind == "cross-validated" and within_flights:
         return [
-            "The first and last parts of the flights were predicted from the rest"
-            f" ({WITHIN_FLIGHTS}); no flight was held out."
+            "The first and last parts of the flights were predicted from the rest (cross-validated"
+            " within flights); no flight was held out."
         ]
     return {
         "held-out": [],

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from aerodb.increments import NEAR_FLOOR, UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.report.document import WITHIN_FLIGHTS
+from aerodb.report.former_documents import former_within_flights
 from aerodb.report.glossary import effect_words, listed, the
 from aerodb.report.numbers import for_people, number
 from aerodb.tables import WIND_AXES
@@ -232,15 +232,9 @@ def on_which(document: Mapping[str, Any]) -> str:
 
 
 def by_parts(document: Mapping[str, Any]) -> bool:
-    """Whether validation was within flights: parts of them predicted from the rest.
-
-    Documents stored before the key existed say so only in a remark.
-    """
-    validation = document["validation"]
-    if "within_flights" in validation:
-        return bool(validation["within_flights"])
-    said_in_remarks = any(WITHIN_FLIGHTS in remark for remark in document["remarks"])
-    return said_in_remarks and validation["kind"] == "cross-validated"
+    """Whether validation was within flights: parts of them predicted from the rest."""
+    stated = document["validation"].get("within_flights")
+    return former_within_flights(document) if stated is None else bool(stated)
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -10,7 +10,8 @@ from typing import Any, Final
 from aerodb.increments import AxisValidation, Beyond, HoldOut
 from aerodb.loop import SensorRival, StallWindow
 from aerodb.nomenclature import AXES
-from aerodb.report.document import axis_document, beyond_document, opening
+from aerodb.remarks import REFUSED, Remark, said
+from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 
 #: An error of this many noise floors, each flight's constant apart, is no matter of noise as
@@ -84,7 +85,9 @@ def loop_document(
         ],
         "between_flights": [entry.document() for entry in between],
         "next_flight": [*traced.next_flight, *(entry.settled_by for entry in between)],
-        "remarks": [*remarks, *traced.notes, *_without_a_name(proof, findings, left, between)],
+        **remark_documents(
+            map(said, (*remarks, *traced.notes, *_without_a_name(proof, findings, left, between)))
+        ),
     }
 
 
@@ -107,14 +110,20 @@ def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> l
     ]
 
 
-def rival_remarks(rivals: Sequence[SensorRival]) -> list[str]:
+def rival_remarks(rivals: Sequence[SensorRival]) -> list[Remark]:
     """A remark on each error of a sensor that the loop finds where increments are declared."""
     return [
-        f"The gate will refuse this version: {rival.hypothesis} is a rival of what was declared:"
-        f" {rival.because}. Its effect is "
-        + ", ".join(f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items())
-        + ". Mend the sensor (correct it in the vehicle file, or recalibrate), or promote with"
-        f" --accept {rival.hypothesis}."
+        Remark(
+            REFUSED,
+            (rival.hypothesis,),
+            {axis: (share, "1") for axis, share in rival.shares.items()},
+            f"{rival.hypothesis} is a rival of what was declared: {rival.because}. Its effect is "
+            + ", ".join(
+                f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items()
+            )
+            + ". Mend the sensor (correct it in the vehicle file, or recalibrate), or promote with"
+            f" --accept {rival.hypothesis}",
+        )
         for rival in rivals
     ]
 

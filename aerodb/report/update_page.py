@@ -9,8 +9,9 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.increments import NEAR_FLOOR
 from aerodb.nomenclature import AXES, axis_description
+from aerodb.remarks import LEAVES_ENVELOPE, REFUSED
 from aerodb.report.diff_figures import diff_figures
-from aerodb.report.document import excursion_text
+from aerodb.report.document import excursion_text, remarks_of
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import meaning, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
@@ -40,10 +41,6 @@ from aerodb.tables import AeroDatabase
 
 _Entry = TypeVar("_Entry")
 
-#: How a remark begins that stands on top.
-_WARNS: Final = "The gate will refuse"
-#: What is in a remark whose numbers stand in a table.
-_IN_TABLE: Final = " leaves the flown envelope on "
 _DOTS: Final = {
     True: " Dots: single flights, before above the line, after below.",
     False: " Dots: single flights, with the database.",
@@ -176,13 +173,13 @@ def _sentences(story: UpdateStory) -> dict[str, Any]:
     document, labels = story.document, story.labels
     beyond = document.get("beyond", ())
     remarks = [
-        sentence_of(remark, labels)
-        for remark in document["remarks"]
-        if not (beyond and _IN_TABLE in remark)
+        (kind, sentence_of(remark, labels))
+        for kind, remark in remarks_of(document)
+        if not (beyond and kind == LEAVES_ENVELOPE)
     ]
     return {
-        "warnings": [remark for remark in remarks if remark.startswith(_WARNS)],
-        "remarks": [remark for remark in remarks if not remark.startswith(_WARNS)],
+        "warnings": [remark for kind, remark in remarks if kind == REFUSED],
+        "remarks": [remark for kind, remark in remarks if kind != REFUSED],
         "advice": [
             named_flights(advice_words(advice), labels) for advice in document["next_flight"]
         ],

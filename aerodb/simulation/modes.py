@@ -11,6 +11,10 @@ from aerodb.support import Array
 
 #: A real part below this share of the largest eigenvalue is rounding.
 _ROUNDING: Final = 1e-9
+#: Oscillations in the plane of symmetry, and what they are called as two real roots.
+_IN_PLANE: Final = ("short period", "phugoid")
+_IN_PLACE_OF_AN_OSCILLATION: Final = ("short period, real root", "phugoid, real root")
+_LATERAL_OSCILLATIONS: Final = ("Dutch roll", "lateral phugoid")
 #: Lateral real roots, and what is neither.
 _ROOTS: Final = ("roll", "spiral")
 _DIRECTIONAL: Final = "Dutch roll, real root"
@@ -128,9 +132,10 @@ def _named(participation: Mapping[str, float], real: bool, grows: bool) -> tuple
     notes = []
     if plane >= lateral:
         fast = get("w", "q") >= get("u", "theta")
-        name = "short period" if fast else "phugoid"
+        place = 0 if fast else 1
+        name = _IN_PLANE[place]
         if real:
-            name += ", real root"
+            name = _IN_PLACE_OF_AN_OSCILLATION[place]
             notes.append("two real roots in place of an oscillation, or one merged with another")
         if abs(get("w", "q") - 0.5 * plane) < _MERGED * plane:
             notes.append("short period and phugoid have merged: both pairs of states take part")
@@ -141,8 +146,8 @@ def _named(participation: Mapping[str, float], real: bool, grows: bool) -> tuple
             if name == _DIRECTIONAL:
                 notes.append("no oscillation: sideslip grows or dies out alone")
         else:
-            name = "Dutch roll" if get("v") >= get("phi") else "lateral phugoid"
-            if name == "lateral phugoid":
+            name = _LATERAL_OSCILLATIONS[0 if get("v") >= get("phi") else 1]
+            if name == _LATERAL_OSCILLATIONS[1]:
                 notes.append("roll and spiral have merged into an oscillation")
     smaller = min(plane, lateral) / max(plane + lateral, 1e-300)
     if smaller > _COUPLED:
@@ -177,7 +182,7 @@ def _counted(found: list[Mode]) -> list[Mode]:
     result = []
     for mode in found:
         several = names.count(mode.name)
-        if several == 1 or mode.name.endswith("real root"):
+        if several == 1 or mode.name in (*_IN_PLACE_OF_AN_OSCILLATION, _DIRECTIONAL):
             result.append(mode)
             continue
         note = "; ".join(filter(None, (mode.note, f"one of {several} that move the same states")))
@@ -187,6 +192,6 @@ def _counted(found: list[Mode]) -> list[Mode]:
 
 def _order(mode: Mode) -> int:
     """0 in the plane of symmetry, 1 lateral, 2 else."""
-    if mode.name.startswith(("short", "phugoid")):
+    if mode.name in (*_IN_PLANE, *_IN_PLACE_OF_AN_OSCILLATION):
         return 0
-    return 2 if mode.name.startswith("state ") else 1
+    return 1 if mode.name in (*_LATERAL_OSCILLATIONS, *_ROOTS, _DIRECTIONAL) else 2

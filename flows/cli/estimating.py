@@ -198,8 +198,7 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
     for reason in document["reasons"]:
         session.say(f"- {reason}")
     if several and document["believe"]:
-        reserved = any(each.startswith("With reservation") for each in document["reasons"])
-        reserved_words = ", with reservation" if reserved else ""
+        reserved_words = ", with reservation" if document["reserved"] else ""
         session.say(f"believe here: {document['believe']}{reserved_words}")
 
 

@@ -66,7 +66,8 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
         )
     except InputError as error:
         none: dict[str, Any] = {"axes": {}, "notes": [], "suspicions": []}
-        return {"flight": flight, "key": None, "reason": str(error), **none}
+        cause = {"what": error.what, "where": error.where, "remedy": error.remedy}
+        return {"flight": flight, "key": None, "reason": str(error), "cause": cause, **none}
 
 
 def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, Any]:

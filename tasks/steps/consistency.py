@@ -9,7 +9,6 @@ import numpy as np
 
 from aerodb.consistency import (
     Calibration,
-    ChannelSource,
     Consistent,
     Origin,
     StateNoise,
@@ -190,10 +189,8 @@ def _restored(
 
 def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
     """Return the flow angles that were reconstructed without a sensor, from a stored document."""
-    used = {name: ChannelSource.from_text(text) for name, text in document.get("used", {}).items()}
-    return frozenset(
-        name for name in ("alpha", "beta") if name in used and used[name].origin is Origin.MOTION
-    )
+    origins, motion = document.get("origins", {}), Origin.MOTION.name.lower()
+    return frozenset(name for name in ("alpha", "beta") if origins.get(name) == motion)
 
 
 def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:

@@ -169,6 +169,7 @@ def fits_document(
         "parameters": [_parameter(each) for each in comparison.parameters],
         "believe": comparison.believe,
         "reasons": list(comparison.reasons),
+        "reserved": comparison.reserved,
     }
 
 

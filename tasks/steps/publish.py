@@ -15,7 +15,9 @@ from aerodb.increments import (
     sign_reasons,
 )
 from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow
+from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report import (
+    add_remarks,
     beyond_remarks,
     hold_out_remarks,
     left_out_remarks,
@@ -66,13 +68,15 @@ def publish_candidate(
     document["rivals"] = [asdict(rival) for rival in rivals]
     document["derivatives"], refused = _derivatives(access, plan, baseline, update.candidate, run)
     signs = (*sign_reasons(baseline, update.candidate), *refused)
-    document["remarks"] += [
-        *beyond_remarks(beyond, access.catalogue.flight_labels(each.flight for each in beyond)),
-        *_without_thrust(access, plan),
-        *input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run),
-        *(f"The gate will refuse this version: {reason}." for reason in signs),
+    labels = access.catalogue.flight_labels(each.flight for each in beyond)
+    inputs = input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run)
+    remarks = [
+        *beyond_remarks(beyond, labels),
+        *map(said, (*_without_thrust(access, plan), *inputs)),
+        *(Remark(REFUSED, text=reason) for reason in signs),
         *rival_remarks(rivals),
     ]
+    add_remarks(document, remarks)
     settings = {
         "model": plan.model,
         "identified": list(plan.hold_out.identified),
@@ -154,16 +158,15 @@ def publish_loop(
     document["derivatives"], refused = _derivatives(
         access, plan, loop.baseline, loop.candidate, run
     )
-    document["remarks"] += [
-        *stall_remarks(stalls, labels),
+    inputs = input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run)
+    signs = (*sign_reasons(loop.baseline, loop.candidate), *refused)
+    remarks = [
+        *map(said, stall_remarks(stalls, labels)),
         *beyond_remarks(beyond, labels),
-        *_without_thrust(access, plan),
-        *input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run),
-        *(
-            f"The gate will refuse this version: {reason}."
-            for reason in (*sign_reasons(loop.baseline, loop.candidate), *refused)
-        ),
+        *map(said, (*_without_thrust(access, plan), *inputs)),
+        *(Remark(REFUSED, text=reason) for reason in signs),
     ]
+    add_remarks(document, remarks)
     label = None
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)

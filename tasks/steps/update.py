@@ -39,6 +39,25 @@ from aerodb.tracing import TracingSettings
 
 #: Number of reasons that an error names.
 _SHOWN: Final = 3
+_REJECTED: Final = "rejected by the check of consistency"
+
+
+@dataclass(frozen=True)
+class _Excluded:
+    """A flight (id) that cannot be used and why; `shared`: the reason without what is this flight's
+    own, empty where it has nothing of it."""
+
+    flight: str
+    reason: str
+    shared: str = ""
+    remedy: str = ""
+
+    def counted(self, alone: bool) -> tuple[str, str]:
+        """The reason as it is counted with those of other flights, and what to do; `alone`: there
+        is no other flight. Lines after the first say what to do."""
+        own = not self.shared or (alone and self.shared == _REJECTED)
+        what, _, rest = (self.reason if own else self.shared).partition("\n")
+        return what, self.remedy or rest
 
 
 @dataclass(frozen=True)
@@ -82,20 +101,22 @@ def plan_update(
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
-    excluded = [(entry["flight"], entry["reason"]) for entry in compared if entry["key"] is None]
+    excluded = [_incomparable(entry) for entry in compared if entry["key"] is None]
     rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
     excluded += [
-        (row.id, f"retracted: {row.retract_reason}")
+        _Excluded(row.id, f"retracted: {row.retract_reason}")
         for row in rows
         if row.retracted_utc is not None
     ]
     excluded += [
-        (row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"
+        _Excluded(row.id, f"rejected: {'; '.join(row.reasons)}", _REJECTED)
+        for row in rows
+        if row.verdict == "rejected"
     ]
     excluded += _repeated(
-        access, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded}
+        access, vehicle, {row.id for row in rows} - {each.flight for each in excluded}
     )
-    out = {flight for flight, _ in excluded}
+    out = {each.flight for each in excluded}
     usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(access, row))
     if not usable:
         raise _none_usable(vehicle, excluded)
@@ -115,23 +136,29 @@ def plan_update(
         for entry in compared
         if entry["flight"] not in out and entry.get("left_out")
     }
-    return Plan(vehicle, baseline, model, split, tuple(excluded), keys, left_out, method)
+    why = tuple((each.flight, each.reason) for each in excluded)
+    return Plan(vehicle, baseline, model, split, why, keys, left_out, method)
 
 
-def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputError:
+def _incomparable(compared: Mapping[str, Any]) -> _Excluded:
+    """A flight (document of `compare_with_version`) that cannot be compared with the baseline."""
+    flight, cause = compared["flight"], compared["cause"]
+    own = cause["where"] in ("", *(f"flight {flight[:n]}" for n in (12, len(flight))))
+    shared = cause["what"] if own else f"{cause['where']}: {cause['what']}"
+    return _Excluded(flight, compared["reason"], shared, cause["remedy"])
+
+
+def _none_usable(vehicle: str, excluded: Sequence[_Excluded]) -> InputError:
     """The error that no flight can be used: how many flights each reason excludes, the most
-    frequent reasons first.
-
-    excluded : flight (id) and reason, in which the flight itself may be named; a remedy may follow
-    on its second line.
-    """
+    frequent reasons first; rejections are one reason, whatever their numbers, but for a flight
+    alone."""
     where = f"update of {vehicle}"
     if not excluded:
         return InputError(
             "no usable flight: none is stored", where, "ingest flights of this vehicle"
         )
     alone = len(excluded) == 1
-    reasons = Counter(_without_its_flight(reason, alone) for _, reason in excluded)
+    reasons = Counter(each.counted(alone) for each in excluded)
     shown = [
         f"{count} of {len(excluded)} {what}" for (what, _), count in reasons.most_common(_SHOWN)
     ]
@@ -143,16 +170,7 @@ def _none_usable(vehicle: str, excluded: Sequence[tuple[str, str]]) -> InputErro
     return InputError(f"no usable flight: {'; '.join(shown)}", where, "\n".join([*remedies, see]))
 
 
-def _without_its_flight(reason: str, alone: bool) -> tuple[str, str]:
-    """A reason without the flight that it names, and its remedy; rejections are one reason,
-    whatever their numbers, but for a flight `alone`."""
-    what, _, remedy = reason.partition("\n")
-    if what.startswith("rejected") and not alone:
-        return "rejected by the check of consistency", ""
-    return re.sub(r"^flight [0-9a-f]{12,64}: ", "", what), remedy
-
-
-def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
+def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[_Excluded]:
     """Return those of `flights` (ids) that repeat another, with a reason: samples must not count
     twice."""
     repeats = {
@@ -163,7 +181,7 @@ def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[
     labels = access.catalogue.flight_labels(
         row.original for rows in repeats.values() for row in rows
     )
-    return [(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
+    return [_Excluded(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
 def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:

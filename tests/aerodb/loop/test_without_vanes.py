@@ -126,7 +126,7 @@ def test_a_sensor_that_is_not_there_is_no_hypothesis(glider: Fleet) -> None:
     assert "angle of attack and sideslip" in remark
     document = glider.consistent(glider.flights[0])[1]
     assert reconstructed_angles(document) == {"alpha", "beta"}
-    assert not reconstructed_angles({"used": {"alpha": "corrected sensor"}})
+    assert not reconstructed_angles({"origins": {"alpha": "sensor"}})
 
 
 @pytest.mark.heavy
