@@ -73,8 +73,10 @@ _FASTEST_SOUND = 365.0
 
 @dataclass(frozen=True)
 class Guess:
-    """A channel, the field that may be it, and why. unit : '' where it stays open; assumed : whether
-    nothing says it."""
+    """A channel, the field that may be it, and why.
+
+    unit : '' where it stays open. assumed : whether nothing but its size speaks for it.
+    """
 
     channel: str
     topic: str
