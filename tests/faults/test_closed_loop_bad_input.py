@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from aerodb.errors import InputError
 from aerodb.flows.cli.main import app
-from aerodb.tasks.steps.update import _none_usable
+from aerodb.tasks.steps.update import _REJECTED, _Excluded, _incomparable, _none_usable
 from tests.faults.test_bad_input import everything
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -134,20 +135,37 @@ def test_all_flights_excluded_is_refused(workspace: Path) -> None:
 
 def test_one_reason_of_many_flights_is_said_once() -> None:
     """Whatever flight it names, and whatever numbers it holds."""
-    excluded = [
-        (f"{k:064x}", f"flight {k:064x}: database db needs delta_flap\nbind it at import")
+    errors = {
+        f"{k:064x}": InputError(
+            "database db needs delta_flap", f"flight {k:064x}"[: 19 if k % 2 else 71], "bind it"
+        )
         for k in range(40)
+    }
+    excluded = [
+        _incomparable(
+            {
+                "flight": flight,
+                "reason": str(error),
+                "cause": {"what": error.what, "where": error.where, "remedy": error.remedy},
+            }
+        )
+        for flight, error in errors.items()
     ]
-    excluded += [(f"{k:064x}", f"rejected: V remains {k} m/s") for k in range(40, 50)]
-    excluded += [("a" * 64, "retracted: iced"), ("b" * 64, "retracted: bird strike")]
+    excluded += [
+        _Excluded(f"{k:064x}", f"rejected: V remains {k} m/s", _REJECTED) for k in range(40, 50)
+    ]
+    excluded += [_Excluded("a" * 64, "retracted: iced"), _Excluded("b" * 64, "retracted: bird")]
     said = str(_none_usable("my-glider", excluded))
     assert said.splitlines() == [
         "update of my-glider: no usable flight: 40 of 52 database db needs delta_flap; 10 of 52"
         " rejected by the check of consistency; 1 of 52 retracted: iced; 1 other reason",
-        "bind it at import",
+        "bind it",
         "see them: aerodb flight list --vehicle my-glider, aerodb flight show FLIGHT",
     ]
     assert "none is stored" in str(_none_usable("my-glider", []))
+    alone = [_Excluded("a" * 64, "rejected: V remains 3 m/s\nlook at it", _REJECTED)]
+    said = str(_none_usable("my-glider", alone))
+    assert "1 of 1 rejected: V remains 3 m/s\nlook at it\nsee them" in said
 
 
 def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_path: Path) -> None:
