@@ -3,12 +3,13 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import chain, repeat
 from typing import Any
 
 from aerodb.coefficients import THRUST_REMEDY
 from aerodb.increments import AxisUpdate, AxisValidation, Beyond, Excursion, HoldOut, Update
 from aerodb.nomenclature import is_surface
-from aerodb.remarks import LEAVES_ENVELOPE, Remark, said, sentences
+from aerodb.remarks import LEAVES_ENVELOPE, SAID, Remark, said, sentences
 from aerodb.report.former_documents import former_kinds
 
 
@@ -57,10 +58,11 @@ def add_remarks(document: dict[str, Any], remarks: Iterable[Remark]) -> None:
 
 
 def remarks_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Kind and sentence of each remark in a document."""
+    """Kind and sentence of each remark in a document; those without data beside them are just
+    said."""
     data = document.get("remark_data")
     kinds = former_kinds(document) if data is None else [each["kind"] for each in data]
-    return list(zip(kinds, document["remarks"], strict=True))
+    return list(zip(chain(kinds, repeat(SAID)), document["remarks"], strict=False))
 
 
 def opening(
