@@ -28,7 +28,7 @@ ALLOWED = {
     "aerodb/report/former_documents.py": "documents of earlier releases say no more",
     "aerodb/report/findings.py": "numbers that a page shows beside a sentence are left out of it",
     "aerodb/tracing/decision/axis_models.py": "a sentence goes on otherwise",
-    "aerodb/loop/refit.py": "where a note comes from is left out of a list of notes",
+    "aerodb/loop/remarks.py": "where a note comes from is left out of a list of notes",
     "flows/web/work_pages.py": "a file's name stands beside what is wrong with it",
 }
 
