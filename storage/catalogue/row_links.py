@@ -62,7 +62,7 @@ class Touched:
     ) -> None:
         if not isinstance(statement, sa.Insert):  # linked rows are never updated
             return
-        table = str(statement.table.name)  # type: ignore[union-attr]
+        table = str(statement.table.name)
         self._copies = self._copies or table == s.row_links.name
         for given in result.context.compiled_parameters if table in LINKED else ():
             self._groups[table, tuple(given[c] for c in LINKED[table])] = None
