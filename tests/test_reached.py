@@ -9,8 +9,8 @@ from tests.support.reached import Graph, changed_files, reached
 
 FILES = {
     "aerodb/__init__.py": "",
-    "aerodb/tables/__init__.py": '"""See aerodb.tables.scattered."""',
-    "aerodb/tables/__init__.pyi": "from .database import Database as Database\nfrom .nodes import vary",
+    "aerodb/tables/__init__.py": '"""See aerodb.tables.scattered."""\nif TYPE_CHECKING:\n'
+    "    from .database import Database as Database\n    from .nodes import vary",
     "aerodb/tables/database.py": "from .nodes import vary",
     "aerodb/tables/nodes.py": "'''>>> 1\n1\n'''\nimport typing",
     "aerodb/tables/scattered.py": "",
@@ -49,7 +49,7 @@ def repository(tmp_path: Path) -> Path:
         ("tests/helper.py", {"asks"}),
         ("tests/test_face.py", {"face"}),
         ("tests/conftest.py", {"face", "name", "run", "asks", "types", "page"}),
-        ("aerodb/tables/__init__.pyi", {"face", "name", "run", "asks", NODES}),
+        ("aerodb/tables/__init__.py", {"face", "name", "run", "asks", NODES}),
         ("README.md", set()),
     ],
 )

@@ -21,6 +21,31 @@ accelerations and rates differentiated, `thrust` the thrust, `comparison` the co
 `inputs` the inputs that flights lack.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .comparison import (
+        FLOW_RATES,
+        Comparison,
+        DatabaseSide,
+        as_inputs,
+        band_limited,
+        compare,
+        rate_bandwidth,
+        with_flow_rates,
+        with_states,
+    )
+    from .inputs import (
+        UNHOLDABLE,
+        InputUse,
+        held_inputs,
+        input_uses,
+        lacking_inputs,
+        with_held_inputs,
+    )
+    from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
+    from .total import DEFAULT_BANDWIDTH, Coefficients, bandwidth_of, total_coefficients
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

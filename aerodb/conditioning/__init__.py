@@ -11,6 +11,31 @@ The way through:
 4. `fingerprint` and `shared_samples` find records of the same flight (`duplicates`).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .channel_rates import (
+        KINEMATICS,
+        OPTIONAL,
+        airspeed_rate,
+        alpha_rate,
+        beta_rate,
+        with_accelerations,
+    )
+    from .condition import (
+        Conditioning,
+        flag_unusable,
+        from_document,
+        suspicion_documents,
+        to_document,
+    )
+    from .delay import delay_between, delays
+    from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
+    from .local_gravity import local_gravity
+    from .segmentation import STATES, Segment, ground_and_air, segments
+    from .suspicion import Suspicion, clock_suspicions
+    from .wild_points import spikes, stuck, without_wild_points
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -20,6 +20,19 @@ flights; `StateNoise`, the error spectrum of the corrected channels; `Origin`, w
 a channel's values come from. Method and references: docs/method/consistency.md.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from . import calibration
+    from .calibration import Calibration, from_document
+    from .corrected import CorrectedFlight, Origin, corrected_flight
+    from .output_error import joint_calibration
+    from .plan import Plan, make_plan
+    from .records import records_from_flight
+    from .smoother import StateNoise, state_noise_from
+    from .verdict import Verdict, judge
+    from .whole_flight import Consistent, make_consistent, unreadable_document
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

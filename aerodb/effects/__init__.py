@@ -18,6 +18,37 @@ refinement), `interpolation_terms` (tables as expressions), `user_effects`, `add
 `stall` (separated flow with hysteresis).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .adding import add_effects, envelopes_of
+    from .aerodynamic import from_zero_lift, zero_lift_alpha
+    from .flight_view import FlightView, view_of
+    from .hypothesis import Columns, Hypothesis
+    from .library import hypotheses_for, library_sha256
+    from .measurement import (
+        air_rotation_columns,
+        alpha_consider_parameters,
+        hypotheses_for_flight,
+        sensor_consider_parameters,
+        with_attenuation,
+        with_reconstructed_angles,
+        within_reconstruction_accuracy,
+    )
+    from .spline import ramp_terms, spline_over, variables_of
+    from .stall import (
+        STALL_GAIN_BOUNDS,
+        StallFlight,
+        cross_fit_shapes,
+        fit_shape,
+        lift_hysteresis,
+        stall_hypotheses,
+        stall_regressors,
+    )
+    from .surfaces import surfaces_at_rest, surfaces_of
+    from .template import WIND_TO_BODY_AXES, LibraryContext
+    from .user_effects import parse_effects, registered_templates
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

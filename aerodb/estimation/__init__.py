@@ -27,6 +27,62 @@ Shared by them: `parameters`, `time_history` and `dynamic_model` (what is fitted
 `standing` (the answer), `coloured_noise` and `whiteness` (residuals), `bounded`, `independence`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .dynamic_model import DynamicModel, Values
+    from .filters import (
+        Recommendation,
+        extended_kalman,
+        filter_error,
+        output_or_filter_error,
+        unscented_kalman,
+    )
+    from .fit import Fit, ParameterEstimate, Standing
+    from .independence import InputCorrelation, dependent, input_correlations
+    from .linear_models import (
+        FROM_SUBSPACE,
+        MOST_DELAY,
+        AffineMatrix,
+        DelayedStateSpace,
+        StateSpace,
+        affine_matrix,
+        delayed,
+        has_start_values,
+        stabilised,
+        state_space,
+        with_delays,
+        with_start_values,
+    )
+    from .ordinary_least_squares import (
+        Regression,
+        coloured_sum,
+        least_squares,
+        own_constants,
+        samples_per_independent,
+        with_mean_constant,
+    )
+    from .output_error import multiple_shooting, output_error
+    from .parameters import Parameter, Parameters, bounds_of, priors_of
+    from .regression import (
+        EquationRecord,
+        FourierRegression,
+        LinearEquation,
+        RecursiveLeastSquares,
+        frequency_domain_regression,
+        normalised_recursive_least_squares,
+        recursive_least_squares,
+        regression,
+    )
+    from .spectra import (
+        FrequencyResponse,
+        TransferFunction,
+        frequency_responses,
+        transfer_function_fit,
+    )
+    from .splines import SplineKind, chosen_knots, piecewise_polynomials
+    from .time_history import TimeHistory
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -24,6 +24,43 @@ as terms, `without_states` and `states_for_jsbsim` (in `state_terms`) replace st
 declares the keys of the TOML file and of the stored document.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .arrays import (
+        CSV_HEAD,
+        export_csv,
+        export_csv_table,
+        export_mat,
+        export_netcdf,
+        import_csv,
+        import_mat,
+        import_netcdf,
+    )
+    from .daveml import export_daveml, import_daveml, is_daveml
+    from .file_checks import FileChecks, check_file
+    from .input_names import propose_bindings, written_name
+    from .jsbsim import (
+        Agreement,
+        MassBalance,
+        check_in_jsbsim,
+        export_jsbsim,
+        import_jsbsim,
+        input_properties,
+        jsbsim_check_cases,
+        mass_balance_of,
+        merge_jsbsim,
+        property_expression,
+    )
+    from .native import (
+        database_content_sha256,
+        database_document_sha256,
+        from_document,
+        read_native,
+        to_document,
+    )
+    from .state_terms import states_for_jsbsim, without_states
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -26,6 +26,28 @@ with unknown parameters. `conversion` turns dimensional derivatives of linear mo
 `dimensional_derivatives`); `parse_derivative_file` and `converted` do so for a file.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .candidate import update_by
+    from .declared_terms import with_known_terms, with_terms
+    from .derivative_file import converted, parse_derivative_file
+    from .equations import no_database, no_database_beside, parameter_name
+    from .flight_dynamics import FlightDynamics, flight_dynamics
+    from .identification_flight import IdentificationFlight
+    from .method_comparison import Agreement, MethodComparison, compare_methods
+    from .methods import METHODS, REGRESSION, Method, chosen_methods
+    from .model_file import (
+        StateSpaceFile,
+        declares_state_space,
+        file_records,
+        flight_records,
+        parse_state_space,
+        state_space_fit,
+    )
+    from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
+    from .problem import fits_of
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -22,6 +22,50 @@ The way through:
 `derivatives` what changes inside it, `gate` the release checks.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
+    from .chosen_knots import with_chosen_knots
+    from .derivatives import (
+        DerivativeChange,
+        derivative_changes,
+        derivatives_document,
+        judge_derivatives,
+    )
+    from .estimate import (
+        AxisUpdate,
+        ConsiderParameter,
+        Update,
+        estimate_increments,
+        keep_slope_signs,
+    )
+    from .gate import (
+        CONTRADICTIONS,
+        FILE_CHECKS,
+        Check,
+        Standing,
+        Verdict,
+        judge_contradictions,
+        judge_import,
+        judge_release,
+        judge_rivals,
+        notes_on_release,
+        sign_reasons,
+    )
+    from .held_out import UNCHANGED, held_out_error
+    from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
+    from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
+    from .validation import (
+        NEAR_FLOOR,
+        AxisValidation,
+        HoldOut,
+        choose_hold_out,
+        validate_by_leaving_one_out,
+        validate_on_held_out,
+        worse_axes,
+    )
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

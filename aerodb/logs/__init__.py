@@ -17,6 +17,21 @@ The way through:
 Next comes `aerodb.conditioning`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .autopilot import Autopilot, wingless_sentence
+    from .autopilots import read_autopilot
+    from .columns import TIME, Columns, find_columns
+    from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
+    from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
+    from .inspection import TopicSummary, describe, missing_samples
+    from .mapping import choose_mapping, map_recording
+    from .mapping_draft import MappingDraft, draft_mapping
+    from .mapping_file import Mapping, parse_mapping
+    from .usable_flight import mapped_clock_suspicions, usable_flight
+    from .vehicle_draft import draft_vehicle
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

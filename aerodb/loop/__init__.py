@@ -28,6 +28,23 @@ and `model_error`, `consider`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .between_flights import dependences_between_flights
+    from .consider import consider_parameters, noisier_flights
+    from .evidence import evidence_beside
+    from .flight_source import FlightSource, ReconstructionErrors
+    from .freezing import freeze_library
+    from .frozen_library import Library
+    from .model_error import with_model_error
+    from .rivals import SensorRival, sensor_rivals
+    from .rounds import Accept, LoopResult, run_loop
+    from .stall_windows import StallWindow, stall_windows
+    from .unexplained import unexplained_residuals
+    from .validation import beside_larger_unnamed, until_all_gain, validate_loop, without_gain
+    from .without_store import WithoutStore
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -15,6 +15,39 @@ Begin with the relation that you need; nothing here keeps state.
 Which relation fills which missing channel of a flight is decided in `aerodb.logs.air_data`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .atmosphere import (
+        DENSITY_0,
+        GAS_CONSTANT,
+        GRAVITY,
+        HEAT_RATIO,
+        LAYER,
+        STANDARD_LAYERS,
+        density,
+        mach_from_calibrated,
+        speed_of_sound,
+        standard_atmosphere,
+    )
+    from .frames import (
+        cross,
+        euler_321_from_enu_quaternion,
+        euler_321_from_quaternion,
+        quaternion_from_euler,
+        to_body,
+        to_earth,
+    )
+    from .geodesy import (
+        EARTH_RATE,
+        HIGHEST_LATITUDE,
+        PLUMB_LINE_CURVATURE,
+        Earth,
+        normal_gravity,
+        radii_of_curvature,
+    )
+    from .rigid_body import inertial_moment, specific_force_at_cg
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

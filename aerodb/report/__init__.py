@@ -14,6 +14,37 @@ comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`, `
 fewer points); `flight_errors` (errors of single flights).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from . import page
+    from .decimation import decimated, extremes, flagged_stretches
+    from .diff_documents import diff_document
+    from .diff_figures import diff_figure
+    from .document import (
+        add_remarks,
+        beyond_remarks,
+        hold_out_remarks,
+        left_out_remarks,
+        update_document,
+    )
+    from .estimates_page import estimates_report
+    from .findings import meaning
+    from .fit_report import fit_report
+    from .flight_page import FlightStory, flight_report
+    from .glossary import advice_words, channel_words, effect_words, hypothesis_words, in_words
+    from .head import Head
+    from .headlines import error_rows, excluded_sizes, headline, what_stayed
+    from .lineage_figure import Relative, lineage_graph
+    from .loop_documents import loop_document, rival_remarks, stall_remarks
+    from .numbers import for_people
+    from .page import pdf, render
+    from .response_page import FlownStretch, response_report
+    from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
+    from .terms import derivative_unit, sensor_error_unit, term_name, term_unit
+    from .update_page import UpdateStory, update_report
+    from .version_page import NameMove, UsedFlight, VersionStory, version_report
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

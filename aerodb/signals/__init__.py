@@ -8,6 +8,25 @@
 - `rms` and `theil` measure how well a prediction follows a measurement (`error_measures`).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .clock import clean_clock, interval, is_uniform
+    from .differentiation import FEWEST_SAMPLES, band_passed, bridge, low_passed, smooth
+    from .error_measures import Theil, rms, theil
+    from .masks import runs
+    from .resampling import (
+        PASS_EDGE,
+        Resampler,
+        decimated,
+        first_order_lag,
+        hold,
+        is_out_of_proportion,
+        low_pass_taps,
+        resampler,
+        uniform_grid,
+    )
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

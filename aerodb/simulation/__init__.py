@@ -16,6 +16,59 @@ the model (flown_vehicle). Flights with a controller and logs:
    (sensors).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .autopilot import Autopilot, ControlDerivatives, control_derivatives
+    from .closed_loop import History, fly
+    from .engine import (
+        Actuator,
+        FlightModel,
+        Propulsion,
+        Simulation,
+        flight_model,
+        simulate,
+        with_feedback,
+    )
+    from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
+    from .inputs import Event, superposed
+    from .linear_model import LinearModel, linear_model
+    from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
+    from .modes import Mode, modes
+    from .oscillation import Oscillation, at_rest_from, oscillation
+    from .planning import (
+        DesignedManoeuvre,
+        Expansion,
+        Growth,
+        Margins,
+        design_manoeuvre,
+        expand_envelope,
+        expected_noise,
+        manoeuvre_text,
+    )
+    from .replay import (
+        RESPONSES,
+        Stretch,
+        fly_stretch,
+        moved_controls,
+        stretch_of,
+        with_trim_offset,
+    )
+    from .sensors import Instrument, Signal, at_instruments, measure
+    from .stabilisation import stabilising_feedback
+    from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
+    from .tolerances import (
+        CheckResult,
+        Response,
+        Tolerances,
+        check_responses,
+        parse_tolerances,
+        response_agreement,
+    )
+    from .trim import NoTrimError, Trim, trim
+    from .trim_problem import Condition, control_inputs
+    from .turbulence import DrydenGusts
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -10,6 +10,27 @@
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .arrays import Array, Integers, Mask
+    from .dual_numbers import (
+        Dual,
+        Triple,
+        angle,
+        arcsine,
+        body_to_earth,
+        cross,
+        dead_zone,
+        dot,
+        root,
+        sine,
+    )
+    from .identity import canonical_json, content_sha256, key_of, result_key, version_id
+    from .parallel import Threads, in_threads
+    from .strict import Strict, validated, validated_toml
+    from .toml import parsed_toml
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

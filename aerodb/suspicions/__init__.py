@@ -21,6 +21,14 @@
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .air import air_suspicions
+    from .database import against_database
+    from .every import against_vehicle, examine, examined_beside, limited_document, limits_flight
+    from .plausibility import start_suspicions
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -20,6 +20,62 @@ called, and where flights have been); `consolidation`, `differences`, `evaluatio
 `slopes`, `check_cases`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .algebra import cancel, plus, times
+    from .arguments import breakpoints_over, channel_of, rebuilt, scattered_over, table_calls
+    from .check_cases import CheckCase, failed_check_cases, make_check_cases
+    from .consolidation import (
+        NodeShare,
+        consolidate,
+        node_lineage,
+        plan_consolidation,
+        point_lineage,
+    )
+    from .database import AeroDatabase, Prediction, Term, Variable
+    from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL
+    from .differences import DatabaseDiff, NodeChanges, TermChange, diff
+    from .envelope import flown_envelope
+    from .evaluation import Evaluation, Place, evaluate_database
+    from .expression import (
+        MAX_DEPTH,
+        MAX_LENGTH,
+        Call,
+        Expression,
+        Name,
+        Negation,
+        Number,
+        Operation,
+        TableCall,
+        number,
+        parse,
+    )
+    from .functions import COMPARISONS, FUNCTIONS, Value
+    from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
+    from .instructions import Instructions, Machine
+    from .linear_terms import LinearTable, linear_tables
+    from .machine import execute
+    from .nodes import neutral_point, table_grids, vary
+    from .program import AnyTable, Program, compile_program, evaluate
+    from .reference import (
+        HAT_RATES,
+        INCREMENT_AXES,
+        WIND_AXES,
+        Reference,
+        body_to_wind,
+        hat_rate,
+        transfer_moments,
+        wind_to_body,
+    )
+    from .scattered import ScatteredTable
+    from .sensitivity import slopes_by, slopes_by_lift
+    from .slopes import QUANTITIES, new_increments, new_sign_changes
+    from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate
+    from .table import EXTRAPOLATIONS, Table
+    from .total import TotalCoefficients, total_coefficients
+    from .uncertainty import EFFECTS, Bound, Uncertainty, bound_arrays
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -32,6 +32,65 @@ docs/method/tracing.md has the method at length; its section numbers stand in br
 `estimates` all flights and one model, `decision` the choice between models.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .decision import (
+        ADDED,
+        FEWEST_SHAPED,
+        LINEAR,
+        FewFlightFindings,
+        Finding,
+        FlightDependence,
+        FlightResidual,
+        Refined,
+        Traced,
+        UnexplainedResidual,
+        accompanying_linear_terms,
+        cross_flight_tests,
+        dependences_on_conditions,
+        downgraded_on_axes,
+        driven_by_rates,
+        few_flight_findings,
+        imitated_sensors,
+        increment_models,
+        joint_bands,
+        joint_fit,
+        lost_in_rotating_air,
+        model_errors,
+        only_suspected,
+        refine,
+        significant_beside,
+        supported_axes,
+        trace,
+        trace_increment_models,
+        unexplained_by_axis,
+        windows,
+        with_checked_shapes,
+        without_state_noise,
+    )
+    from .estimates import joint_covariance
+    from .evidence import (
+        LONG,
+        Evidence,
+        NormalEquations,
+        SamplingUnit,
+        bounded_noise,
+        evidence_of,
+        noisy_copies,
+        normal_equations_from_arrays,
+        normal_equations_of,
+        roll_rates,
+        thinned,
+        tracing_bandwidth,
+        units,
+        with_air_data_noise,
+        with_commanded_rates,
+        with_instruments,
+        with_shape_terms,
+    )
+    from .settings import TracingSettings
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,30 @@
 Modules: `description` (the file), `on_flights`, `template`, `five_hole` and `probe`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .description import (
+        MASS_CHANNELS,
+        Accuracy,
+        AirData,
+        LogSource,
+        MassProperties,
+        Reference,
+        Sensor,
+        Surface,
+        Thrust,
+        ThrustLine,
+        Vehicle,
+        VerticalAir,
+        parse_vehicle,
+        with_measured,
+    )
+    from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
+    from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
+    from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
+    from .template import placeholders, vehicle_template
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -32,14 +32,14 @@ def documents() -> list[Path]:
 
 
 def names_of(face: Path) -> list[str]:
-    """Return the public names of a face, which its stub lists."""
+    """Return the public names of a face, which it imports from its own modules."""
     tree = ast.parse(face.read_text(encoding="utf-8"))
-    listed = next(
-        each.value
-        for each in tree.body
-        if isinstance(each, ast.Assign) and getattr(each.targets[0], "id", "") == "__all__"
+    return sorted(
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.level == 1
+        for alias in node.names
     )
-    return [name for name in ast.literal_eval(listed) if not name.startswith("__")]
 
 
 def api_page(title: str, package: str, names: list[str], inherited: bool = False) -> str:
@@ -61,7 +61,7 @@ def pages() -> dict[str, str]:
     names = names_of(ROOT / "aerodb/__init__.pyi")
     found = {"index.md": api_page("The library", "aerodb", names, inherited=True)}
     for name in PACKAGES:
-        names = names_of(ROOT / f"aerodb/{name}/__init__.pyi")
+        names = names_of(ROOT / f"aerodb/{name}/__init__.py")
         found[f"{name}.md"] = api_page(f"aerodb.{name}", f"aerodb.{name}", names)
     for name in MODULES:
         found[f"{name}.md"] = f"# aerodb.{name}\n\n::: aerodb.{name}\n"

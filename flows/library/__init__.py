@@ -19,6 +19,24 @@ Modules: `views` (text, HTML, pandas, xarray), `logs`, `flights`, `tracing`, `fi
 `evaluation`, `workspaces`, `client`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .client import Client
+    from .evaluation import EvaluatedPoints, evaluate
+    from .fitting import FittedModel, fit
+    from .flights import (
+        ComparedFlight,
+        MeasuredCoefficients,
+        ReconstructedFlight,
+        compare,
+        reconstruct,
+        total_coefficients,
+    )
+    from .logs import Log, load, load_database, load_vehicle
+    from .tracing import TracedFlights, trace
+    from .workspaces import Version, Workspace, open_workspace
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

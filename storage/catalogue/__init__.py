@@ -15,6 +15,44 @@ triggers; `database`, `sqlite` and `postgresql` the connections and transactions
 whole catalogue between databases.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from . import schema
+    from .catalogue import Catalogue
+    from .chain import broken_links, has_link, link_rows, newest_link
+    from .copying import copy_catalogue
+    from .file_identity import StoredFile, measured
+    from .flight_pages import RETRACTED, FlightFilter
+    from .ledger import Ledger
+    from .location import CatalogueLocation, catalogue_location
+    from .names import standing_moves
+    from .row_links import broken_rows, link_stored_rows
+    from .rows import (
+        CalibrationRow,
+        FlightRole,
+        FlightRow,
+        Impact,
+        InboxEvent,
+        InboxKind,
+        Lineage,
+        NameEvent,
+        NoteKind,
+        NoteRow,
+        RepeatRow,
+        ResultRow,
+        RunRow,
+        RunState,
+        Stretch,
+        UserRole,
+        UserRow,
+        VersionDocuments,
+        VersionRow,
+    )
+    from .schema import HEAD, POSTGRESQL_REFUSAL, USER_ROLES, VERDICTS, append_only_triggers
+    from .seal import is_intact, seal
+    from .sqlite import connected_to_read
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

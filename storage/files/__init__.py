@@ -13,6 +13,47 @@ store, `put` and `local` do nothing.
 - `aircraft_files`: files that a JSBSim aircraft refers to (`files_beside`).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .aircraft_files import files_beside
+    from .cache import (
+        concurrently,
+        is_available,
+        is_recording_available,
+        local,
+        local_recording,
+        put,
+        put_recording,
+    )
+    from .documents import read_document, write_document
+    from .flight_windows import StoredSeries
+    from .flights import (
+        INDEX,
+        files_of,
+        open_recording,
+        read_flight,
+        read_recording,
+        read_results,
+        topic_paths,
+        write_flight,
+        write_results,
+        write_topics,
+    )
+    from .normal_equations import read_normal_equations, write_normal_equations
+    from .objects import DamagedObject, Objects, objects_of
+    from .transfer import (
+        STORE,
+        Part,
+        TransferReport,
+        is_sound,
+        parts,
+        pull,
+        push,
+        require_unused,
+        trim,
+    )
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,31 @@ Modules: `folders` (inbox), `quarantined` (quarantine), `outbox` (notifications)
 each file is recorded in `aerodb.storage.catalogue.inbox_history`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .folders import (
+        InboxFile,
+        archive_log,
+        archived_path,
+        may_settle,
+        open_log,
+        quarantine_unreadable,
+        refuse_oversized,
+        rescan_inbox,
+        scan_inbox,
+        unreadable_key,
+    )
+    from .outbox import post_notification, undelivered_notifications
+    from .quarantined import (
+        REASON,
+        Quarantined,
+        count_quarantined,
+        newest_quarantined,
+        return_to_inbox,
+    )
+    from .uploads import Upload, receiving
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,12 @@ Modules: `any_format`; `ulog`, `ulog_framing`, `ulog_kernels`,
 `mcap_protobuf`; `dataflash`, `dataflash_kernels`; `tabular`, `mat`, `text`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .any_format import prepare_reader, read_log
+    from .ulog_stream import UlogStream, following
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

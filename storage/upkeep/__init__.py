@@ -8,6 +8,13 @@ Modules: `verification` (files against rows), `object_verification` (objects aga
 (the catalogue itself), `problems` (the report), `backup`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .backup import back_up, restore
+    from .problems import Problem, VerificationReport, report_lines
+    from .verification import verify
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

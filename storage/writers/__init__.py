@@ -8,6 +8,14 @@ database there, where JSBSim is installed (`jsbsim_is_installed`).
 Modules: `ulog`, `prov`, `jsbsim_executive` (loads the file), `jsbsim_process` (the other process).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .jsbsim_executive import jsbsim_is_installed
+    from .jsbsim_process import agreement_in_jsbsim
+    from .prov import prov_json
+    from .ulog import write_ulog
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

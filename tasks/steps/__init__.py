@@ -17,6 +17,66 @@ A step takes ids and the keywords `workspace` (folder) and `run` (id of the run 
 result). Names of steps appear in progress output and in Prefect as ``module.function``.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .advance import FLOWS, Due, due, parameters_of
+    from .calibration import bind, calibrate
+    from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
+    from .coefficients import FlightCoefficients, load_coefficients, reconstruct
+    from .compare import compare_loaded, compare_with_database, compare_with_version
+    from .conditioning import mapping_of
+    from .consistency import (
+        applied_errors,
+        check_consistency,
+        load_consistent,
+        noise_of,
+        reconstructed_angles,
+        remaining_errors,
+    )
+    from .counting import repeat_documents, repeating
+    from .design import design_flight
+    from .estimate_records import estimate_records
+    from .estimates_page import estimates_page
+    from .expand import expand_flight
+    from .export import FORMS, export_version
+    from .fly import (
+        default_tolerances,
+        flown_responses,
+        fly_version,
+        manoeuvre_windows,
+        read_tolerances,
+    )
+    from .fly_manoeuvre import fly_manoeuvre
+    from .frequency_response import respond
+    from .importing import import_database, read_database
+    from .inbox import (
+        complete_file,
+        files_of_inbox,
+        in_quarantine,
+        note_failure,
+        note_no_room,
+        note_tries,
+        set_aside,
+        settle,
+    )
+    from .ingest import store_log
+    from .inputs import describe_inputs
+    from .inspect_log import look_over
+    from .loop_flights import reconstruction_of
+    from .methods import estimate_by_methods
+    from .notes import dismiss, note_version
+    from .notify import deliver, tell
+    from .publish import publish_candidate, publish_loop
+    from .release import promote, roll_back
+    from .report import flight_page, update_page, version_page, write_update_page
+    from .runs import mark_ended
+    from .segments import segments_of
+    from .store import trim_cache
+    from .trace import find_sensor_rivals, freeze_library, trace_flight
+    from .update import estimate, plan_update, validate
+    from .validate_responses import response_page, summarise_responses
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

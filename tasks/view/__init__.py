@@ -9,6 +9,56 @@ Versions: `versions_document`, `version_details`, `history_document`, `table_doc
 Nothing here computes or stores a result.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .channels import (
+        FEWEST_POINTS,
+        MOST_POINTS,
+        Series,
+        envelopes_of,
+        pair_of,
+        record_of,
+        series_of,
+        track_of,
+    )
+    from .evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
+    from .finding_documents import finding_document, findings_page, labels_of, reference_of
+    from .flight_documents import damage_document, flight_details, flights_document
+    from .json_documents import as_json
+    from .lineage_documents import (
+        compare_versions,
+        impact_document,
+        lineage_document,
+        origins_document,
+        prov_of,
+        rebuilds,
+    )
+    from .log_documents import has_log_here, log_document, logged_series, topics_document
+    from .online_estimates import online_estimates
+    from .status import status_of
+    from .table_documents import table_document
+    from .trimming import (
+        SteadyFlight,
+        expansion_document,
+        glides,
+        modes_document,
+        sweep_document,
+        sweep_value,
+        trim_document,
+        trim_of,
+    )
+    from .version_documents import (
+        findings_words,
+        flights_words,
+        held_out_words,
+        history_document,
+        matching,
+        notes_document,
+        version_details,
+        versions_document,
+    )
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -10,6 +10,14 @@ Modules: `pool` (this side), `server` (the process that forks, and the forks), `
 `memory_cache` (what a process remembers of flights), `freed_memory`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .freed_memory import return_freed_memory
+    from .memory_cache import cached, clear_cache, file_key
+    from .parsing import Parsed, parsed_log
+    from .pool import OverLimitError, confined, start_workers
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -28,6 +28,7 @@ class Faces(Contract):
             if any(
                 _holds(package, imported)
                 and not _holds(package, importer)
+                and not _holds(importer, package)  # a face hands on what its packages have
                 and not _by_face(graph, importer, imported, package)
                 for package in closed
             )

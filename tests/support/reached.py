@@ -45,9 +45,9 @@ class Graph:
         self.files = modules(root)
         self.texts = {name: path.read_text("utf-8") for name, path in self.files.items()}
         self._faces = {
-            name: _face(name, path.with_suffix(".pyi"))
+            name: _face(name, path)
             for name, path in self.files.items()
-            if path.with_suffix(".pyi").exists()
+            if path.name == "__init__.py"
         }
         trees: dict[str, ast.AST] = {name: ast.parse(text) for name, text in self.texts.items()}
         #: Fixtures of each `conftest.py`, as modules of their own.
@@ -154,10 +154,10 @@ def _above(name: str) -> list[str]:
     return [".".join(parts[:count]) for count in range(len(parts) - 1, 0, -1)]
 
 
-def _face(package: str, stub: Path) -> dict[str, tuple[str, str]]:
+def _face(package: str, file: Path) -> dict[str, tuple[str, str]]:
     """Name that a face hands on -> module and name there."""
     found: dict[str, tuple[str, str]] = {}
-    for node in ast.walk(ast.parse(stub.read_text("utf-8"))):
+    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.level == 1 and node.module:
             base = f"{package}.{node.module}"
             found |= {each.asname or each.name: (base, each.name) for each in node.names}

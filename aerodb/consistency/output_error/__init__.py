@@ -18,6 +18,28 @@ Main names: `Reconstruction`, `ReconstructedPath` (one per record), `Estimate` (
 `SensorEstimates` (values with covariance). Next: `aerodb.consistency.smoother`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .estimation import (
+        FlightReconstruction,
+        air_remarks,
+        biases_that_may_be_air,
+        decimated_records,
+        estimate_sensors,
+        joint_calibration,
+        most_active,
+        reconstruct_flight,
+    )
+    from .input_noise import inertial_noise
+    from .posterior import (
+        SensorEstimates,
+        applied_corrections,
+        shared_estimates,
+        with_vehicle_priors,
+    )
+    from .reconstruction import Estimate, ReconstructedPath, Reconstruction, reconstruct
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

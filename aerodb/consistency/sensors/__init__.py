@@ -16,6 +16,40 @@ navigation solution against itself.
 Next: `aerodb.consistency.output_error` estimates the unknowns.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .expected import Fault, detect_faults
+    from .models import installation_from_vehicle
+    from .navigation import (
+        FlowCheck,
+        VelocityCheck,
+        flow_against_velocity,
+        position_against_velocity,
+    )
+    from .parameters import (
+        AIR_DATA,
+        OUTPUTS,
+        PER_FLIGHT,
+        Parameter,
+        channels_of,
+        delays_of,
+        parameter,
+        unknowns,
+    )
+    from .prediction import (
+        MAX_DELAY,
+        Record,
+        Response,
+        corrected_inputs,
+        delayed,
+        earth_to_body,
+        outputs_along,
+        predict_outputs,
+        thinned,
+    )
+    from .whiteness import CALM_GUST_SPEED, ProcessNoise, process_noise, residual_noise
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

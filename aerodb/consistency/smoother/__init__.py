@@ -12,6 +12,13 @@
 Before: `aerodb.consistency.output_error`. After: `aerodb.consistency.corrected`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .gusts import Gusts, Intensities
+    from .smoothing import Smoothed, SmoothedPath, intensities_of, smooth_flight
+    from .state_error_spectrum import Source, StateNoise, state_noise, state_noise_from
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

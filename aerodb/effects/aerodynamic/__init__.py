@@ -10,6 +10,11 @@ To add an effect: write a module like `pitch_damping`, add its `TEMPLATE` to `li
 and its formula to tests/aerodb/effects/test_effects_recovery.py.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .lift_like import from_zero_lift, zero_lift_alpha
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

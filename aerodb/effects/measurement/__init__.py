@@ -11,6 +11,15 @@ and delays left by flight-path reconstruction) and `angle_errors` (errors in var
 reconstructed angle).
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .air_rotation import air_rotation_columns
+    from .angle_errors import alpha_consider_parameters, with_attenuation
+    from .constant_errors import sensor_consider_parameters
+    from .reconstructed_angles import hypotheses_for_flight, with_reconstructed_angles
+    from .remaining_errors import within_reconstruction_accuracy
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

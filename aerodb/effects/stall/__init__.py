@@ -7,6 +7,13 @@ accepted one to a database together with its state model. `lift_hysteresis` is t
 which the lift has a closed static loop.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from . import lift_hysteresis
+    from .stall_hysteresis import stall_hypotheses, stall_regressors
+    from .stall_shape import STALL_GAIN_BOUNDS, StallFlight, cross_fit_shapes, fit_shape
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,13 @@
 Before: `aerodb.estimation.output_error`. Method and references: docs/method/estimation.md.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .filter_error import filter_error
+    from .kalman import extended_kalman, unscented_kalman
+    from .process_noise import Recommendation, output_or_filter_error
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -12,6 +12,20 @@
 Next: `aerodb.estimation.output_error` and `aerodb.estimation.filters` estimate the parameters.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .affine import AffineMatrix, affine_matrix
+    from .delays import MOST_DELAY, DelayedStateSpace, delayed, with_delays
+    from .start_values import (
+        FROM_SUBSPACE,
+        LinearModel,
+        has_start_values,
+        with_regressed_start_values,
+        with_start_values,
+    )
+    from .state_space import StateSpace, stabilised, state_space
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,6 +9,14 @@
 Before: `aerodb.estimation.linear_models`. With turbulence: `aerodb.estimation.filters`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .gauss_newton import search
+    from .multiple_shooting import multiple_shooting
+    from .output_error import output_error
+    from .sensitivities import acting
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -17,6 +17,24 @@
 sample by sample do. Method and references: docs/method/equation-error.md.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .equation_error import ENOUGH_PER_ESTIMATE
+    from .frequency_domain import frequency_domain_regression
+    from .instrumental_variables import instrumental_variables
+    from .linear_equation import EquationRecord, LinearEquation
+    from .principal_components import principal_components
+    from .recursive import (
+        FourierRegression,
+        RecursiveLeastSquares,
+        normalised_recursive_least_squares,
+        recursive_least_squares,
+    )
+    from .regression_fit import regression
+    from .stepwise import orthogonal_functions, stepwise
+    from .total_least_squares import total_least_squares
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

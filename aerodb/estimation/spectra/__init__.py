@@ -5,6 +5,12 @@
 2. `transfer_function_fit` fits a `TransferFunction` of low order with a delay to one.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .frequency_response import FrequencyResponse, frequency_responses
+    from .transfer_function import TransferFunction, transfer_function_fit
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

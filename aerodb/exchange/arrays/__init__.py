@@ -11,6 +11,14 @@ All write the same content, which `contents` makes of a database: a JSON manifes
 arrays, and check cases. On import, `contents` rebuilds the database and evaluates the check cases.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .comma_separated import export_csv, import_csv
+    from .mat import export_mat, import_mat
+    from .netcdf import export_netcdf, import_netcdf
+    from .one_table import CSV_HEAD, export_csv_table
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,15 @@ Writing: `export` decides what the file contains, `document` builds its elements
 calculations. `check_cases` reads static shots and verifies a database against them.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .check_cases import SignalEvaluator, read_check_cases, verify_cases
+    from .export import export_daveml
+    from .names import read_unit
+    from .reader import import_daveml
+    from .xml_elements import is_daveml
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -16,6 +16,22 @@ its XML elements; `merge` joins it with an aircraft.
 `hysteresis_description` and `property_identifier` serve `aerodb.exchange.state_terms`.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases, read_jsbsim_cases
+    from .export import export_jsbsim, input_properties
+    from .mass_balance import MassBalance, mass_balance_of
+    from .merge import Merged, merge_jsbsim
+    from .properties import (
+        STALL_HYSTERESIS,
+        hysteresis_description,
+        property_expression,
+        property_identifier,
+        property_unit,
+    )
+    from .reader import import_jsbsim
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -4,6 +4,12 @@
 (`experiment`); `envelope_expansion` orders the test points on the way to a wider envelope.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .envelope_expansion import Expansion, Growth, Margins, expand_envelope
+    from .experiment import DesignedManoeuvre, design_manoeuvre, expected_noise, manoeuvre_text
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

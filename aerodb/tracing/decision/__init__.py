@@ -12,6 +12,39 @@ Modules: `selection` (forward selection, `CrossFlightTests`), `explanation_sets`
 `functions`. The method: docs/method/tracing.md, sections 9 to 16, 25 and 26.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .axis_models import (
+        cross_flight_tests,
+        imitated_sensors,
+        increment_models,
+        significant_beside,
+        supported_axes,
+        trace_increment_models,
+    )
+    from .between_flights import FlightDependence, dependences_on_conditions
+    from .few_flights import (
+        LINEAR,
+        FewFlightFindings,
+        accompanying_linear_terms,
+        few_flight_findings,
+        windows,
+    )
+    from .findings import ADDED, Finding, Traced, only_suspected
+    from .joint_model import joint_bands, joint_fit
+    from .refinement import Refined, downgraded_on_axes, refine
+    from .residual_records import FlightResidual
+    from .rotating_air import driven_by_rates, lost_in_rotating_air
+    from .shapes import FEWEST_SHAPED, with_checked_shapes
+    from .unexplained_residual import (
+        UnexplainedResidual,
+        model_errors,
+        unexplained_by_axis,
+        without_state_noise,
+    )
+    from .verdicts import trace
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -12,6 +12,22 @@ their biases), `significance` (the test over flights, Holm), `covariance`. The m
 docs/method/tracing.md, sections 7 and 8.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .campaigns import OFFSET, campaign
+    from .covariance import joint_covariance
+    from .per_flight import Campaign, FlightEstimates
+    from .significance import (
+        POWER,
+        Tested,
+        by_families,
+        coherent_gain,
+        holm,
+        over_flights,
+        paired_p,
+    )
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

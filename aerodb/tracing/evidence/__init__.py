@@ -12,6 +12,32 @@ of reconstructed states), `shape_misfit` (templates of the wrong shape), `instru
 docs/method/tracing.md, sections 3 to 6 and 17 to 21.
 """
 
-import lazy_loader as lazy
+from typing import TYPE_CHECKING
 
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .bandwidth import tracing_bandwidth
+    from .evidence import NUISANCE, Evidence, halves, units
+    from .flight_evidence import evidence_of
+    from .instrumental_variables import with_commanded_rates, with_instruments
+    from .low_pass import Band, Records, band_limited, in_band, stretches
+    from .noise_limits import bounded_noise, with_air_data_noise
+    from .normal_equations import (
+        NormalEquations,
+        normal_equations_from_arrays,
+        normal_equations_of,
+        normal_equations_of_band,
+    )
+    from .sampling_unit import SamplingUnit
+    from .shape_misfit import (
+        TOLERANCE,
+        parent,
+        shape_term_columns,
+        with_shape_terms,
+        without_shape_terms,
+    )
+    from .state_errors import noisy_copies, roll_rates
+    from .thinning import LONG, thinned
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
