@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import Reconstruction
 from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.pressures import (
     HOLES,
@@ -27,6 +26,7 @@ from aerodb.consistency.pressures import (
     residuals_as_angles,
     static_pressure,
 )
+from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.records import (
     IGNORED_FLAGS,
     InertialInputs,

@@ -17,7 +17,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.output_error import ReconstructedPath, Reconstruction
+from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import IGNORED_FLAGS, inertial_inputs
 from aerodb.consistency.sensors import MAX_DELAY, predict_outputs
 from aerodb.consistency.verdict import navigation_limits

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.consistency.output_error import ReconstructedPath
+from aerodb.consistency.reconstructed import ReconstructedPath
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY, density
 from aerodb.support import Array

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerodb.consistency.output_error import ReconstructedPath
 from aerodb.consistency.pressures import residuals_as_angles
+from aerodb.consistency.reconstructed import ReconstructedPath
 from aerodb.consistency.sensors import AIR_DATA
 from aerodb.support import Array
 from aerodb.vehicle import Sensor

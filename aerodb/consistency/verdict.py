@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.output_error import ReconstructedPath, Reconstruction
 from aerodb.consistency.pressures import residuals_as_angles
+from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import flight_of
 from aerodb.consistency.sensors import (
     AIR_DATA,

@@ -12,8 +12,6 @@ from aerodb.consistency.calibration import Calibration, Drift, drift
 from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
 from aerodb.consistency.navigation_sources import MAPPED, OWN, NavigationCheck, check_navigation
 from aerodb.consistency.output_error import (
-    Estimate,
-    Reconstruction,
     air_remarks,
     applied_corrections,
     biases_that_may_be_air,
@@ -25,6 +23,7 @@ from aerodb.consistency.output_error import (
     with_vehicle_priors,
 )
 from aerodb.consistency.plan import Plan, make_plan
+from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.records import IGNORED_FLAGS
 from aerodb.consistency.sensor_noise import noise_beyond_declaration
 from aerodb.consistency.sensors import (

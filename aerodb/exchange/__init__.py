@@ -19,7 +19,7 @@ takes an AeroDatabase and returns the content of a file. No function here opens 
 expressions and texts; `database_content_sha256` covers its numbers only.
 
 Formats without increments or state models receive plain terms: `increment_terms` writes increments
-as terms, `without_states` and `states_for_jsbsim` (in `state_terms`) replace state models.
+as terms, `without_states` (`state_terms`) and `states_for_jsbsim` (`jsbsim`) replace state models.
 `increment_notes` decodes the notes of documents that earlier releases stored; `native_schema`
 declares the keys of the TOML file and of the stored document.
 """
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         mass_balance_of,
         merge_jsbsim,
         property_expression,
+        states_for_jsbsim,
     )
     from .native import (
         database_content_sha256,
@@ -61,6 +62,6 @@ if TYPE_CHECKING:
         read_native,
         to_document,
     )
-    from .state_terms import states_for_jsbsim, without_states
+    from .state_terms import without_states
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,19 +1,15 @@
 """Replace state models, for formats that cannot hold them.
 
 A state becomes a variable with its steady value; a relay becomes an input that the receiver
-provides. JSBSim has one relay of its own (``hysteresis_limits``) and runs it itself.
+provides.
 """
 
 from dataclasses import replace
-from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.increment_terms import substitute, with_increments_as_terms
-from aerodb.exchange.jsbsim import STALL_HYSTERESIS, hysteresis_description, property_identifier
 from aerodb.nomenclature import CHANNELS
-from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable, parse
-
-_RELAY_INPUT: Final = property_identifier(STALL_HYSTERESIS)
+from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable
 
 
 def without_states(database: AeroDatabase) -> AeroDatabase:
@@ -46,43 +42,8 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
                     "rename it in the database",
                 )
             flat = replace(flat, variables=variables, free_inputs=free, states=_others(flat, state))
-            flat = _substituted(flat, state.name, Name(name))
+            flat = with_state_replaced(flat, state.name, Name(name))
     return replace(flat, states=())
-
-
-def states_for_jsbsim(database: AeroDatabase) -> AeroDatabase:
-    """Return `without_states` of `database`, with its relay as the one that JSBSim runs itself.
-
-    Raises InputError for a second relay, and for a relay with a limit of zero: JSBSim's relay does
-    not switch at zero.
-    """
-    relays = [state for state in database.states if isinstance(state.law, Relay)]
-    flat = without_states(database)
-    if len(relays) > 1:
-        names = ", ".join(state.name for state in relays)
-        raise InputError(
-            f"relays {names}: JSBSim has only one",
-            f"database {database.name}",
-            "export to a format that takes relays as inputs",
-        )
-    for state in relays:
-        assert isinstance(state.law, Relay)
-        if state.law.low == 0.0 or state.law.high == 0.0:
-            what = f"relay {state.name} has a limit of 0, at which JSBSim's relay does not switch"
-            raise InputError(
-                what, f"database {database.name}", "export to a format that takes relays as inputs"
-            )
-        free = {key: text for key, text in flat.free_inputs.items() if key != state.name}
-        free[_RELAY_INPUT] = hysteresis_description(state.law.low, state.law.high)
-        if state.name != _RELAY_INPUT:
-            flat = replace(flat, free_inputs={**flat.free_inputs, **free})
-            flat = _substituted(
-                flat,
-                state.name,
-                parse(_RELAY_INPUT if state.law.separated else f"(1 - {_RELAY_INPUT})"),
-            )
-        flat = replace(flat, free_inputs=free)
-    return flat
 
 
 def _others(database: AeroDatabase, state: StateModel) -> tuple[StateModel, ...]:
@@ -100,8 +61,8 @@ def _note(state: StateModel) -> str:
     )
 
 
-def _substituted(database: AeroDatabase, name: str, by: Expression) -> AeroDatabase:
-    """Return the database with `by` in place of `name` in terms and variables."""
+def with_state_replaced(database: AeroDatabase, name: str, by: Expression) -> AeroDatabase:
+    """Return the database with `by` in place of the state `name` in terms and variables."""
     if by == Name(name):
         return database
     terms = tuple(

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         imitated_sensors,
         increment_models,
         joint_bands,
+        joint_covariance,
         joint_fit,
         lost_in_rotating_air,
         model_errors,
@@ -71,7 +72,6 @@ if TYPE_CHECKING:
         with_checked_shapes,
         without_state_noise,
     )
-    from .estimates import joint_covariance
     from .evidence import (
         LONG,
         Evidence,

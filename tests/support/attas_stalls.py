@@ -14,7 +14,8 @@ import numpy as np
 
 from aerodb.coefficients.comparison import Comparison, band_limited, compare
 from aerodb.coefficients.total import total_coefficients
-from aerodb.consistency.output_error.reconstruction import Reconstruction, reconstruct
+from aerodb.consistency.output_error.reconstruction import reconstruct
+from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.records import records_from_flight
 from aerodb.effects.aerodynamic.lift_like import zero_lift_alpha
 from aerodb.effects.stall.stall_shape import StallFlight, blocked

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from aerodb.consistency.output_error.reconstruction import Estimate
+    from aerodb.consistency.reconstructed import Estimate
     from aerodb.tracing import Finding
 
 #: Half a unit of the third digit, at worst.

@@ -14,8 +14,8 @@ The way through, for one flight:
 
 For several flights, `joint_calibration` does steps 1 to 3 and returns a `Calibration`.
 
-Main names: `Reconstruction`, `ReconstructedPath` (one per record), `Estimate` (one per parameter),
-`SensorEstimates` (values with covariance). Next: `aerodb.consistency.smoother`.
+Results are of `aerodb.consistency.reconstructed`; `SensorEstimates` are values with covariance.
+Next: `aerodb.consistency.smoother`.
 """
 
 from typing import TYPE_CHECKING
@@ -40,6 +40,6 @@ if TYPE_CHECKING:
         shared_estimates,
         with_vehicle_priors,
     )
-    from .reconstruction import Estimate, ReconstructedPath, Reconstruction, reconstruct
+    from .reconstruction import reconstruct
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -32,12 +32,9 @@ from aerodb.consistency.output_error.posterior import (
     with_vehicle_priors,
 )
 from aerodb.consistency.output_error.reconciliation import reconciled
-from aerodb.consistency.output_error.reconstruction import (
-    ReconstructedPath,
-    Reconstruction,
-    reconstruct,
-)
+from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import TRUST, Plan, make_plan
+from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import flight_of, records_from_flight
 from aerodb.consistency.sensors import (
     AIR_DATA,

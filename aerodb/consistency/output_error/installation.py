@@ -15,8 +15,9 @@ import numpy as np
 
 from aerodb.consistency.output_error.gauss_newton import information, make_problem
 from aerodb.consistency.output_error.posterior import SIGNIFICANT
-from aerodb.consistency.output_error.reconstruction import Reconstruction, reconstruct
+from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
+from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import AIR_DATA, Record, parameter
 from aerodb.support import Array
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.calibration import Calibration
-from aerodb.consistency.output_error.reconstruction import Estimate, Reconstruction
 from aerodb.consistency.plan import Plan
+from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.sensors import parameter
 from aerodb.support import (
     Array,

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.consistency.output_error.reconstruction import Reconstruction
 from aerodb.consistency.plan import Plan
+from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import channels_of
 from aerodb.consistency.verdict import GROSS, disagreements
 from aerodb.vehicle import Accuracy

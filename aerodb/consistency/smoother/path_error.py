@@ -18,7 +18,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import ReconstructedPath, inertial_noise
+from aerodb.consistency.output_error import inertial_noise
+from aerodb.consistency.reconstructed import ReconstructedPath
 from aerodb.consistency.sensors import (
     Parameter,
     Record,

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import ReconstructedPath, Reconstruction, inertial_noise
+from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.plan import NO_WEIGHT
+from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.sensors import Parameter, earth_to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,

@@ -12,8 +12,7 @@ Reading: `xml_elements` parses the XML, `reader` builds the database, `functions
 Writing: `export` builds the file, `mass_balance` its mass, `writing` its functions and `elements`
 its XML elements; `merge` joins it with an aircraft.
 
-`properties` maps JSBSim properties to channels, both ways. `STALL_HYSTERESIS`,
-`hysteresis_description` and `property_identifier` serve `aerodb.exchange.state_terms`.
+`properties` maps JSBSim properties to channels, both ways; `relays` gives its one relay a state.
 """
 
 from typing import TYPE_CHECKING
@@ -26,12 +25,10 @@ if TYPE_CHECKING:
     from .mass_balance import MassBalance, mass_balance_of
     from .merge import Merged, merge_jsbsim
     from .properties import (
-        STALL_HYSTERESIS,
-        hysteresis_description,
         property_expression,
-        property_identifier,
         property_unit,
     )
     from .reader import import_jsbsim
+    from .relays import states_for_jsbsim
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

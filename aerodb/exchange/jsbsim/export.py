@@ -25,8 +25,8 @@ from aerodb.exchange.jsbsim.properties import (
     STALL_HYSTERESIS,
     hysteresis_limits,
 )
+from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
-from aerodb.exchange.state_terms import states_for_jsbsim
 from aerodb.nomenclature import axis_description, channel
 from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, Reference, Term, parse
 

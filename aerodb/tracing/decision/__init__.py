@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         trace_increment_models,
     )
     from .between_flights import FlightDependence, dependences_on_conditions
+    from .covariance import joint_covariance
     from .few_flights import (
         LINEAR,
         FewFlightFindings,

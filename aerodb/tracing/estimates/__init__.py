@@ -3,12 +3,11 @@
 `campaign` puts the normal equations of several flights on one order of columns (`Campaign`).
 `Campaign.flight_estimates(accepted, freed)` gives each flight's estimate and information of every
 hypothesis beside the accepted terms and the sensors (`FlightEstimates`). `over_flights` tests them
-(`Tested`): mean, standard error, systematic bound, p, intervals. `joint_covariance` gives the
-covariance of several findings.
+(`Tested`): mean, standard error, systematic bound, p, intervals.
 
 Modules: `campaigns` and `products` (columns aligned, intercepts projected out, scaled),
 `elimination` and `kernels` (nuisance parameters eliminated; compiled), `per_flight` (estimates and
-their biases), `significance` (the test over flights, Holm), `covariance`. The method:
+their biases), `significance` (the test over flights, Holm). The method:
 docs/method/tracing.md, sections 7 and 8.
 """
 
@@ -18,7 +17,6 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .campaigns import OFFSET, campaign
-    from .covariance import joint_covariance
     from .per_flight import Campaign, FlightEstimates
     from .significance import (
         POWER,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tracing.decision import Finding
+from aerodb.tracing.decision.findings import Finding
 
 
 def joint_covariance(findings: Sequence[Finding], prior_dof: float) -> Array:
