@@ -19,9 +19,10 @@ import threading
 import urllib.request
 from collections.abc import Mapping
 from contextlib import closing, suppress
+from http import HTTPStatus
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 #: Settings of the server beside those of its client: no pages, only the services that runs need.
 _SETTINGS: Final = {
@@ -29,6 +30,13 @@ _SETTINGS: Final = {
     "PREFECT__SERVER_EPHEMERAL": "1",
     "PREFECT__SERVER_FINAL": "1",
 }
+#: The same where the database is as the template: what a start would look for is in it.
+_CURRENT: Final = {
+    "PREFECT_API_DATABASE_MIGRATE_ON_START": "false",
+    "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
+}
+#: Wait [s] of a client whose request met a transaction of another: they last milliseconds.
+_BUSY_SECONDS: Final = 0.1
 #: Longest wait [s] for the server to end by itself.
 _END_SECONDS: Final = 5.0
 #: Longest wait [s] for a server that makes its database first.
@@ -48,8 +56,10 @@ def start_server(home: Path) -> str:
     """Start this process's server with its files in `home`, and return its URL at once: requests
     wait until it answers. Its other settings are those of the environment."""
     global _started
-    place_database(home / "prefect.db")
-    url, process = _launched(os.environ)
+    database = home / "prefect.db"
+    place_database(database)
+    known = _CURRENT if _revision(database) == _revision(_template()) != "" else {}
+    url, process = _launched({**known, **os.environ})
     _started = (url, process, os.getpid())
     atexit.register(_stop, process, os.getpid())
     return url
@@ -99,6 +109,15 @@ def place_database(path: Path) -> None:
         os.link(shutil.copyfile(template, Path(folder) / path.name), path)
 
 
+def _revision(path: Path) -> str:
+    """The revision of the schema of a database; empty where there is none."""
+    if not path.exists():
+        return ""
+    with closing(sqlite3.connect(path)) as database, suppress(sqlite3.Error):
+        return str(database.execute("SELECT version_num FROM alembic_version").fetchone()[0])
+    return ""
+
+
 def make_template() -> None:
     """Keep the empty database of a server of the installed Prefect for new workspaces; a step of
     ``make install``."""
@@ -128,12 +147,27 @@ def make_template() -> None:
 def main() -> None:
     """Serve on the listening socket whose descriptor is the argument."""
     import uvicorn
+    from prefect.server.api.server import create_app
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    config = uvicorn.Config(
-        "prefect.server.api.server:create_app", factory=True, log_level="error", lifespan="on"
-    )
+    config = uvicorn.Config(_with_short_waits(create_app()), log_level="error", lifespan="on")
     uvicorn.Server(config).run(sockets=[socket.socket(fileno=int(sys.argv[1]))])
+
+
+def _with_short_waits(app: Any) -> Any:
+    """The ASGI application with a short wait in its answers 503, which it gives when another of
+    its own transactions holds SQLite: without one, its client sleeps 2 s, then 4 s, and so on."""
+
+    async def application(scope: Any, receive: Any, send: Any) -> None:
+        async def answer(message: Any) -> None:
+            if message.get("status") == HTTPStatus.SERVICE_UNAVAILABLE:
+                wait = (b"retry-after", str(_BUSY_SECONDS).encode())
+                message = {**message, "headers": [*message.get("headers", ()), wait]}
+            await send(message)
+
+        await app(scope, receive, answer)
+
+    return application
 
 
 def _end_with_parent() -> None:
