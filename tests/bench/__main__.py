@@ -123,6 +123,7 @@ handbook.write_text({DATABASE!r})
 run_flow(import_flow, {{"file": str(handbook), "vehicle": {NAME!r}, "bindings": {{}}}}, workspace, "direct")
 def nothing(steps, *, workspace, run):
     return None
+nothing.role = "read"
 confined(len, "", workspace=str(workspace.root), flight="", what="nothing", where="")  # waits until it is ready
 run_flow(nothing, {{}}, workspace, {how!r})  # starts Prefect's own server where Prefect runs: process start is not counted
 """

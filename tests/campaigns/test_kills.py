@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 #: after a time.
 REDUCED = [
     ("database import", Moment("group", "INSERT versions#1")),
-    ("flight ingest", Moment("process", "rename flights#2")),
+    ("flight ingest", Moment("process", "mkdir flights#2")),
 ]
 #: What the small glider, which only pitches, may not have: a steady flight; a calibration, a ULog.
 _MAY_REFUSE = {

@@ -14,7 +14,7 @@ import pytest
 from aerodb.errors import AeroError, InputError, StoreBusyError
 from aerodb.flows.executors import RunSite, executor_of, run_on_worker
 from aerodb.flows.flight import flight_flow
-from aerodb.flows.run import Steps, run_flow
+from aerodb.flows.run import Steps, requires, run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
@@ -48,6 +48,7 @@ def _made(root: Path, shared: SharedWorkspaces, dask: Running) -> Workspace:
     return workspace
 
 
+@requires("ingest")
 def mapped(
     steps: Steps, *, workspace: str, run: str, items: list[Any], **keywords: Any
 ) -> list[int]:
@@ -55,6 +56,7 @@ def mapped(
     return steps.map(noting, items, workspace=workspace, run=run, **keywords)
 
 
+@requires("ingest")
 def slowly(steps: Steps, *, workspace: str, run: str, items: list[float]) -> list[None]:
     """A flow of one step that takes its time."""
     return steps.map(slow, items, workspace=workspace, run=run)

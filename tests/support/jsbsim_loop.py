@@ -18,10 +18,10 @@ from aerodb.effects.stall.stall_shape import StallFlight
 from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Relay
+from aerodb.tracing.decision.covariance import joint_covariance
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.decision.refinement import Refined, downgraded_on_axes, refine
 from aerodb.tracing.decision.verdicts import trace
-from aerodb.tracing.estimates.covariance import joint_covariance
 from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
