@@ -278,9 +278,10 @@ def test_templates_from_a_file_join_the_library_and_its_hash() -> None:
     channels = {"alpha": np.array([0.1]), "beta": np.array([-0.2]), "p_hat": np.array([0.03])}
     flight = effect_flights.flown(1, effect_flights.database())
     view = _view(flight, effect_flights.database(), effect_flights.vehicle())
+    first = {name: values[:1] for name, values in flight.channels.items()}
     view = replace(
         view,
-        time=np.zeros(1),
+        recorded=replace(flight, time=np.zeros(1), channels=first),
         channels={**{n: x[:1] for n, x in view.channels.items()}, **channels},
     )
     assert found["wing_rock@Cl"].columns(view)["Cl"] == pytest.approx(0.1 * 0.03 * 0.2)
