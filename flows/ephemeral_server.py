@@ -36,7 +36,7 @@ _CURRENT: Final = {
     "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
 }
 #: Wait [s] of a client whose request met a transaction of another: they last milliseconds.
-_BUSY_SECONDS: Final = 0.1
+_BUSY_SECONDS: Final = 0.2
 #: Longest wait [s] for the server to end by itself.
 _END_SECONDS: Final = 5.0
 #: Longest wait [s] for a server that makes its database first.
