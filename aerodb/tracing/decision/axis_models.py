@@ -37,7 +37,9 @@ def cross_flight_tests(
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> CrossFlightTests:
-    """Return the tests of all hypotheses over all flights, given any model."""
+    """Return the tests of all hypotheses over all flights, given any model. Raises InputError where
+    columns were made with another library, or a flight occurs twice; docs/method/tracing.md,
+    section 8."""
     return CrossFlightTests(
         campaign(normal_equations, hypotheses), tuple(range(len(normal_equations))), settings
     )
@@ -54,10 +56,10 @@ def increment_models(
 
     axes : axes on which the terms are written, body or wind. beside : terms of other axes that are
     in the model as well, and stay. barred : terms that may not enter. A term stays where its size
-    over flights, less what state noise would leave, exceeds its standard error. Sensors stand
-    beside with their priors, but do not decide: what predicts other flights of the same
-    installation need not be known apart. freed : sensors without prior, which do decide: what they
-    explain leaves.
+    over flights, less what state noise would leave, exceeds its standard error. Sensors are in the
+    model with their priors, but do not decide: what predicts other flights of the same installation
+    need not be known apart. freed : sensors without prior, which do decide: what they explain
+    leaves. See docs/method/tracing.md, section 27; parameters are scalars in SI units.
     """
     hypotheses = tests.campaign.hypotheses
     kept = [
@@ -97,12 +99,12 @@ def imitated_sensors(
     beside: Sequence[int] = (),
     barred: Collection[int] = (),
 ) -> bool:
-    """Whether increment models would imitate one of the sensors (indices) found to be wrong.
+    """Return whether increment models would imitate one of the sensors (indices) found to be wrong.
 
     Where many effects act at once, one that is not found yet can look like a sensor. In a first
     elimination the sensors are free, and terms that imitate them leave: sensors that are not
-    significant beside what is left are not wrong. With the others free, a significant term of the
-    models leaves where it imitates one.
+    significant given what is left are not wrong. With the others free, a significant term of the
+    models leaves where it imitates one. See docs/method/tracing.md, section 27.
     """
     model = (*beside, *increment_models(tests, axes, beside, barred, sensors))
     others = {each: [one for one in sensors if one != each] for each in sensors}
@@ -122,8 +124,8 @@ def imitated_sensors(
 def supported_axes(
     tests: CrossFlightTests, terms: Sequence[int], beside: Sequence[int]
 ) -> set[str]:
-    """Return the axes on which some term of the models is significant beside the errors that
-    sensors may have, after Bonferroni over all terms."""
+    """Return the axes on which some term of the models is significant given the errors that sensors
+    may have, after Bonferroni over all terms. Test: docs/method/tracing.md, section 8."""
     claims = [index for index in terms if index not in tests.campaign.offsets]
     test = tests.tested((*beside, *terms), (), _ONE)
     p = test.p_at(claims) * len(claims)
@@ -142,10 +144,11 @@ def trace_increment_models(
     beside: Sequence[int],
     barred: Collection[int],
 ) -> Traced:
-    """Return the findings of the terms of increment models, each judged beside the others.
+    """Return the findings of the terms of increment models, each judged given the others.
 
     normal_equations : those of `tests`; the rest as in `increment_models`, which is repeated
-    without some of the flights to see which terms return.
+    without some of the flights to see which terms return. Values and intervals are in SI units; see
+    docs/method/tracing.md, section 27.
     """
     axes = {axis for index in terms for axis in tests.campaign.hypotheses[index].written_on}
 
@@ -168,7 +171,8 @@ def trace_increment_models(
 
 
 def significant_beside(tests: CrossFlightTests, terms: Sequence[int]) -> frozenset[str]:
-    """Return the ids of what is significant over the whole library beside the terms."""
+    """Return the ids of hypotheses significant over the whole library given the terms (Holm;
+    docs/method/tracing.md, section 8); terms : indices, a scalar parameter each."""
     significant = tests.tested(terms, ()).significant
     return frozenset(
         h.id for h, is_it in zip(tests.campaign.hypotheses, significant, strict=True) if is_it

@@ -64,7 +64,8 @@ class FlightDependence:
     settled_by: str
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON of docs/reference/contract.md."""
+        """Return it as JSON of docs/reference/contract.md: values in `unit`, slope in that unit per
+        unit of the condition, confidence intervals as (2,) lists."""
         return {
             "hypothesis": self.hypothesis.id,
             "effect": self.hypothesis.effect,

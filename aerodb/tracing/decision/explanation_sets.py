@@ -43,7 +43,8 @@ class Explanation:
 
 
 def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanation:
-    """Return the explanation set of an accepted or suspected term, or of a freed sensor."""
+    """Return the explanation set of an accepted or suspected term, or of a freed sensor. See
+    docs/method/tracing.md, section 10."""
     sensors = set(tests.campaign.sensors)
     fewest = (
         tests.settings.fewest
@@ -199,8 +200,8 @@ def _may_be(tests: CrossFlightTests, test: Tested, sensor: int) -> tuple[float, 
 
 
 def may_be_off_by(tests: CrossFlightTests, test: Tested, sensor: int, error: float) -> bool:
-    """Return whether an error of a sensor is believable, and these flights' own estimate of it does
-    not exclude that."""
+    """Return whether an error of a sensor (in the channel's SI unit) is believable, and these
+    flights' own estimate of it does not exclude that."""
     low, high = _may_be(tests, test, sensor)
     return low <= error <= high
 

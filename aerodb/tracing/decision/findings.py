@@ -94,7 +94,8 @@ class Finding:
     test: MeanTest | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON of docs/reference/contract.md."""
+        """Return it as JSON of docs/reference/contract.md: value, interval (2,) and votes in the
+        unit of the hypothesis."""
         return {
             **_named(self),
             "value": self.value,
@@ -150,7 +151,8 @@ class NotFound:
     believable: tuple[float, float] | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON of docs/reference/contract.md."""
+        """Return it as JSON of docs/reference/contract.md: bounds are scalars in the unit of the
+        hypothesis."""
         return {
             **_named(self),
             "upper_bound": self.upper_bound,
@@ -187,7 +189,8 @@ class Traced:
         return tuple(finding for finding in self.findings if finding.verdict in verdicts)
 
     def document(self) -> dict[str, Any]:
-        """Return the parts of the JSON document that tracing knows."""
+        """Return the parts of docs/reference/contract.md's JSON that tracing knows; numbers carry
+        SI units, named with each finding."""
         return {
             "findings": [finding.document() for finding in self.findings],
             "not_found": [item.document() for item in self.not_found],

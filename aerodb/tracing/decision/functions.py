@@ -1,7 +1,7 @@
 """Flexible functions of observed variables, chosen and fitted on some flights to predict others.
 
 Piecewise linear functions of one variable, and products of two, compete; which ones stand is
-decided without the flights that they predict. docs/method/tracing.md, section 26.
+decided without the flights that they predict. See docs/method/tracing.md, section 26.
 """
 
 from collections.abc import Mapping, Sequence
@@ -72,7 +72,7 @@ class Functions:
 
     @property
     def size(self) -> int:
-        """Number of columns."""
+        """Number k of columns (n, k), all dimensionless."""
         return sum(len(each.columns) for each in self.each)
 
     def variables(self, picked: Sequence[int]) -> tuple[str, ...]:
@@ -81,7 +81,9 @@ class Functions:
 
 
 def functions_of(flights: Sequence[Mapping[str, Array]]) -> Functions:
-    """Return the functions of the variables (name -> (n,)) that all flights have."""
+    """Return the functions of the variables (name -> (n,)) that all flights have, as dimensionless
+    columns (n, k) per flight: linear ramps between quantiles, and products of standardised
+    pairs."""
     names = sorted(set.intersection(*(set(flight) for flight in flights)))
     ends = np.cumsum([len(next(iter(flight.values()))) for flight in flights])[:-1]
     each, columns, scaled = [], list[Array](), dict[str, Array]()
@@ -114,7 +116,7 @@ def separable(after: Array, before: Array, inflation_limit: float) -> Array:
     residual shares it.
 
     after, before (k, k) : products of the columns over all flights, without and with what sensors
-    could explain.
+    could explain. Dimensionless; docs/method/tracing.md, section 14.
     """
     variance = np.diagonal(before)
     # a column that is constant within every flight has only rounding left
@@ -194,11 +196,12 @@ class FunctionProblem:
 
     @property
     def flights(self) -> Indices:
-        """(g,) numbers of all flights."""
+        """Numbers (g,) of all flights, which index `square` (g, k, k)."""
         return np.arange(len(self.total))
 
     def ridge(self, active: Sequence[int]) -> Array:
-        """(a,) ridge of active columns in a flight: none on named ones."""
+        """Ridge (a,) of active columns in a flight, in units of a column's square: none on named
+        ones."""
         return np.where(np.asarray(active, dtype=np.intp) < self.terms, 0.0, _RIDGE)
 
     def with_functions(self, named: Sequence[int], picked: Sequence[int]) -> list[int]:
@@ -206,7 +209,8 @@ class FunctionProblem:
         return [*named, *(column for k in picked for column in self.groups[k])]
 
     def solved(self, flights: Indices, active: Sequence[int]) -> Array:
-        """Return the values (a,) of the active columns that these flights give."""
+        """Return the values (a,) of the active columns that these flights (f,) give: the ridge
+        solution, dimensionless as the columns are."""
         index = np.asarray(active, dtype=np.intp)
         square = self.square[np.ix_(flights, index, index)].sum(axis=0)
         square += np.diag(len(flights) * self.ridge(active) + TRACE)
@@ -214,8 +218,8 @@ class FunctionProblem:
         return np.asarray(np.linalg.solve(square, right))
 
     def gain(self, flights: Indices, active: Sequence[int], values: Array) -> Array:
-        """Return the fall (f,) of the sum of squares of flights under these values, (a,) or
-        (f, a)."""
+        """Return the fall (f,) of the sum of squares of flights under these values, (a,) or (f, a):
+        ``2 v'b - v'Av``, in units of the whitened residual's square."""
         index = np.asarray(active, dtype=np.intp)
         square, right = self.square[np.ix_(flights, index, index)], self.right[flights][:, index]
         values = np.broadcast_to(values, right.shape)
@@ -225,7 +229,8 @@ class FunctionProblem:
         )
 
     def left_out(self, flights: Indices, active: Sequence[int]) -> Array:
-        """Return the gain of each of the flights under the values of the others."""
+        """Return the gain (f,) of each flight under the values that the others give, in units of
+        the whitened residual's square."""
         if not len(active):
             return np.zeros(len(flights))
         index = np.asarray(active, dtype=np.intp)
@@ -259,7 +264,7 @@ class FunctionProblem:
 
     def predicted(self, named: Sequence[int]) -> Array:
         """Return the gain (g,) of each flight under functions that the others chose and fitted,
-        beside the named columns."""
+        with the named columns in the model; in units of the whitened residual's square."""
         gains = np.zeros(len(self.total))
         for out in np.array_split(self.flights, min(len(self.total), _GROUPS)):
             others = np.setdiff1d(self.flights, out)

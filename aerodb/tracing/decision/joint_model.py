@@ -50,15 +50,17 @@ class JointModel:
     tests: CrossFlightTests
 
     def value(self, index: int) -> float:
-        """Return the common value of one of the terms."""
+        """Return the common value (scalar, SI unit of its hypothesis) of one of the terms;
+        ValueError for others."""
         return float(self.values[self.terms.index(index)])
 
 
 def joint_bands(
     evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: TracingSettings
 ) -> tuple[list[Band], TracingSettings]:
-    """Return the units in the band of manoeuvres, with a column for every hypothesis, and their
-    settings.
+    """Return the units (flights or parts) in the band of manoeuvres, records (m, k + 1), with a
+    column for each of k hypotheses, and their settings. Units without a usable stretch are left
+    out.
     """
     wide = replace(
         settings,
@@ -80,7 +82,7 @@ def joint_fit(
 
     Each unit has a constant of its own per axis, and each axis of a unit the weight of what remains
     of it. The whitening filters are fitted to the remaining residual; the normal equations are
-    those of the whole residual, ``y = y' + X theta``, by algebra.
+    those of the whole residual, ``y = y' + X theta``, by algebra. Values (t,) are in SI units.
     """
     columns = [index + 1 for index in terms]
     rows = {
@@ -119,7 +121,8 @@ def joint_fit(
 def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
     """Return the tests of other units (parts of the same flights) under the same model.
 
-    Whitened by the noise that it leaves in them; units too short to be traced stay out.
+    Whitened by the noise that it leaves in them; units too short to be traced stay out. Records are
+    (m, k + 1), k hypotheses and the residual.
     """
     hypotheses, settings = joint.tests.campaign.hypotheses, joint.tests.settings
     bands = [

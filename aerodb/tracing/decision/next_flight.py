@@ -27,7 +27,8 @@ def next_flights(
     normal_equations: Sequence[NormalEquations],
 ) -> tuple[str, ...]:
     """Return sentences on alias groups, on sensors that may explain a finding, on suspected terms,
-    and on what was never excited.
+    and on what was never excited. Numbers in them carry SI units; docs/method/tracing.md, section
+    15.
     """
     sentences: list[str] = []
     for explanation in explanations:

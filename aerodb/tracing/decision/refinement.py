@@ -103,8 +103,9 @@ def refine(
 ) -> Refined | None:
     """Return new gains and finer shapes of the `accepted` terms, which the candidate holds already.
 
-    views : of flights beside the candidate. sensors : hypotheses that stand beside with
-    their priors. None where the result is not better, or flights are too few to tell.
+    views : of flights compared with the candidate. sensors : hypotheses that are in the model with
+    their priors. Values (k,) and covariance (k, k) are in SI units. None where the result is not
+    better, or flights are too few to tell.
     """
     if len(views) < FEWEST or not accepted:
         return None
@@ -154,7 +155,8 @@ class ShapeProblem:
     unit: Array
 
     def solved(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
-        """Return the values (k,) that these folds give; zero where not active."""
+        """Return the values (k,) that these folds give; zero where not active. Dimensionless:
+        scaled by `unit`; ridge (k,)."""
         solution = np.zeros(len(self.unit))
         square = self.square[folds].sum(axis=0)[np.ix_(active, active)]
         right = self.right[folds].sum(axis=0)[list(active)]
@@ -164,11 +166,13 @@ class ShapeProblem:
         return solution
 
     def gain(self, fold: int, values: Array) -> float:
-        """Return the fall of the sum of squares of a fold under these values."""
+        """Return the fall of the sum of squares of a fold under these values (k,): a scalar in
+        units of the whitened residual's square."""
         return float(2.0 * values @ self.right[fold] - values @ self.square[fold] @ values)
 
     def left_out(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
-        """Return the gain of each of the folds under the values of the others."""
+        """Return the gain (f,) of each of the folds under the values that the others give, in units
+        of the whitened residual's square."""
         return np.array(
             [
                 self.gain(out, self.solved(folds[folds != out], active, ridge))
@@ -254,7 +258,8 @@ def search(
 ) -> list[ChosenShape]:
     """Return options one after the other, the one that predicts left-out flights best first.
 
-    Until none does so significantly.
+    Until none does so significantly. Fall is dimensionless, tested by Student's paired t
+    (`paired_p`).
     """
     chosen: list[ChosenShape] = []
     folds = np.arange(len(problem.total))

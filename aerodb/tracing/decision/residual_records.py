@@ -50,7 +50,8 @@ def records_in_band(
     what the columns of the evidence (sensors) could explain, in the tracing band; the residual
     without its part in that basis.
 
-    Axes that are usable at the same samples have the same array of variables.
+    Axes that are usable at the same samples have the same array of variables. The residual is
+    dimensionless, variables are in SI units.
     """
     evidence, variables = flight.evidence, [flight.variables[name] for name in names]
     variables += [flight.further[name] for name in more]

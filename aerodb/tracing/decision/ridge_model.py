@@ -34,7 +34,8 @@ class RidgeProblem:
     made_of: tuple[frozenset[str], ...]
 
     def without(self, name: str) -> "RidgeProblem":
-        """The same without what is made of one variable."""
+        """Return the problem without the features of one variable: square (g, f, f) and right (g,
+        f) lose those columns; values stay dimensionless."""
         kept = [k for k, names in enumerate(self.made_of) if name not in names]
         return RidgeProblem(
             self.square[:, kept][:, :, kept],
@@ -45,9 +46,10 @@ class RidgeProblem:
         )
 
     def separable(self, before: Array, inflation_limit: float) -> "RidgeProblem":
-        """The same without the combinations of features that sensors explain but for a part ``1 /
-        inflation_limit`` of their variance: what is left of those is noise, and the residual shares
-        it. before (f, f) : square over all flights before what sensors could explain was taken out.
+        """Return the problem without the combinations of features that sensors explain but for a
+        part ``1 / inflation_limit`` of their variance: what is left of those is noise, and the
+        residual shares it. before (f, f) : square over all flights before what sensors could
+        explain was taken out.
         """
         keep = separable(self.square.sum(axis=0), before, inflation_limit)
         return replace(self, square=keep.T @ self.square @ keep, right=self.right @ keep)
@@ -63,13 +65,15 @@ class Features:
 
 
 def variables_of(records: Sequence[ResidualRecord]) -> tuple[int, ...]:
-    """The arrays of variables, which axes may share."""
+    """Return the identities of the records' arrays (m, v) of variables, which axes may share
+    (`records_in_band`)."""
     return tuple(id(record.variables) for record in records)
 
 
 def features_of(variables: Sequence[Array], names: Sequence[str]) -> Features:
-    """Of the variables (m, v) of each flight; the residual is not looked at, so that knots and
-    scales may come from all."""
+    """Return standardised features (m, f), dimensionless, of the variables (m, v) of each flight:
+    linear, hinges at quantiles and products of pairs. The residual is not looked at, so that knots
+    and scales may come from all."""
     every = np.concatenate(variables)
     level, spread = every.mean(axis=0), every.std(axis=0)
     columns = [c for c in range(len(names)) if spread[c] > 1e-9 * max(1e-12, abs(level[c]))]
@@ -93,8 +97,9 @@ def features_of(variables: Sequence[Array], names: Sequence[str]) -> Features:
 def ridge_problem(
     records: Sequence[ResidualRecord], features: Features, inflation_limit: float
 ) -> RidgeProblem:
-    """Per flight: the features' products without the flight's own level, and without what sensors
-    could explain, which is taken out of them as it is out of the residual."""
+    """Return per flight the features' products (f, f) and (f,) with the dimensionless residual,
+    without the flight's own level, and without what sensors could explain, which is taken out of
+    them as it is out of the residual."""
     squares, right = [], []
     before = np.zeros((len(features.made_of), len(features.made_of)))
     for record, whole in zip(records, features.blocks, strict=True):
@@ -110,8 +115,8 @@ def ridge_problem(
 
 
 def left_out_skills(problem: RidgeProblem, ridges: Array | None = None) -> tuple[Array, Array]:
-    """Per flight, 1 - SSE / SST of the prediction by the others, and the ridge; it is chosen inside
-    the others, unless given."""
+    """Return per flight 1 - SSE / SST of the prediction by the others, and the ridge, both (g,) and
+    dimensionless; it is chosen inside the others, unless given."""
     total = problem.total
     if not problem.made_of:
         return np.zeros(len(total)), np.zeros(len(total))

@@ -21,7 +21,8 @@ _RATES: Final = frozenset(
 
 
 def driven_by_rates(hypothesis: Hypothesis) -> bool:
-    """Whether an aerodynamic effect depends on a rate, which rotating air changes too."""
+    """Return whether an aerodynamic effect depends on a rate (p, q or r [rad/s]), which rotating
+    air changes too."""
     return hypothesis.kind == "aerodynamic" and bool(_RATES & set(hypothesis.drivers))
 
 
@@ -37,7 +38,8 @@ def lost_in_rotating_air(
     Lost is what is no longer significant over the library, or changes its sign, in the model of all
     findings where each flight has its own share of the rotation. normal_equations : of the flights
     that identified, with the columns of `aerodb.effects.air_rotation_columns` eliminated; findings,
-    earlier : of the model, as from `trace` without these columns.
+    earlier : of the model, as from `trace` without these columns. Raises InputError where columns
+    were made with another library.
     """
     tests = CrossFlightTests(
         campaign(normal_equations, hypotheses, earlier),

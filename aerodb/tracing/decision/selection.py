@@ -1,7 +1,7 @@
 """Forward selection: terms that the model lacks and sensors that are wrong compete for the
 residual.
 
-Only per-flight estimates are used here, no samples. docs/method/tracing.md, section 9. What fits
+Only per-flight estimates are used here, no samples. See docs/method/tracing.md, section 9. What fits
 equally well is in `aerodb.tracing.decision.explanation_sets`.
 """
 
@@ -60,7 +60,8 @@ class CrossFlightTests:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> FlightEstimates:
-        """Return the estimates of these flights; see `Campaign.flight_estimates`."""
+        """Return the estimates (flights, hypotheses) of these flights, SI units; see
+        `Campaign.flight_estimates`."""
         return self.campaign.flight_estimates(
             tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)
         ).rows(self.flights)
@@ -73,10 +74,11 @@ class CrossFlightTests:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> Tested:
-        """Return the test of every hypothesis beside the accepted terms and the sensors.
+        """Return the test (k,) of every hypothesis given the accepted terms and the sensors.
 
         fewest : flights that a test needs; of the settings, unless given. freed : sensors without
         prior; fixed : sensors taken as right. exact : accepted terms whose shape is taken as right.
+        Means are in SI units; docs/method/tracing.md, section 8.
         """
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))
@@ -100,7 +102,7 @@ class CrossFlightTests:
     def gain(
         self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
     ) -> float:
-        """Return the coherent gain of one hypothesis alone."""
+        """Return the coherent gain (dimensionless; `coherent_gain`) of one hypothesis alone."""
         rows = list(self.flights)
         estimate, information = self.campaign.flight_estimate(index, accepted, freed, fixed)
         return coherent_gain(estimate[rows], information[rows], self.settings)
@@ -115,7 +117,7 @@ class CrossFlightTests:
 def decide(tests: CrossFlightTests) -> Decision:
     """Select terms and sensors until nothing more is found; then suspected terms, then constants.
 
-    docs/method/tracing.md, sections 7 to 9.
+    docs/method/tracing.md, section 9.
     """
     accepted: tuple[int, ...] = ()
     freed: tuple[int, ...] = ()
@@ -263,7 +265,8 @@ def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
 
 
 def cross_validated(estimates: FlightEstimates, test: Tested, index: int) -> bool:
-    """Whether the others' value lowers the sum of squares of every flight in the test."""
+    """Return whether the value that the others give (SI unit of the hypothesis) lowers the sum of
+    squares of every flight in the test."""
     return bool(np.all(left_out_gains(estimates, test, index) > 0.0)) and bool(
         test.count[index] >= FEWEST_SUSPECTED
     )
@@ -301,7 +304,8 @@ def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Arra
 
 
 def implausible(tests: CrossFlightTests, test: Tested, index: int) -> str:
-    """Why the value that a rival would need is not believable; empty if it is, or is not known."""
+    """Return why the value that a rival would need is not believable, with its 95 % interval
+    (Student's t) in the unit of the hypothesis; empty if it is, or is not known."""
     hypothesis = tests.campaign.hypotheses[index]
     half = (
         stdtrit(test.dof[index], 0.975) * test.standard_error[index]

@@ -4,7 +4,7 @@ fits?
 A flexible model (additive piecewise-linear functions of each variable and products of pairs, ridge)
 is fitted to all flights but one and predicts the one left out. Only if it beats a prediction of
 zero over the flights is there something unnamed. The result names variables, not effects: it is a
-question to the aerodynamicist, never an increment. docs/method/tracing.md, section 14.
+question to the aerodynamicist, never an increment. See docs/method/tracing.md, section 14.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,7 +62,8 @@ class UnexplainedResidual:
     skills_few: tuple[float, ...] = ()
 
     def skills_as(self, other: "UnexplainedResidual") -> tuple[float, ...]:
-        """Return the skills of the model that found another residual."""
+        """Return the skills (g,), 1 - SSE / SST and dimensionless, of the model (few or all
+        variables) that found another residual."""
         return self.skills_few if other.few else self.skills_all
 
 
@@ -294,7 +295,8 @@ def without_state_noise(
     twice that of the flights less that of their copies with twice the noise (simulation-
     extrapolation: Cook & Stefanski 1994). Only a fall that remains over the flights is unexplained.
 
-    noisy : per copy of all flights, the same axes in the same order.
+    noisy : per copy of all flights, the same axes in the same order. Skills are per flight (g,),
+    dimensionless.
     """
     left = []
     for place, each in enumerate(found):

@@ -60,7 +60,7 @@ def judged(
     """Return the findings of a decision with their rivals, and bounds for everything else.
 
     decide : from tests to the terms of the model; it is repeated without one fold of the flights
-    after another.
+    after another. Values are in SI units, intervals (2,); docs/method/tracing.md, section 12.
     """
     decision, hypotheses, settings = decide(tests), tests.campaign.hypotheses, tests.settings
     indices = (*decision.terms, *decision.freed)
@@ -152,7 +152,8 @@ def _finding(
 
 
 def verdict_of(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:
-    """Return the verdict; significant : whether it is over the library, in the model of all."""
+    """Return the verdict; significant : whether it is over the library, in the model of all. The
+    rules are those of docs/method/tracing.md, section 12."""
     if explanation.index in decision.freed:
         return "ambiguous_sensor" if explanation.rivals else "sensor"
     if explanation.sensors:

@@ -37,7 +37,8 @@ class SchurComplements:
 
     @property
     def informative(self) -> Mask:
-        """(g, m) where what is left of the column is more than rounding."""
+        """Mask (g, m), where what is left of the column is more than rounding: `ROUNDING`, relative
+        and dimensionless."""
         return np.asarray(self.after > ROUNDING * np.maximum(self.before, ROUNDING))
 
 
@@ -89,7 +90,8 @@ class EliminationCache:
         ).transpose(0, 2, 1)
 
     def positions(self, members: Indices) -> Indices:
-        """Return the row of each column in the cache; compute the columns that are new."""
+        """Return the row (m,) of each column (m,) in the cache; compute the columns that are new,
+        with their shape-misfit terms (docs/method/tracing.md, section 20)."""
         new = [member for member in members.tolist() if member not in self._position]
         if new:
             # A model that needs a term needs its shape-misfit terms as well.
@@ -226,7 +228,8 @@ class ModelElimination:
     freed: frozenset[int]
 
     def at(self, indices: Indices) -> SchurComplements:
-        """Return the Schur complements of hypotheses, scaled, of all flights."""
+        """Return the Schur complements (g, m) of hypotheses (m,), scaled to be dimensionless, of
+        all flights."""
         base, k, column = self.base, self.base.products.hypotheses, self.base.column[indices]
         positions, among = base.cache.positions(self.members), self._among(indices)
         before = base.information_before[:, indices]

@@ -53,7 +53,7 @@ class EstimateBiases(Protocol):
     """Biases of estimates that no residual shows; computed for hypotheses on request."""
 
     def at(self, indices: Sequence[int]) -> Sequence[HypothesisBias]:
-        """Return the biases of each hypothesis."""
+        """Return the biases (flights, sensors) and (flights,) of each hypothesis, SI units."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,8 @@ class FlightEstimates:
 
     @property
     def inflation(self) -> Array:
-        """(flights, hypotheses) VIF, ``H_hh / A_hh`` after the intercepts."""
+        """Variance inflation factor (flights, hypotheses), dimensionless: ``H_hh / A_hh`` after the
+        intercepts; infinite where nothing is left."""
         return np.divide(
             self.information_before,
             self.information,
@@ -84,7 +85,7 @@ class FlightEstimates:
         )
 
     def rows(self, chosen: Sequence[int] | NDArray[np.intp]) -> "FlightEstimates":
-        """The same for some of all flights."""
+        """Return the estimates of some flights, arrays (chosen, hypotheses) in SI units."""
         index = np.asarray(chosen, dtype=np.intp)
         if np.array_equal(index, np.arange(len(self.estimate))):
             return self
@@ -198,7 +199,8 @@ class Campaign:
     def flight_estimate(
         self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
     ) -> tuple[Array, Array]:
-        """Return estimate and information (flights,) of one hypothesis alone."""
+        """Return estimate [unit of the hypothesis] and information [1/unit²] (flights,) of one
+        hypothesis alone."""
         model = self._model(accepted, freed, fixed, ())
         if model in self.cached:
             return self.cached[model].estimate[:, index], self.cached[model].information[:, index]
@@ -275,8 +277,8 @@ class Campaign:
 def in_units(
     solved: ModelElimination, indices: NDArray[np.intp], scale: Array
 ) -> tuple[Array, Array]:
-    """Schur complements as estimate and information (flights, hypotheses), SI; rounding says
-    nothing.
+    """Return Schur complements as estimate and information, both (flights, hypotheses) and in SI
+    units; nan and 0 where only rounding is left.
     """
     products = solved.at(indices)
     informative, after = products.informative, products.after
@@ -306,7 +308,7 @@ class ModelBiases:
     cached: dict[int, HypothesisBias] = field(default_factory=dict, init=False)
 
     def at(self, indices: Sequence[int]) -> Sequence[HypothesisBias]:
-        """Return the biases of each hypothesis, SI units."""
+        """Return the biases (flights, sensors) and (flights,) of each hypothesis, SI units."""
         new = np.array([index for index in indices if index not in self.cached], dtype=np.intp)
         if new.size:
             pairs = zip(self._sensor_bias(new), self._simex_bias(new), strict=True)

@@ -46,17 +46,19 @@ class Products:
 
     @property
     def core(self) -> Indices:
-        """(k + 1,) columns of the hypotheses and of the residual."""
+        """Numbers (k + 1,) of the columns of k hypotheses and of the residual: a scalar parameter
+        each."""
         return np.r_[np.arange(self.hypotheses), len(self.base) - 1]
 
     @property
     def matrix(self) -> Array:
-        """(g, k + 1, k + 1) of the hypotheses, residual last."""
+        """Products (g, k + 1, k + 1) of the hypotheses, residual last; scaled to be
+        dimensionless."""
         return self.block(self.core, self.core)
 
     def constants(self) -> tuple[Array, Array]:
         """Return the product (g, o) of each offset's intercept with itself, and its products with
-        all columns (g, o, c) divided by that; scaled.
+        all columns (g, o, c) divided by that; scaled to be dimensionless.
         """
         indices, axes = list(self.offsets), list(self.offsets.values())
         of_intercepts = self.intercepts[:, axes] * self.varies[:, None]
@@ -65,7 +67,8 @@ class Products:
         return self.weight[:, axes] / scale**2, of_intercepts * np.outer(scale, self.factor)
 
     def block(self, rows: Indices, columns: Indices) -> Array:
-        """(g, rows, columns) of any of the columns."""
+        """Products (g, rows, columns) of any of the columns, as one matrix per flight; scaled to be
+        dimensionless."""
         moved, beside = (
             np.flatnonzero(self.base[rows] != rows),
             np.flatnonzero(self.base[columns] != columns),

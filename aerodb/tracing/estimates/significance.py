@@ -59,7 +59,8 @@ class Tested:
 
     @cached_property
     def p(self) -> Array:
-        """(k,) p of "no more than the systematic bound"; 1 where nothing is tested."""
+        """Dimensionless p (k,) of "no more than the systematic bound"; 1 where nothing is
+        tested."""
         return self.p_at(range(len(self.mean)))
 
     @cached_property
@@ -170,8 +171,8 @@ class Tested:
         return np.asarray(np.where(self.testable[indices] & (error > 0.0), np.minimum(p, 1.0), 1.0))
 
     def interval(self, index: int) -> tuple[float, float]:
-        """Return the 95 % interval of one hypothesis; random and systematic parts add in
-        quadrature.
+        """Return the 95 % interval (low, high) of one hypothesis, in its unit (SI); Student's t,
+        variance moderated as by Smyth (2004); random and systematic parts add in quadrature.
         """
         systematic = float(self.systematic_at([index])[0])
         half = float(
@@ -353,7 +354,7 @@ def _median_inflation(estimates: FlightEstimates, included: Mask) -> Array:
 
 def paired_p(better: Array, worse: Array) -> float:
     """One-sided p of "`better` (g,) gains no more than `worse` (g,)": Student's paired t over
-    flights; 1 for fewer than two."""
+    flights; 1 for fewer than two. Gains share one unit; p has none."""
     difference = better - worse
     if len(difference) < 2:
         return 1.0

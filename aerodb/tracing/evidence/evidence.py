@@ -74,12 +74,12 @@ class Evidence:
 
     @property
     def samples(self) -> int:
-        """Length of the time grid."""
+        """Number n of samples in each array (n,) of the flight; the grid's step is in seconds."""
         return len(next(iter(self.residual.values())))
 
     def usable_alike(self, axes: Iterable[str]) -> list[list[str]]:
-        """The axes in groups that are usable at the same samples, so that a group is filtered at
-        once.
+        """Return the axes in groups that are usable at the same samples, so that a group is
+        filtered at once.
         """
         groups: dict[bytes, list[str]] = {}
         for axis in axes:

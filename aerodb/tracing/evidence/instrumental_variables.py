@@ -58,7 +58,8 @@ def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
 def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
     """Return the evidence with instruments for the columns that differ in `commanded`.
 
-    commanded : evidence of the flight as `with_commanded_rates` returns it.
+    commanded : evidence of the flight as `with_commanded_rates` returns it. Columns (n,) keep their
+    units.
     """
     changed = {
         name: {

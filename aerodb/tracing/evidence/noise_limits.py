@@ -29,11 +29,11 @@ def bounded_noise(
 ) -> StateNoise:
     """Return the noise with the density of alpha no larger than the flight's residual allows.
 
-    view : of the flight and the current model. most : largest factor on the power that
-    the smoother states; above 1 where all that the residual allows shall count, since the smoother
-    may state too little for gusts that no sensor showed. What is constant over the flight stays:
-    the intercepts take it. So does the noise of beta: airspeed shows how strong the horizontal
-    gusts are; without a vane nothing shows the vertical ones.
+    view : of the flight and the current model. most : largest factor on the power that the smoother
+    states; above 1 where all that the residual allows shall count, since the smoother may state too
+    little for gusts that no sensor showed. What is constant over the flight stays: the intercepts
+    take it. So does the noise of beta: airspeed shows how strong the horizontal gusts are; without
+    a vane nothing shows the vertical ones. Power is in [rad²].
     """
     if "alpha" not in noise.density:
         return noise
@@ -90,7 +90,7 @@ def with_air_data_noise(
     really there, since the aircraft answers to them. The smaller of the two is taken, the
     smoother's own spectrum at least.
 
-    view : of the flight and the current model.
+    view : of the flight and the current model. Power is in [m²/s²] and [rad²].
     """
     residual = _residual_power(view, settings)
     density = dict(noise.density)

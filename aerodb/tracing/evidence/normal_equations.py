@@ -46,7 +46,7 @@ class NormalEquations:
     excitation: Array
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return plain arrays for a store; absent matrices are empty. See
+        """Return plain arrays for a store; absent matrices are empty (0, 0). See
         `normal_equations_from_arrays`.
         """
         return {
@@ -107,7 +107,7 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
     columns, the noisy copies and the instruments: filtering is linear, so that linear relations
     between columns remain true.
 
-    Raises InputError when no axis is left.
+    Raises InputError when no axis is left. The matrix is (k + 1, k + 1), residual last, whitened.
     """
     fitted: dict[str, tuple[Array, float]] = {}
     times, counts = [], []

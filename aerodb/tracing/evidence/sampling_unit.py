@@ -23,7 +23,8 @@ class SamplingUnit:
 
     @classmethod
     def parse(cls, name: str) -> "SamplingUnit":
-        """Return the unit of this name; a name without a window is a whole flight."""
+        """Return the unit of this name (window in seconds of the flight); a name without a window
+        is a whole flight."""
         match = _WINDOW.fullmatch(name)
         return (
             cls(name)

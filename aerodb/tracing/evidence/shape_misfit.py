@@ -6,7 +6,7 @@ nor a sensor error. So aerodynamic columns have shape-misfit terms, the column t
 its own size, which join the model with the accepted term, each with the prior that the effect
 changes by TOLERANCE of itself over one sigma of alpha (or of the size; at least over LEAST). Shapes
 that the library itself names have none: a slope times alpha is a slope break; beta times alpha and
-a deflection cubed are hypotheses of their own. docs/method/tracing.md, section 20.
+a deflection cubed are hypotheses of their own. See docs/method/tracing.md, section 20.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +40,8 @@ def parent(name: str) -> str:
 def shape_term_columns(id: str) -> dict[str, float]:
     """Return the columns' names of a hypothesis' shape-misfit terms.
 
-    Each with the least sigma of what it varies with.
+    Each with the least sigma of what it varies with, in that variable's unit
+    (docs/method/tracing.md, section 20).
     """
     return {id + mark: least for mark, least in LEAST.items()}
 

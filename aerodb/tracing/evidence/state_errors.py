@@ -47,7 +47,7 @@ def noisy_copies(
     With the state noise doubled, the bias of estimates doubles (Cook & Stefanski, JASA 89, 1994).
     The noise runs through the whole chain, coefficients and prediction alike, and the roll of the
     air (`rolling_air`) through the prediction alone; draws are seeded by the flight, so that they
-    are the same on every machine.
+    are the same on every machine. Channels are (n,), SI units.
     """
     seed = int.from_bytes(flight.id.encode()[:8].ljust(8, b"0"), "big")
     clean = (
