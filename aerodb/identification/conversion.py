@@ -83,7 +83,7 @@ class SteadyFlight:
 
     @property
     def force(self) -> float:
-        """``qbar S`` [N]."""
+        """Scale ``qbar S`` [N] of force coefficients, a scalar."""
         return self.pressure * self.area
 
     @property
@@ -210,7 +210,8 @@ def matrix_derivatives(
     r; with theta and phi or without, longitudinal or lateral ones or both. Rows of the forces need
     both of their states (u and w, or V and alpha).
 
-    Raises InputError for other states.
+    Raises InputError for other states. A is (s, s), B (s, m), both SI; derivatives are in SI units
+    as well.
     """
     known = {"u", "w", "q", "theta", "v", "p", "r", "phi", "V", "alpha", "beta"}
     wrong = [name for name in states if name not in known]

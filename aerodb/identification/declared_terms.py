@@ -18,8 +18,9 @@ _NOTHING: Final = 1e-12
 
 
 def with_terms(database: AeroDatabase, declared: ModelFile) -> tuple[AeroDatabase, dict[str, str]]:
-    """The database with an increment of nothing for each declared term, and the name of each in its
-    flight model -> its name in answers."""
+    """Return the database with an increment of nothing (k zeros, covariance (k, k)) for each
+    declared term, and the name of each in its flight model -> its name in answers. Raises
+    InputError as `expand` does."""
     named: dict[str, str] = {}
     added = []
     for number, entry in enumerate(declared.increment):

@@ -132,15 +132,17 @@ class DerivativeFile(Strict):
 
 
 def parse_derivative_file(text: str, where: str) -> DerivativeFile:
-    """Parse a file of derivatives. Raises InputError naming the wrong key."""
+    """Parse a file of derivatives. Raises InputError naming the wrong key. Units:
+    docs/reference/conventions.md, section File of derivatives."""
     return validated_toml(DerivativeFile, text, where)
 
 
 def converted(file: DerivativeFile) -> Derivatives:
-    """The coefficients that the file's dimensional derivatives give, or the reverse.
+    """Return the coefficients that the file's dimensional derivatives give, or the reverse.
 
     Raises InputError for names of neither kind or of both, and where the derivatives do not
-    suffice.
+    suffice. Derivatives are SI (coefficients per rad or dimensionless rate), with covariance (k,
+    k).
     """
     flight = SteadyFlight(**file.flight)
     if file.linear_model is not None:

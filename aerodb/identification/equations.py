@@ -40,13 +40,14 @@ def parameter_name(axis: str, term: str) -> str:
 
 
 def no_database(reference: Reference) -> AeroDatabase:
-    """A database of zeros: increments on it are the whole derivatives."""
+    """Return a database of zeros: increments on it are the whole derivatives (dimensionless
+    coefficients, `Reference` [m], [m²])."""
     return AeroDatabase("none", reference, description="zero on all axes")
 
 
 def no_database_beside(coefficients: Coefficients, own: VehicleReference) -> AeroDatabase:
     """Return a database of zeros in a vehicle's reference geometry, about the moment reference of
-    the coefficients of its flight, or its mean where that is the moving CG."""
+    the coefficients of its flight, or its mean [m] over (n, 3) where that is the moving CG."""
     x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
     return no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
 

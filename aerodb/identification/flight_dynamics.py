@@ -71,11 +71,13 @@ class FlightDynamics:
         return np.stack(np.broadcast_arrays(*rows))
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
-        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""
+        """Return outputs (n, o, k), SI units and rad, from the initial state on; NaN after a
+        divergence."""
         return self.propagated(values, record, self.initial_state(values, record))[0]
 
     def approximated(self, values: Values, record: TimeHistory) -> Array:
-        """As `simulated`, by Adams and Bashforth's second-order rule."""
+        """Return `simulated`'s outputs (n, o, k), SI units, by Adams and Bashforth's second-order
+        rule."""
         own, start = _own(values, record.name), self.initial_state(values, record)
         run = self._flown(own, record, self._series(own, record), record.time, start, method=2)
         return self._measured(own, record, run)
@@ -89,7 +91,8 @@ class FlightDynamics:
         return self._measured(own, record, run), last
 
     def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        """Time derivatives (s, k) of a state (s, k), in steady wind; NaN where it cannot fly."""
+        """Return time derivatives (s, k), SI units per second, of a state (s, k), in steady wind;
+        NaN where it cannot fly."""
         own, lost = _own(values, record.name), ~_flyable(state)
         state = self._replaced(state, lost, record)
         run = self._instant(own, record, sample, state)
@@ -114,7 +117,8 @@ class FlightDynamics:
         return np.where(lost, np.nan, np.stack(rows))
 
     def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        """Outputs (o, k) at a state (s, k), without delays of outputs; NaN where it cannot fly."""
+        """Return outputs (o, k), SI units, at a state (s, k), without delays of outputs; NaN where
+        it cannot fly."""
         own, lost = _own(values, record.name), ~_flyable(state)
         run = self._instant(own, record, sample, self._replaced(state, lost, record))
         return np.where(lost, np.nan, self._measured(own, record, run, timely=True)[0])
@@ -122,8 +126,9 @@ class FlightDynamics:
     def advanced(
         self, values: Values, record: TimeHistory, samples: Integers, state: Array
     ) -> tuple[Array, Array]:
-        """States (s, m) one sample later, and outputs (o, m) without delays now, of states (s, m)
-        at samples (m,); NaN where they cannot fly. After the last sample inputs stay."""
+        """Return states (s, m), SI units, one sample later, and outputs (o, m) without delays now,
+        of states (s, m) at samples (m,); NaN where they cannot fly. After the last sample inputs
+        stay."""
         own, lost = _own(values, record.name), ~_flyable(state)
         state = self._replaced(state, lost, record)
         following = np.minimum(samples + 1, len(record.time) - 1)

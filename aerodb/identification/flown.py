@@ -98,7 +98,8 @@ def flown_problem(
 
 
 def with_names(fit: Fit, named: Mapping[str, str]) -> Fit:
-    """The fit with other names of its parameters."""
+    """Return the fit with other names of its parameters (`Fit.names`); values (k,) and units
+    stay."""
     return replace(
         fit,
         estimates=tuple(replace(e, name=named.get(e.name, e.name)) for e in fit.estimates),

@@ -35,7 +35,8 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """Whether all methods agree within two standard errors, or only one gives an estimate."""
+        """Whether all methods agree within two standard errors (`spread`, dimensionless), or only
+        one gives an estimate."""
         return not self.spread > _AGREE
 
 
@@ -55,7 +56,8 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
 
     The difference of two estimates is measured by the root sum of squares of their standard errors:
     methods share the flights, so that this overstates the scatter of the difference where their
-    errors are alike, and what disagrees by more than two does so in earnest.
+    errors are alike, and what disagrees by more than two does so in earnest. Spreads are
+    dimensionless, in standard errors; see docs/method/estimation.md, section Which one to believe.
     """
     by_method = {
         method: {e.name: e for fit in each for e in fit.estimates} for method, each in fits.items()

@@ -35,7 +35,8 @@ class Method:
     disturbed: bool = False
 
     def load(self) -> Callable[..., Fit]:
-        """The function that estimates."""
+        """Return the function that estimates (`Method.function`); raises ImportError where its
+        module is missing."""
         module, name = self.function
         found: Callable[..., Fit] = getattr(import_module(module), name)
         return found

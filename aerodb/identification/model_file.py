@@ -121,8 +121,8 @@ class StateSpaceFile(Strict):
     columns: dict[str, str] = {}
 
     def model(self, records: Sequence[TimeHistory]) -> StateSpace | DelayedStateSpace:
-        """The model of these records; a state starts as first measured where no output of its name
-        says it better.
+        """Return the model of these records, A (s, s) and B (s, m), entries in SI units; a state
+        starts as first measured where no output of its name says it better.
 
         Raises InputError for names that are not in the model, and for wrong matrices.
         """
@@ -168,9 +168,10 @@ class StateSpaceFile(Strict):
 
 
 def declares_state_space(text: str, where: str = "model file") -> bool:
-    """Whether a model file (TOML) declares a linear model, not increments.
+    """Return whether a model file (TOML) declares a linear model, not increments.
 
-    Raises InputError for a text that is no TOML, and for one that declares neither.
+    Raises InputError for a text that is no TOML, and for one that declares neither. See
+    docs/reference/conventions.md, section Linear model file.
     """
     found = parsed_toml(text, where)
     if not _DECLARED & found.keys():
@@ -185,7 +186,8 @@ def declares_state_space(text: str, where: str = "model file") -> bool:
 def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
     """Return the linear model that a file (TOML) declares.
 
-    Raises InputError for unknown keys, wrong matrices and names that are nowhere.
+    Raises InputError for unknown keys, wrong matrices and names that are nowhere. See
+    docs/reference/conventions.md, section Linear model file; entries are in SI units.
     """
     file = validated(StateSpaceFile, parsed_toml(text, where), where)
     file.model([_ANY])
@@ -193,8 +195,8 @@ def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
 
 
 def state_space_fit(method: Method, records: Sequence[TimeHistory], file: StateSpaceFile) -> Fit:
-    """The fit of a method to records, from start values of subspace identification where the file
-    gives none.
+    """Return the fit of a method to records (channels (n,), SI units), from start values of
+    subspace identification where the file gives none.
 
     Raises InputError for delays, and for states that are not measured, under a method of equation
     error.
@@ -251,7 +253,7 @@ def _moving(records: Sequence[TimeHistory], outputs: Sequence[str]) -> None:
 def flight_records(
     flights: Sequence[IdentificationFlight], file: StateSpaceFile
 ) -> list[TimeHistory]:
-    """The manoeuvres of the flights as records of the model's channels.
+    """Return the manoeuvres of the flights as records of the model's channels (n,), SI units.
 
     Raises InputError for channels that no manoeuvre has.
     """
@@ -273,7 +275,8 @@ def flight_records(
 def file_records(
     recordings: Mapping[str, Recording], file: StateSpaceFile
 ) -> tuple[list[TimeHistory], list[str]]:
-    """The records that files hold of the model's channels, and what was taken for granted.
+    """Return the records that files hold of the model's channels, (n,) in SI units, and what was
+    taken for granted.
 
     recordings : name of a file -> its contents.
 

@@ -96,18 +96,20 @@ class OnlineEstimation:
 
     @property
     def edge(self) -> float:
-        """How far the estimates stay behind the log [s]."""
+        """Time [s] by which the estimates stay behind the log; `processing.bandwidth` [Hz] decides
+        it."""
         bandwidth = self.vehicle.processing.bandwidth or DEFAULT_BANDWIDTH
         return max(_LEAST_EDGE, _EDGE / bandwidth)
 
     @property
     def latency(self) -> float:
-        """Log [s] that is needed beyond what was reached, at first to settle the lags as well."""
+        """Length of the log [s], a scalar, that is needed beyond what was reached, at first to
+        settle the lags as well."""
         return self.edge if self._axes else 2.0 * self.edge + self._settling
 
     @property
     def needed(self) -> float:
-        """Time [s] since which the next window needs the log."""
+        """Time [s], a scalar on the log's clock, since which the next window needs the log."""
         return self.reached - self.edge - self._settling
 
     @property
@@ -179,7 +181,8 @@ class OnlineEstimation:
         )
 
     def fits(self) -> dict[str, Fit]:
-        """Axis -> the estimates so far, of the axes that had samples."""
+        """Axis -> the estimates so far (k,), dimensionless per SI unit of the term, of the axes
+        that had samples."""
         return {
             axis: estimator.fit() for axis, estimator in self._axes.items() if estimator.samples
         }

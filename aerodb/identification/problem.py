@@ -17,10 +17,10 @@ def fits_of(
     model: ModelFile,
     database: AeroDatabase,
 ) -> list[Fit]:
-    """Fits of a method over all declared increments: one per axis of equation error, or one of the
-    flights flown.
+    """Return the fits of a method over all declared increments: one per axis of equation error, or
+    one of the flights flown.
 
-    Raises InputError where the method cannot give any.
+    Raises InputError where the method cannot give any. Values are in SI units, covariance (k, k).
     """
     function = method.load()
     if method.kind == "dynamic":

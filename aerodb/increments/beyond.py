@@ -59,6 +59,7 @@ class Beyond:
 def with_extrapolated_slopes(database: AeroDatabase) -> AeroDatabase:
     """Return the database whose increments act everywhere as estimated: neither held at the edge of
     their envelope nor faded. No version is stored so: what is beyond the envelope is no evidence.
+    See docs/method/updates.md, section Envelope.
     """
     return replace(
         database, increments=tuple(replace(each, envelope={}) for each in database.increments)

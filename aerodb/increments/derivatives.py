@@ -58,12 +58,14 @@ class DerivativeChange:
 
     @property
     def relative(self) -> float:
-        """Change as a part of the derivative before; infinite where there was none."""
+        """Dimensionless change (scalar) as a part of the derivative before; infinite where there
+        was none."""
         return abs(self.after - self.before) / abs(self.before) if self.before else np.inf
 
     @property
     def reversal(self) -> str:
-        """What becomes its opposite, a damping or a control; empty where nothing does."""
+        """Sentence on a damping or a control that becomes its opposite; empty where none does
+        (`DAMPING`, and share from 0.05 on)."""
         if DAMPING.get(self.axis) == self.variable and self.before <= 0.0 < self.after:
             return f"{self._change}: its damping becomes an excitation"
         reversed_ = self.before * self.after < 0.0
@@ -72,9 +74,9 @@ class DerivativeChange:
         return ""
 
     def refusal(self, largest: float) -> str:
-        """Why the gate refuses it unless a person accepts it; empty where it does not.
+        """Return why the gate refuses it unless a person accepts it; empty where it does not.
 
-        largest : greatest relative change that needs no person.
+        largest : greatest relative change (dimensionless) that needs no person.
         """
         if not self.reversal and self.share >= _SIZE_COUNTS and self.relative > largest:
             return f"{self._change}, by more than {largest:.0%}"
@@ -121,7 +123,8 @@ def derivative_changes(
 def derivatives_document(
     changes: Sequence[DerivativeChange], largest: float = np.inf
 ) -> list[dict[str, Any]]:
-    """Return the largest changes, and all that the gate may refuse, as JSON."""
+    """Return the largest changes, and all that the gate may refuse, as JSON: derivatives in SI
+    units (1/rad, s/rad), docs/reference/contract.md."""
     kept = [
         change
         for number, change in enumerate(changes)
@@ -135,8 +138,9 @@ def judge_derivatives(
 ) -> Check:
     """Return the gate's check of a version's changed derivatives.
 
-    listed : from its report; None where it has none. largest : greatest relative change. accepted :
-    names of changes that a person accepts, with a reason.
+    listed : from its report; None where it has none. largest : greatest relative change,
+    dimensionless. accepted : names of changes that a person accepts, with a reason. The gate
+    refuses with these reasons; see docs/method/updates.md, section Gate.
     """
     name = "no unaccepted change of a control, a damping or a main derivative inside the data"
     if listed is None:

@@ -160,7 +160,7 @@ def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
     An increment fades to the baseline beyond its envelope. Where the baseline's slope is small, the
     slope of the fade can outweigh it. The alpha cell of the increments concerned is doubled until
     no new sign change is left. If LENGTHENINGS doublings do not achieve that, the update is
-    returned unchanged, and the gate will refuse it.
+    returned unchanged, and the gate will refuse it. Slopes are in 1/rad, the cell in rad.
     """
     candidate, first = update.candidate, len(database.increments)
     for doublings in range(LENGTHENINGS + 1):

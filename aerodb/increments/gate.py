@@ -62,6 +62,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
+        """Whether it has no reason to refuse."""
         return not self.reasons
 
 
@@ -73,10 +74,12 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
+        """Whether no check has a reason to refuse (docs/method/updates.md, section Gate)."""
         return all(check.passed for check in self.checks)
 
     @property
     def reasons(self) -> tuple[str, ...]:
+        """Reasons of all checks to refuse, as sentences; see `Check.reasons`."""
         return tuple(reason for check in self.checks for reason in check.reasons)
 
 
@@ -119,7 +122,7 @@ def judge_release(
 
 
 def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a person should know beside the verdict: what was not held out, and what is only
+    """Return what a person should know besides the verdict: what was not held out, and what is only
     suspected.
 
     report : of the version (docs/reference/contract.md); that of an import has no ``axes``.
@@ -182,7 +185,7 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     """Return the gate's check of the errors of sensors that explain what an update changes.
 
     rivals : ``rivals`` of its report (docs/reference/contract.md). accepted : their ids that a
-    person accepts, with a reason.
+    person accepts, with a reason. Each that is not accepted is a reason to refuse the release.
     """
     return Check(
         "no error of a sensor explains what changes",
@@ -199,7 +202,7 @@ def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> Che
     """Return the gate's check of flights that contradict their vehicle or the released version.
 
     found : sentences about flights that identified the version. accepted : what a person accepts,
-    with a reason; `CONTRADICTIONS` stands for all of them.
+    with a reason; `CONTRADICTIONS` means all of them. Sentences that remain refuse the release.
     """
     name = "no flight contradicts its vehicle or the released version"
     if not found or CONTRADICTIONS in accepted:
@@ -314,8 +317,9 @@ def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:
-    """New sign changes of dC_lift/dalpha and dCm/dalpha outside the data: one sentence per
-    quantity; empty where there are none."""
+    """Return a sentence per quantity on new sign changes of dC_lift/dalpha and dCm/dalpha [1/rad]
+    outside the data, with their alphas [deg]; the gate refuses with it; empty where there are
+    none."""
     changes = new_sign_changes(baseline, candidate)
     sentences = []
     for quantity in dict.fromkeys(change.quantity for change in changes):

@@ -43,7 +43,8 @@ def held_out_error(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def validated(axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return the body axes that flights which were held out measure."""
+    """Return the body axes that flights which were held out measure: those with `excess_before`, a
+    dimensionless rms error."""
     return {
         axis: axes[axis]
         for axis in AXES

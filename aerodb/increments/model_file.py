@@ -142,8 +142,9 @@ class Regressor:
 
 
 def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
-    """Regressors of a declared increment: each term, split into one slope per interval where breaks
-    are given, and into one function per knot where knots are.
+    """Return the regressors of a declared increment, breaks and knots in SI units ([rad] for
+    angles): each term, split into one slope per interval where breaks are given, and into one
+    function per knot where knots are (`spline_expressions`).
 
     >>> lift = DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)})
     >>> [regressor.name for regressor in expand(lift)]
@@ -187,14 +188,15 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
 def parse_model_file(text: str, where: str = "model file") -> ModelFile:
     """Parse a model file from TOML text.
 
-    Raises InputError naming the wrong key, with the nearest known one.
+    Raises InputError naming the wrong key, with the nearest known one. Angles with a unit become
+    rad; schema: docs/reference/conventions.md, section Model file.
     """
     return validated_toml(ModelFile, text, where)
 
 
 def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:
     """Raise InputError, with the nearest known name, for a term that uses a channel that the
-    flights lack."""
+    flights lack. See docs/reference/conventions.md, section Model file."""
     names = set(known)
     for declared in model.increment:
         for regressor in expand(declared):

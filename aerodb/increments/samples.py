@@ -35,14 +35,15 @@ class AxisSamples:
 
     @property
     def count(self) -> int:
-        """Number of samples that are used."""
+        """Number of samples that are used: of `good` (n,), a scalar without unit."""
         return int(self.good.sum())
 
 
 def with_model_rates(
     flights: Sequence[Flight], comparisons: Sequence[Comparison], model: ModelFile
 ) -> list[Flight]:
-    """The flights with the rates of their flow angles that the model declares and the logs lack."""
+    """Return the flights with the rates of their flow angles, (n,) [rad/s], that the model declares
+    and the logs lack."""
     pairs = zip(flights, comparisons, strict=True)
     return [_with_declared_rates(flight, comparison, model) for flight, comparison in pairs]
 
@@ -135,8 +136,9 @@ def _columns(
 
 
 def excited(matrix: Array, regressors: Sequence[Regressor]) -> Mask:
-    """(k,) which columns are excited: a constant always is; others must vary about their mean by
-    more than rounding."""
+    """Return the mask (k,) of columns of the matrix (n, k) that are excited: a constant always is;
+    others must vary about their mean by more than rounding. The limit 1e-9 is relative,
+    dimensionless."""
     constant = np.array([not regressor.expression.names for regressor in regressors])
     spread = matrix.std(axis=0)
     return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))

@@ -24,7 +24,8 @@ _TEXT: Final = re.compile(r"\s*\[?(?P<numbers>[-+0-9.eE,\s]+?)\]?\s*(?P<unit>[A-
 
 
 def split_key(key: str) -> tuple[str, str]:
-    """Term and variable of a key of `knots`.
+    """Return term and variable of a key of `knots` (docs/reference/conventions.md, section Model
+    file).
 
     >>> split_key("alpha"), split_key("delta_elevator over alpha")
     (('alpha', 'alpha'), ('delta_elevator', 'alpha'))
@@ -34,8 +35,9 @@ def split_key(key: str) -> tuple[str, str]:
 
 
 def knots_from_text(key: str, given: Any) -> Any:
-    """Knots in SI units from text with a unit, such as ``"1, 5, 9, 11, 13, 16 deg"``; other values
-    are returned as they are, and none for those to be chosen."""
+    """Return knots in SI units from text with a unit, such as ``"1, 5, 9, 11, 13, 16 deg"``; other
+    values are returned as they are, and none for those to be chosen. Raises InputError for an
+    unknown unit."""
     if given == CHOSEN:
         return ()
     found = _TEXT.fullmatch(given) if isinstance(given, str) else None
@@ -53,10 +55,11 @@ def knots_from_text(key: str, given: Any) -> Any:
 def spline_expressions(
     term: str, variable: str, knots: Sequence[float], kind: SplineKind, relative: bool
 ) -> list[tuple[str, str]]:
-    """Names and expressions of the regressors of a spline term, one for each knot.
+    """Return names and expressions of the regressors of a spline term, one for each knot.
 
-    A term that is the variable itself stands for a function of it, any other is multiplied by one.
-    relative : leave out the first knot, whose value is then the constant.
+    A term that is the variable itself means a function of it, any other is multiplied by one.
+    relative : leave out the first knot, whose value is then the constant. Knots are in SI units.
+    Raises InputError where they are too close to have different names.
     """
     polynomials = piecewise_polynomials(knots, kind)
     parts = [
@@ -85,5 +88,5 @@ def spline_expressions(
 
 
 def increasing(knots: Sequence[float]) -> bool:
-    """Whether knots make a spline."""
+    """Return whether knots (k,), in SI units, make a spline: two or more, finite, increasing."""
     return len(knots) > 1 and bool(np.all(np.diff(knots) > 0)) and bool(np.isfinite(knots).all())

@@ -66,7 +66,8 @@ class AxisModel:
 
     @property
     def remark(self) -> str:
-        """One sentence for the report."""
+        """Sentence for the report with both rms errors, dimensionless scalars
+        (docs/method/tracing.md, section 27)."""
         return (
             f"{self.axis}: many effects act at once; its increment model ({', '.join(self.terms)})"
             " was estimated and added as a whole: on flights left out it has an error of"
@@ -86,7 +87,8 @@ class AxisModels:
     standing: frozenset[str]
 
     def apart(self, library: Library) -> frozenset[str]:
-        """Return the ids of sensors, and of effects that are written on none of these axes."""
+        """Return the ids (`Hypothesis.id`) of sensors, and of effects that are written on none of
+        these axes."""
         axes = {model.axis for model in self.models}
         return frozenset(
             each.id

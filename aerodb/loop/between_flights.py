@@ -31,9 +31,11 @@ def dependences_between_flights(
 ) -> tuple[FlightDependence, ...]:
     """Return which effects change with the conditions of the flights (ids) that identify.
 
-    Beside the loop's candidate, with the terms and sensors of its last round. Conditions are the
-    mean dynamic pressure, Mach number, angle of attack, mass, and settings of flaps, landing gear
-    and speed brakes, as far as they differ between flights. Empty below five flights.
+    Flights are compared with the loop's candidate, with the terms and sensors of its last round.
+    Conditions are the mean dynamic pressure, Mach number, angle of attack, mass, and settings of
+    flaps, landing gear and speed brakes, as far as they differ between flights. Empty below five
+    flights. Slopes are per SI unit of the condition; see docs/method/tracing.md, section 25. Raises
+    InputError where a flight lacks what is needed.
     """
     if len(flights) < library.settings.fewest:
         return ()
@@ -57,8 +59,8 @@ def dependences_between_flights(
 
 
 def conditions_of(views: Sequence[FlightView]) -> dict[str, dict[str, float]]:
-    """Return condition -> flight -> its mean over the samples used, SI; those that differ between
-    flights only.
+    """Return condition -> flight -> its mean over the samples used, as a scalar in the channel's SI
+    unit (qbar [Pa], angles [rad], mass [kg]); only those that differ between flights.
     """
     configured = {
         surface.channel

@@ -38,7 +38,8 @@ def consider_parameters(
     """Return, for each flight, the sensor errors that its reconstruction leaves open.
 
     Errors that a flight estimated for itself are its own; those of a calibration, or known from the
-    vehicle file only, are common to all flights. reconstructions : by flight (its id).
+    vehicle file only, are common to all flights. reconstructions : by flight (its id). Sizes are in
+    the SI unit of each error [rad], [Pa], [s]; Bierman (1977), chapter VIII.
     """
     parameters: dict[str, tuple[ConsiderParameter, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
@@ -73,7 +74,8 @@ def noisier_flights(
     """Return copies of all flights, with the state noise added once more where alpha was
     reconstructed.
 
-    Empty where no alpha was. reconstructions : by flight (its id).
+    Empty where no alpha was. reconstructions : by flight (its id). Channels are (n,), in SI units;
+    Cook & Stefanski (1994).
     """
     copies: list[list[tuple[Flight, Comparison]]] = []
     blind = False

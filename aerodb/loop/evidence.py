@@ -34,7 +34,8 @@ def noise_within_limits(
     settings: TracingSettings,
 ) -> StateNoise | None:
     """Return the state noise of a flight, as large as its own residuals allow; None where nothing
-    was reconstructed.
+    was reconstructed. Densities are per band, in [rad²/Hz] for angles; limits: `bounded_noise`,
+    `with_air_data_noise`.
     """
     if reconstruction.noise is None:
         return None
@@ -51,9 +52,10 @@ def copies_with_noise(
 ) -> list[tuple[Flight, Comparison]]:
     """Return copies of a flight with its state noise once more, each with its comparison.
 
-    The noise is as large as the flight's own residuals allow. view : at the rate for
-    tracing; duration [s] : of the whole flight; rotating_air : whether gusts roll the air
-    in them. One copy of a long flight, none where nothing was reconstructed.
+    The noise is as large as the flight's own residuals allow. view : at the rate for tracing;
+    duration [s] : of the whole flight; rotating_air : whether gusts roll the air in them. One copy
+    of a long flight, none where nothing was reconstructed. Source: docs/method/tracing.md, section
+    17.
     """
     noise = noise_within_limits(reconstruction, view, settings)
     if noise is None:
@@ -74,11 +76,13 @@ def evidence_beside(
     *,
     rotating_air: bool = False,
 ) -> Evidence:
-    """Return the evidence of a flight (its id) compared with a database.
+    """Return the evidence of a flight (its id) compared with a database: residual and columns (n,),
+    dimensionless and per SI unit of each parameter.
 
     With its copies of more state noise, shape-misfit terms, and instruments from its commands.
     rotating_air : whether the air's rotation is a nuisance, and its roll a part of the state noise.
-    The search does without both; findings of rates are tested once more with them.
+    The search does without both; findings of rates are tested once more with them. Raises
+    InputError where the flight lacks what is needed.
     """
     view = flights.view(flight, database, library.settings.bandwidth)
     reconstruction = flights.reconstruction(flight)

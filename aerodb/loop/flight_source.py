@@ -52,11 +52,13 @@ class FlightSource(Protocol):
         ...
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
-        """Return the results of the reconstruction of a flight."""
+        """Return the results of the reconstruction of a flight, errors in SI units; raises
+        InputError where the flight lacks it."""
         ...
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
-        """Return manoeuvres and states of a flight, start and end in s from its first sample."""
+        """Return manoeuvres and states of a flight, start and end [s] from its first sample. Raises
+        InputError where the flight lacks what is needed."""
         ...
 
     def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
@@ -70,8 +72,8 @@ class FlightSource(Protocol):
     def view(
         self, flight: str, database: AeroDatabase, bandwidth: float | None = None
     ) -> FlightView:
-        """Return a flight beside a database: at the full rate (None), or at that which tracing at
-        `bandwidth` [Hz] needs (`aerodb.tracing.thinned`).
+        """Return a flight compared with a database: at the full rate (None), or at that which
+        tracing at `bandwidth` [Hz] needs (`aerodb.tracing.thinned`).
         """
         ...
 
@@ -81,7 +83,8 @@ class FlightSource(Protocol):
         """Return the normal equations of a flight compared with a database, for all columns of the
         library.
 
-        `aerodb.tracing.normal_equations_of` of what `aerodb.loop.evidence_beside` returns.
+        `aerodb.tracing.normal_equations_of` of what `aerodb.loop.evidence_beside` returns. The
+        matrix is (k + 1, k + 1), as a flight's whitened products.
         """
         ...
 

@@ -27,7 +27,8 @@ class Library:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader must know of hypotheses that are not in it."""
+        """Sentences on hypotheses that are not in it, for the report (docs/method/tracing.md,
+        section 18)."""
         if not self.reconstructed:
             return ()
         angles = " and ".join(

@@ -33,8 +33,8 @@ _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 
 
 def too_few_took_part(traced: Traced, settings: TracingSettings) -> bool:
-    """Whether there are hardly more flights than the error rate needs, and too few show some
-    effect.
+    """Return whether there are hardly more flights than the error rate needs, and too few show some
+    effect. See docs/method/tracing.md, section 16.
     """
     few = len(traced.flights) < settings.fewest
     return few or (
@@ -49,9 +49,10 @@ def by_manoeuvres(
     """Return what the manoeuvres of all flights suspect together, one plane of motion after the
     other.
 
-    Beside what whole flights have found. Empty where there are enough flights, fewer than two
-    manoeuvres, or where the air moved. Two passes: how far apart manoeuvres must be
-    depends on the correlation time of the remaining residual, and that on what has been found.
+    Known findings of whole flights are in the model. Empty where there are enough flights, fewer
+    than two manoeuvres, or where the air moved. Two passes: how far apart manoeuvres must be
+    depends on the correlation time of the remaining residual, and that on what has been found. See
+    docs/method/tracing.md, section 16; values are in SI units, times in seconds.
     """
     hypotheses, settings = library.hypotheses, library.settings
     if not too_few_took_part(traced, settings):
@@ -105,7 +106,8 @@ def _in_plane(suspected: FewFlightFindings, axes: Collection[str]) -> FewFlightF
 
 
 def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings]) -> Traced:
-    """Return what flights found and bounded, with what their manoeuvres suspect."""
+    """Return what flights found and bounded, with what their manoeuvres suspect. Each unit is named
+    with its window in seconds (`SamplingUnit`)."""
     names = dict.fromkeys(
         equations.flight for suspected in parts for equations in suspected.joint.normal_equations
     )

@@ -77,7 +77,8 @@ def with_model_error(
 
 def between_flights(finding: Finding) -> float:
     """Return the variance of an effect between flights: that of the estimates of single flights
-    less that of their errors, in squared units of the parameter."""
+    less that of their errors, in squared units of the parameter. Estimator: DerSimonian & Laird
+    (1986)."""
     values = np.array([vote.value for vote in finding.votes])
     if len(values) < FEWEST:
         return 0.0

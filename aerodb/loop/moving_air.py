@@ -71,11 +71,12 @@ def beside_rotating_air(
     library: Library,
     earlier: Mapping[str, float],
 ) -> Traced:
-    """Return what stands beside the rotation of the air in gusts.
+    """Return the findings that hold with the rotation of the air in gusts in the model.
 
     traced : as found without it; earlier : as in `trace`. Where the air evidently moved, every
-    finding is tested beside its rotation; if one is lost, the search is repeated beside it, and
-    only what both find is claimed. Elsewhere a finding of a rate that is lost is suspected.
+    finding is tested with its rotation; if one is lost, the search is repeated with it, and only
+    what both find is claimed. Elsewhere a finding of a rate that is lost is suspected. Values are
+    in SI units. Raises InputError where a flight lacks what is needed.
     """
     if not traced.findings:
         return traced
@@ -114,9 +115,9 @@ def beside_rotating_air(
 
 
 def claimed_by_both(still: Traced, rotating: Traced) -> Traced:
-    """Return the search beside rotating air, with only the findings that the other names too.
+    """Return the search with rotating air, with only the findings that the other names too.
 
-    still : without the rotation, where gusts look like effects; rotating : beside it, where a
+    still : without the rotation, where gusts look like effects; rotating : with it, where a
     flight's share of it may take a part of an effect and leave the rest to another name.
     """
     named = {name for each in still.findings for name in (each.hypothesis, *each.explanation_set)}

@@ -22,7 +22,8 @@ def refit_terms(
     """Return new gains and finer shapes of terms that `candidate` holds already.
 
     None where left-out flights do not support them. flights : ids of those that have the channels
-    of all terms.
+    of all terms. Values (k,) and covariance (k, k) are in SI units. Raises InputError where a
+    flight lacks what is needed.
     """
     views = in_threads(lambda id: source.view(id, candidate, library.settings.bandwidth), flights)
     if not views:
@@ -42,7 +43,8 @@ def refit_of(finer: Refined) -> Refit:
 
 
 def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
-    """Return the body axes on which a term was added whose template's shape was wrong."""
+    """Return the body axes on which a term was added whose template's shape was wrong, as
+    `Increment.refit` notes."""
     axes = {
         shape.axis
         for increment in database.increments

@@ -13,7 +13,7 @@ TRACED_BEFORE: Final = (
 
 
 def on_stall(database: AeroDatabase) -> tuple[str, ...]:
-    """Return the law and the gains of the stall that was added."""
+    """Return the law [SI units] and the dimensionless gains of the stall that was added."""
     law = next(state.law for state in database.states if state.name == STATE_CHANNEL)
     gains = [
         f"{increment.axis} {increment.estimates[-1]:.3g}"
@@ -56,7 +56,8 @@ def on_withheld(ids: Collection[str]) -> tuple[str, ...]:
 
 
 def on_without_gain(ids: Collection[str]) -> tuple[str, ...]:
-    """Return why findings (ids) that lower no error of other flights stayed out."""
+    """Return why findings (ids) that lower no error of other flights stayed out. The limit is 1 %
+    of their error (`without_gain`); ids as in `Hypothesis.id`."""
     if not ids:
         return ()
     return (
@@ -69,7 +70,7 @@ def on_without_gain(ids: Collection[str]) -> tuple[str, ...]:
 
 
 def on_linear_terms(ids: Collection[str]) -> tuple[str, ...]:
-    """Return which linear terms (ids) were added with what the user accepted."""
+    """Return which linear terms (ids) were added with what the user accepted (`LINEAR`)."""
     if not ids:
         return ()
     return (

@@ -50,8 +50,9 @@ def sensor_rivals(
     candidate: AeroDatabase,
     library: Library,
 ) -> tuple[SensorRival, ...]:
-    """Return the errors of sensors that the loop finds on these flights (ids) beside `baseline`,
-    as far as they act on what `candidate` changes."""
+    """Return the errors of sensors that the loop finds on these flights (ids) compared with
+    `baseline`, in SI units, as far as they act on what `candidate` changes. Raises InputError where
+    a flight lacks what is needed."""
     loop = run_loop(source, flights, baseline, library, Accept())
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
     rivals = []

@@ -72,7 +72,8 @@ class Accept:
     ambiguous: tuple[str, ...] = ()
 
     def admits(self, finding: Finding) -> bool:
-        """Return whether a finding enters the database."""
+        """Return whether a finding enters the database: by its verdict (`ADDED`) or because the
+        user asked for it."""
         return finding.verdict in ADDED or self.asks_for(finding)
 
     def asks_for(self, finding: Finding) -> bool:
@@ -121,7 +122,7 @@ class LoopResult:
 
     @property
     def separates(self) -> bool:
-        """Whether a stall with separating flow was added."""
+        """Return whether a stall with separating flow was added."""
         return any(_separates(finding) for finding in self.added)
 
 
@@ -333,7 +334,7 @@ def _traced(
 def only_what_was_frozen(
     traced: Traced, known: frozenset[str] | None
 ) -> tuple[Traced, tuple[str, ...]]:
-    """Downgrade findings that an earlier look at the residuals could have suggested.
+    """Downgrade to `suspected` findings that an earlier look at the residuals could have suggested.
 
     known : ids of the earlier libraries, None if there was none. A hypothesis that joined the
     library after these flights had been traced has no error rate.

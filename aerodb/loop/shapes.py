@@ -20,9 +20,9 @@ def checked_shapes(
     library: Library,
     findings: Sequence[Finding],
 ) -> tuple[Finding, ...]:
-    """Return the findings of a round beside `database`; see `tracing.with_checked_shapes`.
+    """Return the findings of a round, given `database`; see `tracing.with_checked_shapes`.
 
-    flights : ids of those that identify.
+    flights : ids of those that identify. Raises InputError where a flight lacks what is needed.
     """
     claimed = any(f.verdict in ("confirmed", "sensor") for f in findings)
     if len(flights) < FEWEST_SHAPED or not claimed:

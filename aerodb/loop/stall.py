@@ -95,7 +95,8 @@ def _alpha(source: FlightSource, flight: str) -> tuple[Array, Array]:
 
 
 def of_family(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the library with the stall stated by its family: this is frozen and hashed."""
+    """Return the library with the stall stated by its family: this is frozen and hashed. Ids and
+    columns (n,) of the others stay; see docs/method/tracing.md, section 2."""
     formula = f"{{}}; {STATE_CHANNEL} of family {FAMILY}, each flight's shape from the others"
     return tuple(
         replace(
@@ -117,7 +118,7 @@ def with_laws(
     vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
     """Return the library with the columns of each flight's own law; ids, formulas and hash
-    unchanged.
+    unchanged. Columns are (n,), per unit of the dimensionless gain.
     """
     fitted_stalls = {
         each.id: each

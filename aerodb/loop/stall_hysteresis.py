@@ -38,7 +38,8 @@ def is_lift_hysteresis(named: Hypothesis | str) -> bool:
 
 
 def lift_hysteresis_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
-    """Return the lift hysteresis as it is frozen and hashed, without the angles of any flight."""
+    """Return the lift hysteresis as it is frozen and hashed, without the angles [rad] of any flight
+    (docs/method/tracing.md, section 2)."""
     formula = (
         f"C_lift += k*{lift_hysteresis.LIFT_LOST.format(from_zero_lift(database), 0, 0)}, angles of"
         " each flight from the others"
@@ -53,7 +54,8 @@ def with_lift_hysteresis(
     database: AeroDatabase,
     vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
-    """Return the library with each flight's own angles; a flight without any has a zero column."""
+    """Return the library with each flight's own angles [rad]; a flight without any has a zero
+    column (n,)."""
     law = next(iter(laws.values()), _ANY)
     replacement = _with(law, laws, database, vehicle)
 
@@ -70,9 +72,9 @@ def with_lift_hysteresis(
 def cross_fitted_lift_hysteresis(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Relay]:
-    """Return, for each flight (its id), the angles that the others agree with.
+    """Return, for each flight (its id), the angles [rad] that the others agree with.
 
-    Empty below FEWEST flights and where they show none.
+    Empty below FEWEST flights and where they show none (InputError of the fit).
     """
     if len(flights) < FEWEST:
         return {}
@@ -99,7 +101,7 @@ def added_lift_hysteresis(
 
 
 def with_unused_states(view: FlightView) -> FlightView:
-    """Return the view with the channels of states that no term of its database uses yet."""
+    """Return the view with the channels (n,) of states that no term of its database uses yet."""
     chord = view.database.reference.chord
     state_channels = {
         state.name: state.along(view.time, view.channels, chord)
@@ -110,8 +112,8 @@ def with_unused_states(view: FlightView) -> FlightView:
 
 
 def one_stall(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings with at most one law of separation, static or smooth, whichever has the
-    lower p.
+    """Return the findings with at most one law of separation, static or smooth: the one with the
+    lower adjusted p (a scalar, `Finding.p_adjusted`).
     """
     stalls = [finding for finding in findings if finding.effect == EFFECT]
     if not stalls:

@@ -35,7 +35,8 @@ def unexplained_residuals(
 ) -> tuple[UnexplainedResidual, ...]:
     """Return what is unexplained on each axis of these flights (ids), compared with the candidate.
 
-    Empty below the fewest flights of the settings.
+    Empty below the fewest flights of the settings. See docs/method/tracing.md, section 14. Raises
+    InputError where a flight lacks what is needed.
     """
     if len(flights) < library.settings.fewest:
         return ()

@@ -85,8 +85,8 @@ def until_all_gain(
     """Return the first loop all of whose additions gain, its proof, and what it leaves unexplained.
 
     run : of the ids that stay out. prove : of a loop; a tuple that begins with the validation of
-    its axes. A loop with additions that gain nothing (`without_gain`), or less than stayed without
-    a name (`beside_larger_unnamed`), is run again without these.
+    its axes, in dimensionless rms errors. A loop with additions that gain nothing (`without_gain`),
+    or less than stayed without a name (`beside_larger_unnamed`), is run again without these.
     """
     loop = run(frozenset())
     while True:

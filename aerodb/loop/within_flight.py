@@ -41,11 +41,11 @@ def validated_within_flights(
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
 ) -> tuple[AxisValidation, ...]:
-    """Return the error before and after on heads and tails of flights.
+    """Return the rms error (dimensionless) before and after on heads and tails of flights.
 
     Each is predicted with the values that everything else gives the terms added. Which terms is not
     chosen again: two or three manoeuvres cannot do without one of them. before, after : of whole
-    flights, by their ids.
+    flights, by their ids. Raises InputError where a flight lacks what is needed.
     """
     masks = {
         f"{flight}@{name}": (flight, mask)
@@ -82,11 +82,11 @@ def estimated_without(
     flights: tuple[str, ...],
     masks: Mapping[str, Mask],
 ) -> AeroDatabase:
-    """Return the baseline with the named hypotheses, estimated beside the linear set without masked
-    samples.
+    """Return the baseline with the named hypotheses, estimated together with the linear set without
+    masked samples; masks (n,), values in SI units.
 
     There each flight has a constant of its own on each axis: constant parts are then the mean of
-    what the other terms leave.
+    what the other terms leave. Raises InputError where a flight lacks what is needed.
     """
     if not names:
         return baseline

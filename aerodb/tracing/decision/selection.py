@@ -1,8 +1,8 @@
 """Forward selection: terms that the model lacks and sensors that are wrong compete for the
 residual.
 
-Only per-flight estimates are used here, no samples. See docs/method/tracing.md, section 9. What fits
-equally well is in `aerodb.tracing.decision.explanation_sets`.
+Only per-flight estimates are used here, no samples. See docs/method/tracing.md, section 9. What
+fits equally well is in `aerodb.tracing.decision.explanation_sets`.
 """
 
 from collections.abc import Sequence
