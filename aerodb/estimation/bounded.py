@@ -9,7 +9,7 @@ def within_bounds(
     estimates: Array, information: Array, low: Array, high: Array
 ) -> tuple[Array, Mask]:
     """Return the values (f,) within the bounds (f,) nearest to `estimates` (f,) as `information`
-    (f, f) weighs their changes, and which of them are at a bound.
+    (f, f) weighs their changes (a symmetric matrix), and which of them are at a bound.
 
     References
     ----------

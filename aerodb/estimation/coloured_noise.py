@@ -43,7 +43,8 @@ class NoiseModel:
 
     @property
     def independent(self) -> float:
-        """How many independent samples the mean of the residual rests on, at most `samples`."""
+        """Number of independent samples (a scalar) that the mean of the residual rests on, at most
+        `samples`."""
         at_zero = self.innovation / (1.0 - float(self.coefficients.sum())) ** 2
         if at_zero <= 0.0:
             return float(self.samples)

@@ -26,7 +26,8 @@ class DynamicModel(Protocol):
 
     @property
     def parameters(self) -> Parameters:
-        """All parameters, those of single records (initial states, biases) too, in SI units."""
+        """All p parameters, those of single records (initial states, biases) too, as scalars in SI
+        units."""
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
         """State at the first sample of a record, (s, k), in SI units; k is 1 where all parameters
@@ -40,4 +41,4 @@ class DynamicModel(Protocol):
         """Outputs (o, k) at a state (s, k), in SI units."""
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
-        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""
+        """Outputs (n, o, k), in SI units, from the initial state on; NaN after a divergence."""

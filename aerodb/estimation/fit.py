@@ -120,8 +120,9 @@ class Fit:
         return each.value - half, each.value + half
 
     def p_value(self, name: str) -> float:
-        """Probability of an estimate at least this far from zero if the truth were zero, by
-        Student's t, two-sided; NaN without standard error."""
+        """Dimensionless probability of an estimate at least this far from zero if the truth were
+        zero, by Student's t, two-sided; NaN without standard error. Raises KeyError for a parameter
+        that it has not."""
         from scipy.special import stdtr  # slow to import
 
         each = self[name]

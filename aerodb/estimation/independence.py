@@ -53,8 +53,9 @@ class InputCorrelation:
 
 
 def dependent(correlations: Sequence[InputCorrelation]) -> tuple[InputCorrelation, ...]:
-    """Those that chance does not explain, however many were looked at: those with the whole motion
-    of an input first, then the least likely."""
+    """Return the correlations (dimensionless scalars) that chance does not explain, however many
+    were looked at (Bonferroni): those with the whole motion of an input first, then the least
+    likely."""
     found = list[InputCorrelation]()
     for halves in (False, True):
         family = [each for each in correlations if (each.part != "all") is halves]

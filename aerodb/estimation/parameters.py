@@ -80,7 +80,7 @@ class Parameters:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters. A tuple (p,) in the order of the declaration."""
+        """Names of all p parameters, as a tuple (p,) in the order of `items`."""
         return tuple(item.name for item in self.items)
 
     @cached_property
@@ -96,7 +96,7 @@ class Parameters:
         raise InputError(f"no parameter '{name}'", "model", nearest(name, self.names))
 
     def start(self) -> Array:
-        """Start values (f,) of the unknown parameters, in the unit of each, SI."""
+        """Start values (f,) of the unknown parameters, in the SI unit of each."""
         return np.array([item.value for item in self.unknown])
 
     def values(self, vector: Array) -> dict[str, Array]:
@@ -154,8 +154,8 @@ class Parameters:
 
 
 def bounds_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Lower and upper bounds, (f,) each, in the unit of each parameter, -inf and inf where there is
-    none."""
+    """Return lower and upper bounds, (f,) each, in the unit of each parameter, -inf and inf where
+    there is none."""
     return (
         np.array([item.lower for item in unknown], dtype=np.float64),
         np.array([item.upper for item in unknown], dtype=np.float64),
@@ -163,7 +163,8 @@ def bounds_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
 
 
 def priors_of(unknown: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Mean (f,) and standard deviation (f,) of the priors; inf where there is none."""
+    """Return mean (f,) and standard deviation (f,) of the priors, in the SI unit of each; 0 and inf
+    where there is none."""
     return (
         np.array([0.0 if item.prior is None else item.prior for item in unknown]),
         np.array([np.inf if item.prior_error is None else item.prior_error for item in unknown]),

@@ -46,7 +46,8 @@ def piecewise_polynomials(knots: Sequence[float], kind: SplineKind) -> Array:
 
 
 def spline_basis(values: Array, knots: Sequence[float], kind: SplineKind) -> Array:
-    """Basis functions (n, K) of K knots at values (n,)."""
+    """Return basis functions (n, K), dimensionless, of K knots at values (n,); constant beyond the
+    knots."""
     points = np.asarray(knots, dtype=float)
     coefficients = piecewise_polynomials(knots, kind)
     held = np.clip(values, points[0], points[-1])

@@ -22,7 +22,7 @@ def standings(
     covariance: Array,
     singular: float,
 ) -> Mapping[str, tuple[Standing, str]]:
-    """Standing and reason of each of f unknowns.
+    """Return standing and reason of each of f unknowns (`Standing`).
 
     Parameters
     ----------

@@ -149,7 +149,8 @@ def checked_states(
 def likely_noise(
     model: DynamicModel, records: Sequence[TimeHistory], disturbed: tuple[int, ...]
 ) -> Optimum:
-    """Process and measurement noise that are most likely, with the parameters free."""
+    """Process noise (s,) and measurement noise (o, o) that are most likely, with the parameters
+    free, in SI units per root second and SI units squared."""
     steady = isinstance(model, LinearModel)
     start = first_noise(model, records, disturbed)
     problem = _problem(model, records, disturbed, "diagonal", steady, start)

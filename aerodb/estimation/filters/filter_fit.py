@@ -36,7 +36,7 @@ def fit_of(
     test: ProcessNoiseTest,
     disturbed: Sequence[int],
 ) -> Fit:
-    """Collect estimates, standings, residuals and notes.
+    """Collect estimates (SI units), standings, residuals (n,) and notes.
 
     Parameters
     ----------
@@ -135,7 +135,8 @@ def _divergence(optimum: Optimum) -> str:
 
 
 def covariances(problem: FilterProblem, optimum: Optimum) -> tuple[Array, Array]:
-    """(u, u) as if the innovations were white, and corrected for coloured ones."""
+    """Covariances (u, u), in products of the unknowns' units, as if the innovations were white, and
+    corrected for coloured ones (`autoregressive_noise`); nan after a divergence."""
     information, u = optimum.information, len(optimum.information)
     if not np.isfinite(information).all():
         return np.full((u, u), np.nan), np.full((u, u), np.nan)

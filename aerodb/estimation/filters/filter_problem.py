@@ -87,13 +87,13 @@ class FilterProblem:
 
     @property
     def noises(self) -> int:
-        """Unknowns of the measurement noise."""
+        """Number of unknowns of the measurement noise: o logarithms, or all of a matrix (o, o)."""
         o = len(self.model.outputs)
         return o * (o + 1) // 2 if self.full else o
 
     def columns(self, record: TimeHistory) -> NDArray[np.int64]:
-        """Unknowns that a record depends on: parameters of other records do not count. Numbers (g,)
-        among the u unknowns of the search."""
+        """Numbers of the unknowns that a record depends on: parameters of other records do not
+        count. Numbers (g,) among the u unknowns of the search."""
         others = tuple(f"[{other.name}]" for other in self.records if other.name != record.name)
         unknown = self.model.parameters.unknown
         own = [j for j, item in enumerate(unknown) if not (others and item.name.endswith(others))]
@@ -101,9 +101,10 @@ class FilterProblem:
         return np.concatenate([np.array(own, dtype=np.int64), more])
 
     def passed(self, record: TimeHistory, point: Point, moves: Array) -> FilterPass:
-        """The filter at a point displaced by each of the moves (u, k): of parameters by
+        """Run the filter at a point displaced by each of the moves (u, k): of parameters by
         differences, of the noise by differences of logarithms. Units are those of the parameters
-        (SI), and logarithms without a unit for the noise."""
+        (SI), and logarithms without a unit for the noise. One run per column, k in all:
+        `FilterPass` (n, o, k)."""
         f, p = len(point.vector), len(self.disturbed)
         process = np.repeat(point.process[:, None], moves.shape[1], axis=1)
         process[list(self.disturbed)] *= np.exp(moves[f : f + p])
@@ -121,7 +122,7 @@ class FilterProblem:
 
     @property
     def unmoved(self) -> Array:
-        """A move (u, 1) of nothing."""
+        """A move (u, 1) of nothing: one column of zeros, whatever the unknowns' units."""
         return np.zeros((len(self.model.parameters.unknown) + len(self.disturbed) + self.noises, 1))
 
     def about(self, point: Point, derivatives: bool = True) -> "FilterProblem":
@@ -177,8 +178,8 @@ class FilterProblem:
         return np.ascontiguousarray(np.moveaxis(whole, 0, -1))
 
     def moved(self, point: Point, move: Array) -> Point:
-        """The point displaced by one move (u,). Parameters in SI units, clipped to their bounds;
-        noise as logarithms without a unit."""
+        """Return the point displaced by one move (u,). Parameters in SI units, clipped to their
+        bounds; noise as logarithms without a unit."""
         f, p = len(point.vector), len(self.disturbed)
         lower, upper = bounds_of(self.model.parameters.unknown)
         process = point.process.copy()
@@ -196,16 +197,16 @@ class FilterProblem:
         return np.asarray(0.5 * (((vectors - prior[:, None]) / error[:, None]) ** 2).sum(axis=0))
 
     def likelihood(self, point: Point, moves: Array) -> Array:
-        """Log-likelihood with priors (k,) at a point displaced by moves (u, k). -inf where the
-        filter diverges."""
+        """Log-likelihood with priors (k,) at a point displaced by moves (u, k). A natural logarithm
+        without unit; -inf where the filter diverges."""
         total = -self.penalty(point.vector[:, None] + moves[: len(point.vector)])
         for record in self.records:
             total = total + self.passed(record, point, moves).log_likelihood
         return total
 
     def slopes(self, record: TimeHistory, point: Point, steps: Array) -> tuple[Slopes, FilterPass]:
-        """Innovations of a record and their derivatives, by differences of steps (u,). Units are
-        one over those of the unknowns."""
+        """Return innovations (n, o) of a record and their derivatives (n, o, g), by differences of
+        steps (u,). Units are one over those of the unknowns."""
         columns = self.columns(record)
         moves = np.zeros((len(steps), len(columns) + 1))
         moves[columns, np.arange(1, len(columns) + 1)] = steps[columns]

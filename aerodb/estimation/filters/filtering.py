@@ -55,7 +55,8 @@ class FilterPass:
 
     @property
     def log_likelihood(self) -> Array:
-        """Logarithm of the probability density of the record, (k,); -inf after a divergence."""
+        """Natural logarithm, without unit, of the probability density of the record, (k,); -inf
+        after a divergence."""
         with np.errstate(all="ignore"):
             terms = np.log(2.0 * np.pi * self.variances) + self.innovations**2 / self.variances
             total = -0.5 * terms.sum(axis=(0, 1))

@@ -54,8 +54,9 @@ def constant(
     reached: Optimum | None,
     tracks: Sequence[Track],
 ) -> Fit:
-    """The answer where no parameter changes, with standard errors for innovations of the size and
-    colour that they have; reached : the likelihood at the mean (f,), None where there is none."""
+    """Return the answer where no parameter changes, values in SI units and covariance (f, f), with
+    standard errors for innovations of the size and colour that they have; reached : the likelihood
+    at the mean (f,), None where there is none."""
     unknown = model.parameters.unknown
     judged: Mapping[str, tuple[Standing, str]] = {
         item.name: ("diverged", _LOST) for item in unknown
@@ -79,7 +80,8 @@ def walked(
     tracks: Sequence[Track],
     first: Array,
 ) -> Fit:
-    """The answer where parameters walk: at the end of the last record, with their histories.
+    """Return the answer where parameters walk: at the end of the last record, with their histories
+    (n, 2) of value and standard deviation.
 
     first : (f,) standard deviations before the first sample.
 

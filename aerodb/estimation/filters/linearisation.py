@@ -26,7 +26,7 @@ class Advancing(Protocol):
     def advanced(
         self, values: Values, record: TimeHistory, samples: Integers, state: Array
     ) -> tuple[Array, Array]:
-        """As `advanced`."""
+        """As `advanced`: states (s, m) one sample later and outputs (o, m)."""
 
 
 def _advancing(model: object) -> TypeGuard[Advancing]:
@@ -36,8 +36,8 @@ def _advancing(model: object) -> TypeGuard[Advancing]:
 def advanced(
     model: DynamicModel, values: Values, record: TimeHistory, samples: Integers, state: Array
 ) -> tuple[Array, Array]:
-    """States (s, m) one sample later, and outputs (o, m) now, of m states (s, m), each with its own
-    sample (m,), in ascending order, and its own parameters, numbers or (m,).
+    """Return states (s, m), in SI units, one sample later, and outputs (o, m) now, of m states (s,
+    m), each with its own sample (m,), in ascending order, and its own parameters, numbers or (m,).
 
     The last sample has no later one: there the inputs are held. NaN where the model has no answer.
     """

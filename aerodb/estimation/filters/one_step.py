@@ -15,7 +15,8 @@ _LEAST = 1e-2
 def stepped(
     model: DynamicModel, values: Values, record: TimeHistory, sample: int, state: Array
 ) -> Array:
-    """State one sample later, (s, k), by Runge-Kutta's fourth-order formula."""
+    """Return the state one sample later, (s, k) in SI units, by Runge-Kutta's fourth-order
+    formula."""
     step = record.step
     a = model.rates(values, record, float(sample), state)
     b = model.rates(values, record, sample + 0.5, state + 0.5 * step * a)

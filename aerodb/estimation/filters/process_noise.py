@@ -33,7 +33,8 @@ class ProcessNoiseTest:
 
 
 def boundary_p_value(ratio: float, count: int) -> float:
-    """Probability of so large a likelihood ratio where the `count` intensities are all zero.
+    """Return the probability (a scalar) of so large a likelihood ratio where the `count`
+    intensities are all zero.
 
     A zero is at the bound, so that each intensity is zero in half of such records: the ratio is a
     mixture of chi-squares with binomial weights.
@@ -68,7 +69,7 @@ class Recommendation:
 
 
 def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendation:
-    """Whether turbulence makes output error biased, so that filter error is to be believed.
+    """Judge whether turbulence makes output error biased, so that filter error is to be believed.
 
     The likelihood ratio of process noise decides, unless white noise on the rates does not explain
     the record: a model that lacks something else also makes process noise likely, but leaves the

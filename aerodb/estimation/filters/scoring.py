@@ -96,8 +96,8 @@ def maximise(
 
 
 def scored(problem: FilterProblem, point: Point) -> tuple[Optimum, Array]:
-    """A point as if a search had ended there, and the gradient (f,) of the log-likelihood with
-    priors by the parameters, in one over the unit of each parameter; a likelihood that is not
+    """Return a point as if a search had ended there, and the gradient (f,) of the log-likelihood
+    with priors by the parameters, in one over the unit of each parameter; a likelihood that is not
     finite counts as not converged."""
     problem = problem.settled(point)
     steps = _steps(problem, point, np.zeros(0))

@@ -54,8 +54,8 @@ class AffineMatrix:
         return np.stack([matrix.ravel() for matrix in self.slopes.values()])
 
     def slope(self, name: str) -> Array:
-        """Derivative (r, c) with respect to a parameter, in the unit of an entry per unit of the
-        parameter; zeros for one that is in no entry."""
+        """Derivative matrix (r, c) with respect to a parameter, in the unit of an entry per unit of
+        the parameter; zeros for one that is in no entry."""
         return self.slopes.get(name, np.zeros_like(self.constant))
 
 

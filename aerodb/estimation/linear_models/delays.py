@@ -83,7 +83,7 @@ class DelayedStateSpace:
 
     @property
     def parameters(self) -> Parameters:
-        """As of `StateSpace`, with the delays."""
+        """All p parameters as of `StateSpace`, with the delays [s]."""
         return self.model.parameters
 
     def initial_state(self, values: Values, record: TimeHistory) -> Array:
@@ -106,7 +106,7 @@ class DelayedStateSpace:
         )
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
-        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""
+        """Outputs (n, o, k), in SI units, from the initial state on; NaN after a divergence."""
         runs = max(np.size(value) for value in values.values())
         made = [self.model.simulated(v, r) for _, v, r in self._lanes(values, record, runs)]
         timely = np.concatenate(made, axis=2)
@@ -161,8 +161,9 @@ class DelayedStateSpace:
         return outputs, slopes
 
     def timely(self, record: TimeHistory) -> TimeHistory:
-        """The record with its inputs as late, and its outputs as early, as the delays' start values
-        make them: what the model without delays is compared with."""
+        """Return the record, channels (n,) in SI units, with its inputs as late, and its outputs as
+        early, as the delays' start values make them: what the model without delays is compared
+        with."""
         own = self.parameters.values(self.parameters.start())
         ((_, _, moved),) = self._lanes(own, record, 1)
         early = {

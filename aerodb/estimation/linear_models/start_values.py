@@ -21,7 +21,8 @@ LinearModel = StateSpace | DelayedStateSpace
 
 
 def has_start_values(model: LinearModel) -> bool:
-    """Whether an unknown entry of the matrices starts away from zero."""
+    """Return whether an unknown entry (a scalar, SI units) of the matrices starts away from
+    zero."""
     entries = model.model.entries if isinstance(model, DelayedStateSpace) else model.entries
     return any(
         item.value and item.name.split("[", 1)[0] in entries for item in model.parameters.unknown

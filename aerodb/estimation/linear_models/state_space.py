@@ -79,7 +79,7 @@ class StateSpace:
         return np.asarray(np.einsum("kab,bk->ak", self.c.at(own), state) + inner.T)
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
-        """Outputs (n, o, k) from the initial state on; NaN after a divergence."""
+        """Outputs (n, o, k), in SI units, from the initial state on; NaN after a divergence."""
         return self.propagated(values, record, self.initial_state(values, record))[0]
 
     def propagated(self, values: Values, record: TimeHistory, start: Array) -> tuple[Array, Array]:
@@ -172,7 +172,8 @@ class StateSpace:
 
     @cached_property
     def entries(self) -> tuple[str, ...]:
-        """Parameters in the matrices."""
+        """Names of the parameters that are scalar entries of the matrices, in order of `a` (s, s)
+        to `output_bias`."""
         matrices = (self.a, self.b, self.c, self.d, self.state_bias, self.output_bias)
         return tuple(dict.fromkeys(name for matrix in matrices for name in matrix.slopes))
 

@@ -142,8 +142,8 @@ class _Search:
 def likelihood_of_start(
     model: DynamicModel, records: Sequence[TimeHistory], covariance: Covariance
 ) -> float:
-    """Log-likelihood with priors at a model's start values; -inf where it diverges. A natural
-    logarithm without unit."""
+    """Return the log-likelihood (a scalar) with priors at a model's start values; -inf where it
+    diverges. A natural logarithm without unit."""
     return -_Search(model, records, covariance).outputs_only(model.parameters.start()).cost
 
 
@@ -262,9 +262,9 @@ def _step(
 
 
 def projected(information: Array, normal: Normal, go: Mask) -> Array:
-    """(f, j) directions in which the unknowns that may go can move: those that the constraints
-    leave, without those that nothing holds, in the unit of each unknown: of unit length in standard
-    errors."""
+    """Return the directions (f, j) in which the unknowns that may go can move: those that the
+    constraints leave, without those that nothing holds, in the unit of each unknown: of unit length
+    in standard errors."""
     size = np.sqrt(np.diag(information))
     live = np.flatnonzero(go & (size > 0))
     scale = size[live]

@@ -15,7 +15,7 @@ _STEP = 1e-5
 def instability(
     model: DynamicModel, records: Sequence[TimeHistory], vector: Array, largest: float
 ) -> str:
-    """Return why the longest record has no answer; empty where it has one.
+    """Return why the longest record has no answer, with doubling time [s]; empty where it has one.
 
     The growth is that of the motion linearised at the first sample.
 

@@ -31,7 +31,8 @@ class Measured:
 
 
 def measured(values: Array) -> Measured:
-    """Outputs (n, o) of a record, NaN where they were not measured."""
+    """Return outputs (n, o) of a record, in SI units, with NaN where they were not measured, as
+    values and mask."""
     mask = np.isfinite(values)
     return Measured(np.where(mask, values, 0.0), mask)
 
@@ -140,7 +141,8 @@ class Normal:
 
 
 def no_equations(unknowns: int) -> Normal:
-    """Those of f unknowns without any record. Zeros (f, f) and (f,), and constraints (0, f)."""
+    """Return the normal equations of f unknowns without any record. Zeros (f, f) and (f,), and
+    constraints (0, f)."""
     square = np.zeros((unknowns, unknowns))
     return Normal(square, np.zeros(unknowns), square, np.zeros(0), np.zeros((0, unknowns)))
 
@@ -152,7 +154,8 @@ def normal_equations(
     unknowns: int,
     kind: Covariance,
 ) -> Normal:
-    """Sums over all records, weighted by the noise.
+    """Return sums over all records, weighted by the noise: matrix (f, f) and gradient (f,), in one
+    over the unknowns' units.
 
     The second term of the curvature is ``-1/(2 N) tr(S_a S_b)``, S_a being the derivative of the
     sum of the squares of the whitened residuals: without it the noise and the parameters are

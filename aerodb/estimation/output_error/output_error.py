@@ -123,7 +123,8 @@ def _from_subspace(model: LinearModel, records: Sequence[TimeHistory]) -> Linear
 
 
 def checked_records(model: DynamicModel, records: Sequence[TimeHistory], where: str) -> None:
-    """Raise InputError for no record, records of one name, and a record without an output."""
+    """Raise InputError for no record, records of one name, and a record without an output. Outputs
+    are arrays (n,)."""
     names = [record.name for record in records]
     if not records or len(set(names)) < len(names):
         raise InputError(

@@ -53,7 +53,7 @@ class Approximated(DynamicModel, Protocol):
     """A model with a cheaper rule of integration, from which derivatives are taken."""
 
     def approximated(self, values: Values, record: TimeHistory) -> Array:
-        """As `simulated`, less accurate."""
+        """Outputs (n, o, k) as of `simulated`, less accurate."""
 
 
 class Constrained(Protocol):
@@ -62,11 +62,11 @@ class Constrained(Protocol):
     def responded(
         self, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
     ) -> Response:
-        """As `respond`."""
+        """Outputs (n, o) and their slopes (n, o, g), as of `respond`."""
 
 
 def differentiable(model: object) -> TypeGuard[Differentiable]:
-    """Whether a model is `Differentiable`."""
+    """Return whether a model is `Differentiable`: gives slopes (n, o, g) itself."""
     return hasattr(model, "derivatives")
 
 
@@ -88,8 +88,8 @@ def acts_on(name: str, record: str) -> bool:
 
 
 def first_steps(vector: Array) -> Array:
-    """Differences (f,) for parameters of which nothing is known but their values (f,), in the unit
-    of each."""
+    """Return steps (f,) of differences for parameters of which nothing is known but their values
+    (f,), in the unit of each."""
     return _SHARE * np.maximum(np.abs(vector), _LEAST)
 
 
@@ -127,7 +127,8 @@ def respond(
 
 
 def acting(parameters: Parameters, record: str) -> Integers:
-    """Numbers (g,) of the unknowns that act on a record, themselves or by a parameter tied."""
+    """Return the numbers (g,) of the unknowns that act on a record, themselves or by a parameter
+    tied (`acts_on`, and the matrix `Parameters.jacobian`)."""
     matrix = parameters.jacobian
     on = np.array([acts_on(name, record) for name in parameters.names], dtype=bool)
     return np.flatnonzero((matrix[on] != 0.0).any(axis=0))

@@ -51,12 +51,13 @@ class Reduced:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the unknown parameters."""
+        """Names of the f unknown parameters, in the order of the columns (n, f)."""
         return tuple(each.name for each in self.unknown)
 
     @property
     def constants(self) -> Mask:
-        """(f,) columns of ones."""
+        """Mask (f,) of the columns of the matrix (n, f) that are ones, the constants without
+        unit."""
         return np.asarray(np.all(self.columns == 1.0, axis=0))
 
     @property
@@ -76,8 +77,8 @@ class Reduced:
         return np.split(values, np.cumsum(self.lengths)[:-1])
 
     def noise(self, estimates: Array) -> NoiseModel:
-        """Of the residuals at estimates (f,), in the unit of the response; an autoregressive model
-        by Burg's recursion."""
+        """Noise model of the residuals (n,) at estimates (f,), in the unit of the response:
+        autoregressive, by Burg's recursion (`autoregressive_noise`)."""
         return autoregressive_noise(self.blocks(self.response - self.columns @ estimates))
 
 
@@ -154,7 +155,7 @@ def whitened(problem: Reduced, left: Array, noise: NoiseModel, rank: int) -> Arr
 
 
 def combination(names: Sequence[str], weights: Array) -> str:
-    """A direction in words: ``0.71 Cm_q - 0.70 Cm_alphadot``, without its small parts.
+    """Return a direction (f,) in words: ``0.71 Cm_q - 0.70 Cm_alphadot``, without its small parts.
 
     >>> combination(["a", "b", "c"], np.array([0.7071, -0.7071, 0.001]))
     '0.71 a - 0.71 b'
@@ -179,7 +180,7 @@ def answer(
     assumes: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> Fit:
-    """The `Fit` of estimates (f,) with covariance (f, f).
+    """Return the `Fit` of estimates (f,) [SI units] with covariance (f, f).
 
     noise : of the residuals. rank : number of directions that were estimated.
     standings : of the parameters that are not simply estimated. Values of those that are not

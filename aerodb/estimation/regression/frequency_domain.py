@@ -59,7 +59,8 @@ class BandFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user must know of it."""
+        """Sentences that the user must know of it: too few degrees of freedom (`FEWEST_FREE`), and
+        how constants were estimated."""
         told = []
         if self.free < FEWEST_FREE:
             told.append(

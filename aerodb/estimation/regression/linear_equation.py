@@ -64,7 +64,8 @@ class LinearEquation:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Samples of each record."""
+        """Number n of samples of each record, whose regressors are (n, k); for blocks of stacked
+        columns."""
         return tuple(len(record.time) for record in self.records)
 
     def stacked(self) -> tuple[Array, Array]:

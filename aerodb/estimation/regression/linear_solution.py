@@ -35,12 +35,13 @@ class Unknowns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the f parameters that are estimated."""
+        """Names of the f parameters that are estimated, in the order of `Parameters.unknown`."""
         return tuple(item.name for item in self.parameters.unknown)
 
 
 def unknowns_of(parameters: Parameters) -> Unknowns:
-    """How the parameters follow from those that are estimated."""
+    """Return how the p parameters follow from the f that are estimated: by a matrix (p, f) and an
+    offset (p,), in SI units."""
     return Unknowns(parameters, parameters.jacobian, parameters.offset)
 
 
@@ -59,15 +60,16 @@ class Solution:
 
     @property
     def determined(self) -> Integers:
-        """Indices of the unknowns that have an estimate. A subset of the (f,) unknowns; those
-        without an estimate are NaN in `values`."""
+        """Numbers of the unknowns that have an estimate, a subset (m,) of the f unknowns; the
+        others are NaN in `values`."""
         return np.flatnonzero([each == "estimated" for each in self.standing])
 
 
 def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -> Solution:
     """Solve ``response = design @ unknown``, leaving open what the equations do not determine.
 
-    Units are those of the equations; what they do not determine is NaN.
+    Units are those of the equations; what they do not determine is NaN, so that no matrix is
+    refused as singular.
 
     Parameters
     ----------
@@ -99,7 +101,8 @@ def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -
 
 
 def undetermined(count: int, reason: str) -> Solution:
-    """The solution for `count` unknowns of which the data determine none: (count,) of NaN."""
+    """Return the solution for `count` unknowns of which the data determine none: values (count,) of
+    NaN, and an array of no gains (count, 0)."""
     standing: Standing = "not identifiable"
     return Solution(
         np.full(count, np.nan), np.zeros((count, 0)), (standing,) * count, (reason,) * count
@@ -109,7 +112,7 @@ def undetermined(count: int, reason: str) -> Solution:
 def judged(
     unknowns: Unknowns, solution: Solution, covariance: Array, white: Array
 ) -> tuple[tuple[ParameterEstimate, ...], tuple[str, ...], Array]:
-    """Estimates of all parameters, with priors and bounds applied.
+    """Return estimates of all parameters, with priors and bounds applied (`within_bounds`).
 
     In SI units; NaN where neither records nor a prior give a value.
 

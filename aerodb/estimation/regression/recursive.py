@@ -119,7 +119,8 @@ class RecursiveLeastSquares:
         self._used += 1
 
     def fit(self) -> Fit:
-        """The estimates so far."""
+        """Return the estimates so far, in SI units with covariance (f, f); NaN as long as samples
+        are too few."""
         self._absorb()
         f = len(self._factor) - 1
         used = self._used
@@ -198,7 +199,7 @@ class FourierRegression:
         self.samples += 1
 
     def fit(self) -> Fit:
-        """The estimates so far."""
+        """Return the estimates so far, in SI units. Raises InputError before the second sample."""
         if self.samples < 2:
             raise InputError("one sample is too few", remedy="wait for more")
         step = (self._last - self._start) / (self.samples - 1)
@@ -226,12 +227,14 @@ class FourierRegression:
 
 
 def recursive_least_squares(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
-    """Recursive least squares through all records, one after the other."""
+    """Recursive least squares through all records, one after the other; values in SI units. Raises
+    InputError for a forgetting outside 0 to 1."""
     return _through(RecursiveLeastSquares(equation.parameters, forgetting=forgetting), equation)
 
 
 def normalised_recursive_least_squares(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
-    """Normalised recursive least squares (NRLS) through all records, one after the other."""
+    """Normalised recursive least squares (NRLS) through all records, one after the other; values in
+    SI units. Raises InputError for a forgetting outside 0 to 1."""
     estimator = RecursiveLeastSquares(equation.parameters, forgetting=forgetting, normalised=True)
     return _through(estimator, equation)
 

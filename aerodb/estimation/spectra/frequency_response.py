@@ -85,7 +85,8 @@ class FrequencyResponse:
 
     @property
     def usable(self) -> Mask:
-        """(m,) where the coherence suffices, and enough windows say so."""
+        """Mask (m,) of frequencies where the coherence suffices (`COHERENT`, dimensionless), and
+        enough windows say so."""
         enough = (self.smooth_coherence >= COHERENT) & (self.averages >= FEWEST_WINDOWS)
         return np.asarray(enough & np.isfinite(self.response))
 

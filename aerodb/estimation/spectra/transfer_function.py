@@ -71,7 +71,7 @@ class TransferFunction:
     def names(self) -> tuple[str, ...]:
         """Names of the parameters: ``gain``, ``zero``, ``pole``, ``omega`` and ``zeta`` of pairs of
         poles, ``zero_omega`` and ``zero_zeta`` of pairs of zeros, numbered from the second on, and
-        ``delay``."""
+        ``delay``; frequencies [rad/s], delay [s]."""
         names = ["gain"]
         for kind, factors in (("zero", self.zeros), ("pole", self.poles)):
             real, pairs = 0, 0
@@ -87,7 +87,7 @@ class TransferFunction:
         return (*names, "delay") if self.delay else tuple(names)
 
     def slowest(self, values: Array) -> float:
-        """Least decay [1/s] of a mode; negative if it grows."""
+        """Return the least decay [1/s] of a mode at values (p,); negative if it grows."""
         at, decays = 1 + sum(self.zeros), []
         for each in self.poles:
             size, damping = values[at], (values[at + 1] if each == 2 else 0.0)
