@@ -7,6 +7,7 @@
   one clear error (`strict`).
 - `Dual`: a value with exact first derivatives (a dual number), for sensor models; `sine`,
   `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`dual_numbers`).
+- `MatElements`: MAT-files of versions 5 to 7, element by element (`mat5`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
         sine,
     )
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
+    from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, is_mat5
     from .parallel import Threads, in_threads
     from .strict import Strict, validated, validated_toml
     from .toml import parsed_toml

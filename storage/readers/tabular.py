@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage, Recording, Topic
-from aerodb.storage.readers.mat import MOST_BYTES, Variables, is_mat5, read_hdf5, read_mat5
+from aerodb.storage.readers.mat import MOST_BYTES, Variables, read_hdf5, read_mat5
 from aerodb.storage.readers.text import read_text
+from aerodb.support import is_mat5
 
 #: Topic of a file that holds one table, and of the vectors of a MAT file.
 TABLE: Final = "table"

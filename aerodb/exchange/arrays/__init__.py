@@ -4,7 +4,7 @@ Format   Read             Write            Module
 -------  ---------------  ---------------  ------------------------------------------
 CSV      `import_csv`     `export_csv`     comma_separated (a ZIP of CSV files)
          the same         `export_csv_table`  one_table (one CSV file, for pandas)
-MAT      `import_mat`     `export_mat`     mat (version 5), mat_reader (versions 5-7)
+MAT      `import_mat`     `export_mat`     mat (written: version 5, read: 5-7)
 NetCDF   `import_netcdf`  `export_netcdf`  netcdf (classic, 64-bit offset)
 
 All write the same content, which `contents` makes of a database: a JSON manifest, texts,

@@ -10,6 +10,7 @@ increments or table arguments, the manifest is read.
 """
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, cast
 
@@ -28,15 +29,15 @@ from aerodb.exchange.arrays.contents import (
     parse_manifest,
     to_contents,
 )
-from aerodb.exchange.arrays.mat_reader import read_mat
 from aerodb.nomenclature import AXES
-from aerodb.support import Array
+from aerodb.support import Array, MatClass, MatElements, is_mat5
 from aerodb.tables import AeroDatabase, CheckCase
 
 _KIND: Final = "MAT"
 _HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(
     116
 )  # no date: equal databases give equal bytes
+_MAX_DEPTH: Final = 20  # structs inside each other
 _TABLE: Final = ("name", "arguments", "breakpoints", "values")
 _INCREMENT: Final = (
     "axis",
@@ -111,7 +112,7 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
     """
     check_size(data, where)
     try:
-        (content,) = read_mat(data, MAX_BYTES)["aerodb"]
+        (content,) = _variables(data)["aerodb"]
         tables = {
             entry["name"]: _table(entry["breakpoints"], entry["values"])
             for entry in content["tables"]
@@ -139,6 +140,57 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
             f"not an exported MAT file with a struct 'aerodb': {error}", where, "export it again"
         ) from error
     return from_contents(contents, _KIND, where)
+
+
+def _variables(data: bytes) -> dict[str, Any]:
+    """Return the variables of a MAT-file by name, at most MAX_BYTES when expanded.
+
+    Numbers are float64 arrays, text is str, a cell is a flat list, and a struct (of any size) is a
+    flat list of dicts.
+
+    Raises ValueError for anything that is not such a file, and OverflowError beyond the limit.
+    """
+    if data.startswith(b"MATLAB 7.3"):
+        raise ValueError("a MAT-file of version 7.3 (in MATLAB: save with -v7)")
+    if not is_mat5(data):
+        raise ValueError("not a MAT-file of version 5 to 7 (in MATLAB: save with -v7)")
+    file, variables, room = MatElements.of_file(data), dict[str, Any](), MAX_BYTES
+    while file.at < len(data):
+        array = file.array(room)
+        room -= len(array.data)
+        name, value = _named(array, 0)
+        variables[name] = value
+    return variables
+
+
+def _named(array: MatElements, depth: int) -> tuple[str, Any]:
+    """Name and value of an array."""
+    if depth > _MAX_DEPTH:
+        raise ValueError("structs are nested too deeply")
+    if not array.data:
+        return "", np.empty((0, 0))
+    header = array.header()
+    count = math.prod(header.shape)
+    value: Any
+    if header.kind == MatClass.CELL:
+        value = [_named(array.array(), depth + 1)[1] for _ in range(count)]
+    elif header.kind == MatClass.STRUCT:
+        fields = array.fields()
+        value = [
+            {field: _named(array.array(), depth + 1)[1] for field in fields}
+            for _ in range(count if fields else 0)
+        ]
+    elif header.kind == MatClass.CHAR:
+        if header.shape[0] > 1:
+            raise ValueError("text of several rows")
+        value = array.text()
+    elif header.is_number:
+        value = np.array(array.shaped(header), dtype=np.float64, order="C")
+    else:
+        raise ValueError(
+            f"an array of class {header.kind}, which is neither struct, cell, text nor numbers"
+        )
+    return header.name, value
 
 
 def _cell(items: Sequence[Any]) -> Any:
