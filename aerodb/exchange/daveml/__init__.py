@@ -3,7 +3,7 @@
 `import_daveml` reads a file into an AeroDatabase; `export_daveml` writes one and verifies the
 file's own check cases before it returns it; `is_daveml` recognises the format.
 
-Reading: `xml_elements` parses the XML, `reader` walks its elements, `tables` reads tables and
+Reading: `root_element` parses the XML, `reader` walks its elements, `tables` reads tables and
 uncertainties, `mathml` reads calculations, `names` maps standard names, units and signs to
 channels and axes, and `model` builds the database.
 
@@ -20,6 +20,6 @@ if TYPE_CHECKING:
     from .export import export_daveml
     from .names import read_unit
     from .reader import import_daveml
-    from .xml_elements import is_daveml
+    from .root_element import is_daveml
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

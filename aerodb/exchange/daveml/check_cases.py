@@ -13,12 +13,12 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.names import Declaration, read_unit, unit_conversion
-from aerodb.exchange.daveml.xml_elements import (
+from aerodb.exchange.daveml.root_element import read_root
+from aerodb.exchange.xml_elements import (
     children,
     find,
     number,
     own_text,
-    read_root,
     required,
     tag,
     unsupported,

@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any, Final
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.xml_elements import children, own_text, tag, unsupported
-from aerodb.exchange.daveml.xml_elements import number as read_number
+from aerodb.exchange.xml_elements import children, own_text, tag, unsupported
+from aerodb.exchange.xml_elements import number as read_number
 from aerodb.tables import FUNCTIONS, Call, Expression, Negation, Number, Operation, number
 
 Resolve = Callable[[str], Expression]

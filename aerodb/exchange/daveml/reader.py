@@ -16,6 +16,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.mathml import read_math
 from aerodb.exchange.daveml.model import Model, Signal
 from aerodb.exchange.daveml.names import Declaration
+from aerodb.exchange.daveml.root_element import read_root
 from aerodb.exchange.daveml.tables import (
     METADATA,
     Argument,
@@ -27,12 +28,11 @@ from aerodb.exchange.daveml.tables import (
     read_breakpoints,
     read_point_lists,
 )
-from aerodb.exchange.daveml.xml_elements import (
+from aerodb.exchange.xml_elements import (
     children,
     find,
     number,
     plain,
-    read_root,
     required,
     tag,
     unsupported,

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.xml_elements import (
+from aerodb.exchange.xml_elements import (
     children,
     choice,
     find,

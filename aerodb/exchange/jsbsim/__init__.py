@@ -6,7 +6,7 @@
 check cases for it, and `check_in_jsbsim` compares JSBSim with the database at these cases;
 `input_properties` names the JSBSim property of each input.
 
-Reading: `xml_elements` parses the XML, `reader` builds the database, `functions`, `operations` and
+Reading: `metrics` parses the XML, `reader` builds the database, `functions`, `operations` and
 `table` read functions and their tables, `axes` holds axes and frames.
 
 Writing: `export` builds the file, `mass_balance` its mass, `writing` its functions and `elements`

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.exchange.jsbsim.metrics import read_number, read_root
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, INCH, SLUG_PER_FT3
-from aerodb.exchange.jsbsim.xml_elements import read_number, read_root
 from aerodb.nomenclature import AXES, is_surface
 from aerodb.support import Array
 from aerodb.tables import (

@@ -10,10 +10,10 @@ from typing import Any, Final, NoReturn
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.exchange.jsbsim.metrics import MAX_NAME, read_number
 from aerodb.exchange.jsbsim.operations import build_operation
 from aerodb.exchange.jsbsim.properties import OWN_FREE, property_identifier
 from aerodb.exchange.jsbsim.table import read_table, stack_slices
-from aerodb.exchange.jsbsim.xml_elements import MAX_NAME, read_number
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.support import Array
 from aerodb.tables import (

@@ -15,8 +15,8 @@ from lxml import etree
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.elements import Element
 from aerodb.exchange.jsbsim.export import INPUTS
+from aerodb.exchange.jsbsim.metrics import read_reference, read_root, read_section
 from aerodb.exchange.jsbsim.reader import Loader
-from aerodb.exchange.jsbsim.xml_elements import read_reference, read_root, read_section
 
 
 @dataclass(frozen=True)

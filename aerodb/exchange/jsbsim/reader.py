@@ -14,6 +14,13 @@ from aerodb.errors import InputError, OpenQuestionsError, UnknownNameError, near
 from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, axis_shares, body_forces, check_systems
 from aerodb.exchange.jsbsim.functions import TEXT, Functions
+from aerodb.exchange.jsbsim.metrics import (
+    read_constants,
+    read_limits,
+    read_reference,
+    read_root,
+    read_section,
+)
 from aerodb.exchange.jsbsim.properties import (
     LIFT_SQUARED,
     OWN_CHANNEL,
@@ -25,13 +32,6 @@ from aerodb.exchange.jsbsim.properties import (
     hysteresis_description,
     hysteresis_limits,
     property_unit,
-)
-from aerodb.exchange.jsbsim.xml_elements import (
-    read_constants,
-    read_limits,
-    read_reference,
-    read_root,
-    read_section,
 )
 from aerodb.nomenclature import channel
 from aerodb.tables import (

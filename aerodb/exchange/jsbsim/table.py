@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.jsbsim.xml_elements import shortened
+from aerodb.exchange.xml_elements import shortened
 from aerodb.support import Array
 from aerodb.tables import Table
 

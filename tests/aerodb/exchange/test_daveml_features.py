@@ -8,7 +8,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.check_cases import read_check_cases, verify_cases
 from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.daveml.reader import import_daveml
-from aerodb.exchange.daveml.xml_elements import is_daveml
+from aerodb.exchange.daveml.root_element import is_daveml
 from aerodb.exchange.native import from_document, to_document
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.uncertainty import Uncertainty

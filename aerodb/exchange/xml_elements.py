@@ -1,10 +1,4 @@
-"""Parse DAVE-ML XML without entities, external files or network; read numbers and texts.
-
-A document type that only names the standard's DTD is common in these files and is not followed. A
-document type with declarations is refused.
-
-Source: DAVE-ML 2.0, AIAA S-119; elements: https://daveml.org/DTDs/2p0/Ref.
-"""
+"""Parse XML without entities, external files or network; read numbers and texts of elements."""
 
 import math
 import re
@@ -17,70 +11,36 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError, nearest
 
-MAX_BYTES: Final = 100_000_000
-MAX_ATTRIBUTE: Final = 10_000  # characters
-MAX_DEPTH: Final = 250  # nested elements
-ROOT: Final = "DAVEfunc"
-
+_SHOWN: Final = 80  # characters
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 _SEPARATORS = re.compile(r"[\s,;]+")
 
 
-def read_root(xml: bytes, where: str) -> Any:
-    """Return the element ``<DAVEfunc>``.
+def parsed(xml: bytes, where: str, most_bytes: int, remove_comments: bool = False) -> Any:
+    """Return the root element; processing instructions are left out, and entities not expanded.
 
-    Raises InputError for content that is not DAVE-ML, declared entities, and sizes beyond the
-    limits above.
+    Raises InputError for content that is not XML, and for more than `most_bytes`. The parser itself
+    refuses nesting beyond 256 levels.
     """
-    if len(xml) > MAX_BYTES:
-        raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
+    if len(xml) > most_bytes:
+        raise InputError(f"{len(xml)} bytes of XML", where, f"at most {most_bytes}")
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
         load_dtd=False,
-        dtd_validation=False,
+        remove_comments=remove_comments,
         remove_pis=True,
     )
     try:
-        root = etree.fromstring(xml, parser)
+        return etree.fromstring(xml, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise InputError(f"not valid XML: {error}", where) from None
-    declared = root.getroottree().docinfo.internalDTD
-    if declared is not None and (list(declared.iterentities()) or list(declared.iterelements())):
-        raise InputError(
-            "a document type with declarations of its own",
-            where,
-            "remove the part of <!DOCTYPE between [ and ]",
-        )
-    _check_tree(root, where)
-    if tag(root) != ROOT:
-        raise InputError(f"root element <{tag(root)}>", where, f"a DAVE-ML file has <{ROOT}>")
-    return root
+        raise InputError(f"not valid XML: {shortened(str(error))}", where) from None
 
 
-def is_daveml(xml: bytes) -> bool:
-    """Return whether the first element is DAVE-ML's, without parsing the file."""
-    start = re.search(
-        rb"<(?![?!])(?:[\w.-]+:)?([\w.-]+)",
-        re.sub(rb"<!--.*?-->", b"", xml[:1_000_000], flags=re.DOTALL),
-    )
-    return start is not None and start.group(1) == ROOT.encode()
-
-
-def _check_tree(root: Any, where: str) -> None:
-    pending = [(root, 1)]
-    while pending:
-        element, depth = pending.pop()
-        if element.tag is etree.Entity:
-            raise InputError(f"the entity {element.text}", where, "write its replacement text")
-        if depth > MAX_DEPTH:
-            raise InputError(f"more than {MAX_DEPTH} nested elements", where)
-        for name, value in element.attrib.items() if isinstance(element.tag, str) else ():
-            if len(value) > MAX_ATTRIBUTE:
-                raise InputError(
-                    f"{len(value)} characters in attribute '{name}' of <{tag(element)}>", where
-                )
-        pending.extend((child, depth + 1) for child in element)
+def shortened(text: str | None) -> str:
+    """Return text of a file for messages: one line of limited length."""
+    line = " ".join((text or "").split())
+    return line if len(line) <= _SHOWN else f"{line[:_SHOWN]}..."
 
 
 def tag(element: Any) -> str:

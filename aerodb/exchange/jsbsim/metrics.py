@@ -1,18 +1,16 @@
-"""Parse JSBSim's XML without document types, entities or network; read numbers and metrics."""
+"""Sections, numbers and metrics of JSBSim's XML, which has no document type."""
 
 import math
 from collections.abc import Callable
 from typing import Any, Final
 
-from lxml import etree
-
 from aerodb.errors import InputError, nearest
+from aerodb.exchange.xml_elements import parsed, shortened
 from aerodb.tables import Reference
 from aerodb.units import convert
 
-MAX_BYTES: Final = 20_000_000
+_MAX_BYTES: Final = 20_000_000
 MAX_NAME: Final = 1000  # characters of an attribute or of a property name
-_SHOWN: Final = 80
 _DECLARATIONS: Final = tuple(
     declaration.encode(encoding)
     for declaration in ("<!DOCTYPE", "<!ENTITY")
@@ -42,25 +40,11 @@ def read_root(xml: bytes, where: str) -> Any:
     """Return the root element.
 
     Raises InputError for a document type (entities are never expanded), content that is not XML,
-    more than `MAX_BYTES`, and an attribute of more than `MAX_NAME` characters. The parser itself
-    refuses nesting beyond 256 levels.
+    more than `_MAX_BYTES`, and an attribute of more than `MAX_NAME` characters.
     """
-    if len(xml) > MAX_BYTES:
-        raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
     if any(declaration in xml for declaration in _DECLARATIONS):
         raise _document_type(where)
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
-    )
-    try:
-        root = etree.fromstring(xml, parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
-        raise InputError(f"not valid XML: {shortened(str(error))}", where) from None
+    root = parsed(xml, where, _MAX_BYTES, remove_comments=True)
     if root.getroottree().docinfo.doctype:
         raise _document_type(where)
     for element in root.iter():
@@ -77,12 +61,6 @@ def read_root(xml: bytes, where: str) -> Any:
 
 def _document_type(where: str) -> InputError:
     return InputError("XML with a document type", where, "remove the <!DOCTYPE ...> declaration")
-
-
-def shortened(text: str | None) -> str:
-    """Return text of a file for messages: one line of limited length."""
-    line = " ".join((text or "").split())
-    return line if len(line) <= _SHOWN else f"{line[:_SHOWN]}..."
 
 
 def only_child(parent: Any, tag: str, where: str) -> Any:
