@@ -74,7 +74,7 @@ class FlightView:
 
     @property
     def flight(self) -> str:
-        """The flight's id."""
+        """The flight's id, as `Flight.id`."""
         return self.recorded.id
 
     @property
@@ -84,23 +84,24 @@ class FlightView:
 
     @property
     def step(self) -> float:
-        """Time between samples [s]."""
+        """Time [s] between samples, a scalar."""
         return self.recorded.step
 
     @cached_property
     def usable(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Body axis that the flight gives -> (n,)."""
+        """Body axis that the flight gives -> mask (n,) of its usable samples; see
+        `Comparison.usable`."""
         usable = self.comparison.usable
         return {axis: usable[axis] for axis in AXES if axis in usable}
 
     def has(self, names: Iterable[str]) -> bool:
-        """Whether the flight holds all of these channels, with enough good samples."""
+        """Return whether the flight holds all of these channels, with enough good samples."""
         return all(name in self.channels and name not in self.poor for name in names)
 
     @property
     def reference(self) -> Reference:
-        """The database's reference geometry: columns are coefficients over it, moments about its
-        point."""
+        """The database's reference geometry: columns are coefficients over its area [m²] and
+        lengths [m], moments about its point (3,)."""
         return self.database.reference
 
     def slope(self, variable: str) -> Mapping[str, Array]:

@@ -81,7 +81,8 @@ class Hypothesis:
 
     @property
     def written_on(self) -> tuple[str, ...]:
-        """Body or wind axes of its formula; `axes` are the body axes on which it acts."""
+        """Body or wind axes of its `formula`, one regressor (n,) each; `axes` are the body axes on
+        which it acts."""
         return tuple(axis for axis, _ in self.increment) or self.axes
 
     @property
@@ -153,7 +154,8 @@ def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) 
 
 
 def needed_channels(regressor: Expression) -> tuple[str, ...]:
-    """Channels of a flight that a regressor needs; a non-dimensional rate needs the rate and V.
+    """Return the channels of a flight that a regressor needs; a dimensionless rate needs the rate
+    [rad/s] and V [m/s] (`HAT_RATES`).
 
     >>> from aerodb.tables.expression import parse
     >>> needed_channels(parse("alpha*q_hat"))

@@ -184,7 +184,8 @@ def library_sha256(
 ) -> str:
     """Hash of all that decides what can be found.
 
-    It covers ids, formulas and versions, plausible ranges, priors and settings.
+    It covers ids, formulas and versions, plausible ranges and priors (scalars, SI units) and
+    settings; see docs/method/tracing.md, section 2.
     """
     entries = sorted(
         (_described(hypothesis) for hypothesis in hypotheses), key=lambda entry: str(entry["id"])

@@ -45,7 +45,7 @@ class Spline:
         return np.asarray(np.clip((values[:, None] - low) / (high - low), 0.0, 1.0))
 
     def expressions(self, regressor: Expression) -> tuple[Expression, ...]:
-        """``regressor * s_j`` for every interval."""
+        """Return ``regressor * s_j`` for every interval; s_j is (n,), dimensionless, 0 to 1."""
         return tuple(
             parse(
                 f"({regressor})*(clip({self.variable}, {number(a)}, {number(b)}) -"
@@ -56,8 +56,8 @@ class Spline:
 
 
 def variables_of(hypothesis: Hypothesis) -> tuple[str, ...]:
-    """Variables over which the shape of a term may be made finer: alpha, and those of its own that
-    are no rates."""
+    """Return the variables over which the shape of a term may be made finer: alpha, and those of
+    its own that are no rates."""
     names = frozenset[str]().union(*(regressor.names for _, regressor in hypothesis.increment))
     return tuple(
         sorted({"alpha", *(n for n in names if n in _VARIABLES or n.startswith("delta_"))})
@@ -67,10 +67,11 @@ def variables_of(hypothesis: Hypothesis) -> tuple[str, ...]:
 def spline_over(
     variable: str, hypothesis: Hypothesis, views: Sequence[FlightView]
 ) -> Spline | None:
-    """Nodes where the term itself acts: each interval holds the same part of its sum of squares
-    over the flights.
+    """Return nodes (in the variable's SI unit) where the term itself acts: each interval holds the
+    same part of its sum of squares over the flights.
 
-    None where the flights lack the variable or it does not move while the term acts.
+    None where the flights lack the variable or it does not move while the term acts. Columns are
+    (n,).
     """
     values, weights = [], []
     for view in views:

@@ -46,7 +46,7 @@ class Surface:
 
     @property
     def words(self) -> str:
-        """Name for use in a sentence."""
+        """Name for use in a sentence: `name` with spaces."""
         return self.name.replace("_", " ")
 
 

@@ -166,7 +166,8 @@ def on_axis(
     subject: str = "",
     source: str = "",
 ) -> Hypothesis:
-    """An aerodynamic hypothesis on exactly this body or wind axis."""
+    """Return an aerodynamic hypothesis on exactly this body or wind axis; unit : of its scalar
+    parameter, `plausible` in the same."""
     on_wind = axis in WIND_AXES
     return Hypothesis(
         effect=effect,
@@ -223,7 +224,7 @@ def per_axis(
 
 
 def value(regressor: str, **channels: float) -> float:
-    """Evaluate a regressor at one point, for the doctests of the templates.
+    """Evaluate a regressor at one point (scalars in SI units), for the doctests of the templates.
 
     >>> value("max(alpha - 0.175, 0)", alpha=0.2)
     0.025

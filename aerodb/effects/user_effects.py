@@ -64,7 +64,8 @@ class UserEffects(Strict):
 
 
 def parse_effects(text: str, where: str = "effect file") -> tuple[Template, ...]:
-    """Templates from the text of a TOML file.
+    """Return templates from the text of a TOML file (docs/reference/conventions.md, section Effects
+    file).
 
     Raises InputError that names the key, the position in an expression or the unknown channel, with
     the nearest known one.
@@ -73,7 +74,8 @@ def parse_effects(text: str, where: str = "effect file") -> tuple[Template, ...]
 
 
 def registered_templates() -> tuple[Template, ...]:
-    """Templates of installed packages, in the order of their entry points' names.
+    """Return templates of installed packages, in the order of their entry points' names (group
+    `GROUP`).
 
     Raises InputError that names the entry point which cannot be loaded or gives something else.
     """

@@ -40,7 +40,7 @@ _POSITIONS: Final = {"imu": ("INS_POS1",), "gps": ("GPS_POS1", "GPS1_POS")}
 
 
 def is_ardupilot(recording: Recording) -> bool:
-    """Return whether ArduPilot wrote a log."""
+    """Return whether ArduPilot wrote a log: its `format` is ``dataflash``."""
     return recording.format == "dataflash"
 
 

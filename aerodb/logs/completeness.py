@@ -79,7 +79,7 @@ def consequence_of_zeros(channels: Sequence[str], dropped: bool) -> list[str]:
     """Return what to do about channels that are zero throughout, one sentence for what moves and
     one for what may be constant; empty if there is none.
 
-    dropped : whether the mapping counts them as not recorded.
+    dropped : whether the mapping counts them as not recorded. See `zero_channels`.
 
     >>> consequence_of_zeros(["thrust"], True)[0][:44]
     'thrust is zero throughout: not recorded, and'

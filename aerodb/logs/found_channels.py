@@ -37,7 +37,8 @@ def channels_found(
 
     Missing are channels that the mapping knows, or that every flight should have, and that were not
     found. Only names are compared, so that a log can be inspected without a vehicle file: a channel
-    found here may still be empty, and derivable air data count as missing.
+    found here may still be empty, and derivable air data count as missing. Units are not looked at
+    (`MappedLog.locate`).
     """
     log = MappedLog(recording, mapping)
     present = [
@@ -57,7 +58,8 @@ def channels_found(
 
 
 def zero_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
-    """Return the channels whose fields are zero throughout: they were probably not recorded."""
+    """Return the channels whose fields (n,) are zero throughout, in any unit: they were probably
+    not recorded."""
     log = MappedLog(recording, mapping)
     single = [
         entry.name
@@ -75,7 +77,8 @@ def zero_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
 
 
 def empty_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
-    """Return the channels whose fields are there and hold no number at all."""
+    """Return the channels whose fields (n,) are there and hold no number at all
+    (`MappedLog.is_empty`)."""
     log = MappedLog(recording, mapping)
     return tuple(
         entry.name

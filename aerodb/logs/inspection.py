@@ -25,7 +25,7 @@ class Gap:
 
     @property
     def duration(self) -> float:
-        """Length, s."""
+        """Length [s], a scalar."""
         return self.end - self.start
 
 
@@ -47,12 +47,12 @@ class TopicSummary:
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last sample, s."""
+        """Time [s] from the first to the last sample, a scalar."""
         return self.end - self.start
 
     @property
     def longest_gap(self) -> float:
-        """Length of the longest gap, s; 0 without one."""
+        """Length [s] of the longest gap, a scalar; 0 without one."""
         return max((gap.duration for gap in self.gaps), default=0.0)
 
 
@@ -124,7 +124,8 @@ def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:
 def describe(recording: Recording) -> RecordingSummary:
     """Return what ``aerodb log inspect`` shows: rate, samples, gaps, fields, damage per topic.
 
-    Times [s], rates [Hz]. Kinds of damage: `docs/reference/conventions.md`, "Damage".
+    Times [s], rates [Hz]. Kinds of damage: `docs/reference/conventions.md`, "Damage". Fields are
+    arrays (n,) of one topic.
     """
     topics = tuple(
         _describe_topic(recording, topic) for _, topic in sorted(recording.topics.items())

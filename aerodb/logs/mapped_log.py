@@ -99,7 +99,8 @@ class MappedLog:
         return convert(values * time.scale, unit, "s") if same_length else None
 
     def locate(self, source: Source) -> _Location | None:
-        """Return topic and field of a source: the first match that exists and is numeric."""
+        """Return topic and field of a source: the first match that exists and is numeric, (n,), in
+        its own unit, or None."""
         for topic in self._topics(source.topic):
             values = self.recording.topics[topic].fields.get(source.field)
             if values is not None and np.asarray(values).dtype.kind in "fiub":
@@ -116,7 +117,8 @@ class MappedLog:
         return [self._renamed] if self._renamed else []
 
     def is_zero(self, source: Source) -> bool:
-        """Return whether the field of a source is there and zero throughout."""
+        """Return whether the field of a source (n,) is there and zero throughout, whatever its
+        unit."""
         location = self.locate(source)
         if location is None:
             return False
@@ -124,7 +126,8 @@ class MappedLog:
         return len(values) > 0 and not np.any(values)
 
     def is_empty(self, source: Source) -> bool:
-        """Return whether the field of a source is there and holds no number."""
+        """Return whether the field of a source (n,) is there and holds no finite number, whatever
+        its unit."""
         location = self.locate(source)
         if location is None:
             return False

@@ -196,7 +196,8 @@ def numeric_columns(topic: Topic) -> Iterator[tuple[str, Array]]:
 
 
 def plain_name(field: str) -> tuple[str, str]:
-    """Name of a field in lower case without its unit, and that unit, '' where it states none.
+    """Return the name of a field in lower case without its unit, and that unit, '' where it states
+    none (`_UNIT_WORDS`).
 
     >>> plain_name("AoA [deg]"), plain_name("airspeed_kts"), plain_name("data.angleOfAttack")
     (('aoa', 'deg'), ('airspeed', 'knot'), ('angle_of_attack', ''))

@@ -213,7 +213,8 @@ class Mapping(Strict):
 def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
     """Return the Mapping that a TOML text describes.
 
-    Raises InputError with the key, the reason and the nearest known key.
+    Raises InputError with the key, the reason and the nearest known key. Every source states its
+    unit; values become SI.
     """
     return validated_toml(Mapping, text, where)
 

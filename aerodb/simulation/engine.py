@@ -88,12 +88,14 @@ class FlightModel:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Estimates of the increments, by name: what a run may vary."""
+        """Estimates of the increments, by name: what a run may vary, as scalars per SI unit of the
+        regressor."""
         return dict(zip(self.total.estimates, self.total.values, strict=True))
 
     @property
     def extra_states(self) -> tuple[str, ...]:
-        """Names of the states after `STATE`: those of the database and the actuators'."""
+        """Names of the states after `STATE` (actuators' in [rad]): those of the database and the
+        actuators'."""
         return (*(state.name for state in self.total.states), *self.actuated)
 
 
@@ -179,7 +181,8 @@ def flight_model(
 
 
 def with_feedback(model: FlightModel, feedback: Mapping[tuple[str, str], float]) -> FlightModel:
-    """The model with other feedback; see `flight_model`."""
+    """Return the model with other feedback gains, in the input's SI unit per that of the channel;
+    see `flight_model`."""
     return replace(model, numbers=model.numbers._replace(gains=_gains(model.inputs, feedback)))
 
 
@@ -229,7 +232,8 @@ class Simulation:
     rates: Array
 
     def notes(self, run: int = 0) -> list[str]:
-        """What the user must know of a run: divergence and tables that were left, with times."""
+        """Return what the user must know of a run: divergence and tables that were left, with times
+        [s], angles [deg]; arrays are those of `channels` (n, k)."""
         said = []
         if self.ended[run] < len(self.time):
             last = int(self.ended[run]) - 1

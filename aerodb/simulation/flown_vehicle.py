@@ -43,7 +43,8 @@ class FlownVehicle:
         return "thrust" if self.propulsion else "force_x"
 
     def build(self, database: AeroDatabase) -> FlightModel:
-        """Another database with the same propulsion."""
+        """Return the model of another database with the same propulsion (`flight_model`; its errors
+        are InputError)."""
         return flight_model(database, engines=self.propulsion)
 
 
@@ -80,8 +81,8 @@ def stretch_model(
     flight: Flight,
     feedback: Mapping[tuple[str, str], float] | None = None,
 ) -> FlightModel:
-    """The database as a `FlightModel`: over the rotating earth where the flight's place is known,
-    else over a flat one."""
+    """Return the database as a `FlightModel` (SI units): over the rotating earth where the flight's
+    place is known, else over a flat one."""
     earth = None
     if "latitude" in flight and "longitude" in flight:
         good = flight.usable(["latitude", "longitude"])
@@ -92,7 +93,8 @@ def stretch_model(
 
 
 def surface_limits(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
-    """Limits of the surfaces [rad], and of combinations of two, each by itself."""
+    """Return limits (low, high) of the surfaces [rad], and of combinations of two, each by itself,
+    as `Vehicle.surfaces` states them."""
     ends = {name: surface.limits for name, surface in vehicle.surfaces.items()}
     for name, pair in vehicle.combinations.items():
         right, left = vehicle.surfaces[pair.right].limits, vehicle.surfaces[pair.left].limits

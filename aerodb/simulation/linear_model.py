@@ -113,6 +113,7 @@ def linear_model(trim: Trim, form: Form = "velocities") -> LinearModel:
     of actuators follow. The density is that of the trim's altitude.
 
     Inputs are the inputs of the database and what holds the airspeed. Outputs are at the CG.
+    Matrices are (s, s), (s, m), (o, s), (o, m), in SI units.
     """
     model = trim.problem.model
     thrust = trim.problem.thrust or "force_x"

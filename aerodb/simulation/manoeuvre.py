@@ -95,7 +95,8 @@ class Manoeuvre:
 def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     """Return a manoeuvre from TOML; docs/method/simulation.md shows the form.
 
-    Raises InputError naming the entry that is wrong.
+    Raises InputError naming the entry that is wrong. Quantities become SI units: [m/s], [m], [rad],
+    [s].
     """
     try:
         document = tomllib.loads(text)

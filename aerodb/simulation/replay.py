@@ -119,7 +119,8 @@ def stretch_of(
 def fly_stretch(
     model: FlightModel, stretch: Stretch, parameters: Mapping[str, Array] | None = None
 ) -> Simulation:
-    """Fly a stretch open loop, or with the model's feedback; see `simulate`."""
+    """Fly a stretch open loop, or with the model's feedback; see `simulate`, whose arrays are (n,
+    k) in SI units."""
     step = float(stretch.time[1] - stretch.time[0])
     parts = max(1, int(np.ceil(step / 0.02 - 1e-9)))
     return simulate(
@@ -180,8 +181,9 @@ def with_trim_offset(
 
 
 def moved_controls(model: FlightModel, stretch: Stretch) -> tuple[str, ...]:
-    """Axes (roll, pitch, yaw) on which the inputs' movements act most: those with at least 40 % of
-    the greatest angular acceleration that the movements make at the start."""
+    """Return the axes (roll, pitch, yaw) on which the inputs' movements act most: those with at
+    least 40 % of the greatest angular acceleration [rad/s²] that the movements make at the start.
+    See `simulate`."""
     now = {name: float(values[0]) for name, values in stretch.series.items()}
     ranges = [float(np.ptp(stretch.series[name])) for name in model.inputs]
     moved = [name for name, extent in zip(model.inputs, ranges, strict=True) if extent > 0]

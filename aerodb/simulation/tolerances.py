@@ -55,8 +55,8 @@ class Band:
         return np.asarray(np.abs(simulated - flown) <= max(self.width, self.share * excursion))
 
     def holds_for(self, simulated: Oscillation | None, flown: Oscillation) -> bool:
-        """Whether the figure of the oscillation is inside; a response that does not oscillate as
-        the flight does is outside."""
+        """Return whether the figure of the oscillation (period or half time [s], damping [-]) is
+        inside; a response that does not oscillate as the flight does is outside."""
         if simulated is None:
             return False
         theirs, ours = (_FIGURES[self.of](each) for each in (flown, simulated))
@@ -106,7 +106,8 @@ class Response:
 def parse_tolerances(text: str, where: str = "tolerances") -> Tolerances:
     """Return tolerances from TOML; `aerodb/simulation/tolerances.toml` shows the form.
 
-    Raises InputError naming the entry that is wrong.
+    Raises InputError naming the entry that is wrong. Widths are in the channel's unit, shares
+    dimensionless.
     """
     try:
         document = tomllib.loads(text)
@@ -204,7 +205,8 @@ def check_responses(
 def response_agreement(
     simulated: Mapping[str, Array], flown: Mapping[str, Array]
 ) -> tuple[Response, ...]:
-    """Theil's statistics and rms errors of all responses that both have, of at least 3 samples."""
+    """Return Theil's statistics (dimensionless) and rms errors (SI units) of all responses (n,)
+    that both have, of at least 3 samples."""
     found = []
     for channel in RESPONSES:
         if channel not in flown or channel not in simulated:

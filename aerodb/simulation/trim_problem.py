@@ -78,7 +78,8 @@ class Condition:
 
     @property
     def fixed(self) -> dict[str, float]:
-        """Those of bank (as phi), beta and turn rate that are not found."""
+        """Those of bank (as phi) [rad], beta [rad] and turn rate [rad/s] that are given, as
+        scalars; the trim finds the others."""
         stated = {"phi": self.bank, "beta": self.beta, "turn_rate": self.turn_rate}
         given = {name: value for name, value in stated.items() if value is not None}
         if self.load_factor is not None and not self.pull_up:
@@ -153,7 +154,7 @@ class Problem:
         return start, series
 
     def flown(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Simulation:
-        """The runs at z (u, k), one sample each."""
+        """Return the runs, channels (1, k) in SI units, at z (u, k), one sample each."""
         start, series = self.placed(z)
         return simulate(self.model, np.zeros(1), start, series, parameters=parameters)
 
@@ -212,7 +213,8 @@ def control_inputs(
 
     Two surfaces of mirrored effect (equal in pitch, opposite in roll and yaw, or the reverse) are
     moved together or against each other. The three controls whose moments span the largest volume
-    are taken; an axis that no input moves has no control.
+    are taken; an axis that no input moves has no control. Deflections are in [rad], moments
+    dimensionless.
     """
     if not free:
         return {}
@@ -268,7 +270,8 @@ def problem_of(
     limits: Mapping[str, tuple[float, float]],
     thrust: str,
 ) -> Problem:
-    """Return the problem of a trim; its arguments are those of `trim`."""
+    """Return the problem of a trim, in SI units; its arguments are those of `trim`. Raises
+    InputError for a rotating earth, an unknown input or axis, and limits in the wrong order."""
     where = f"trim of {model.database.name}"
     if model.earth is not None:
         raise InputError(

@@ -135,7 +135,8 @@ class AxisShares:
         return 1.0 - float(np.var(left)) / max(float(np.var(measured)), 1e-300)
 
     def inside(self, samples: int) -> "AxisShares":
-        """Return the axis without its first and last samples."""
+        """Return the axis without its first and last `samples`: the mask (n,) becomes false
+        there."""
         where = self.where.copy()
         where[:samples], where[len(where) - samples :] = False, False
         return replace(self, where=where)

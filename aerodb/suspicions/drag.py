@@ -29,6 +29,7 @@ def drag_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     the plane of symmetry.
 
     Accelerations [m/s^2], thrust [N]. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Channels are (n,).
     """
     x = next((name for name in ("ax", "ax_imu") if name in flight), "")
     z = next((name for name in ("az", "az_imu") if name in flight), "")

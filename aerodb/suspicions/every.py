@@ -39,7 +39,7 @@ def against_vehicle(
     judged if no channel of the motion is suspected, and the effect of surfaces if air and masses
     are right: correct what is named and run again.
 
-    Source: `docs/method/consistency.md`, "Against the vehicle".
+    Channels (n,) are in SI units. Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
     moving = _MOTION.isdisjoint(suspected)
@@ -55,9 +55,10 @@ def against_vehicle(
 
 
 def limits_flight(suspicion: Suspicion) -> bool:
-    """Whether a suspicion limits the verdict on a flight: flight-path reconstruction judges motion,
-    and a surface, the density, masses and sizes are beyond its reach. A surface that may have stood
-    still is no fault, nor is what aerodynamics may explain as well."""
+    """Return whether a suspicion limits the verdict on a flight: flight-path reconstruction judges
+    motion, and a surface, the density, masses and sizes are beyond its reach. A surface that may
+    have stood still is no fault, nor is what aerodynamics may explain as well. Source:
+    docs/method/consistency.md, section Verdict."""
     if suspicion.kind in (UNMOVED, POSSIBLE):
         return False
     return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
@@ -67,9 +68,10 @@ def examined_beside(
     flight: Flight, vehicle: Vehicle, clocks: tuple[Suspicion, ...] = ()
 ) -> Conditioning:
     """Return the findings on a flight whose unusable samples are flagged: those of conditioning,
-    then what contradicts physics beside its vehicle.
+    then what contradicts physics, given its vehicle.
 
-    clocks : suspicions about the time stamps of its recording.
+    clocks : suspicions about the time stamps of its recording. Channels are (n,), sizes in [m]; see
+    `examine` and `against_vehicle`.
     """
     size = vehicle.reference
     found = examine(flight, clocks, size.span, size.chord)

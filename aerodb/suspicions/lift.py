@@ -41,7 +41,8 @@ def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     The slope is judged by Helmbold's equation, ``2 pi A / (2 + sqrt(A^2 + 4))``, for the aspect
     ratio A = b^2 / S, with compressibility left to the margin.
 
-    Source: `docs/method/consistency.md`, "Against the vehicle".
+    Coefficients are dimensionless, the slope is per rad; mass [kg], area [m²], qbar [Pa]. Source:
+    `docs/method/consistency.md`, "Against the vehicle".
     """
     names = [name for name in ("az", "az_imu") if name in flight][:1]
     known = known_masses(flight, vehicle)

@@ -39,7 +39,7 @@ def mass_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     Where mass properties change in flight, their medians are judged.
 
     Mass [kg], inertia [kg m^2], lengths [m]. Source: `docs/method/consistency.md`, "Against the
-    vehicle".
+    vehicle". Channels are (n,).
     """
     size = vehicle.reference
     listed = _geometry(size)

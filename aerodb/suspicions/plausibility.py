@@ -63,7 +63,8 @@ def suspicions(
 ) -> tuple[Suspicion, ...]:
     """Return the likely faults of wiring, sign, unit or declaration; empty for a good record.
 
-    span, chord : of the vehicle, m; None: not known.
+    span, chord : of the vehicle [m]; None: not known. Channels are (n,), in SI units; flags are
+    `FLAGS`.
 
     The checks:
 

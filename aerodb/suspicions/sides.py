@@ -39,7 +39,7 @@ def side_suspicions(
 
     controls : as `by_role` gives them.
 
-    Source: `docs/method/consistency.md`, "Against the vehicle".
+    Deflections (n,) are in [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
     """
     listed = []
     for right, left, apart in _pairs(vehicle, controls):

@@ -116,7 +116,7 @@ def _bounds(surface: Surface | None) -> tuple[float, float]:
 
 def by_role(flight: Flight, vehicle: Vehicle, unusable: Collection[str]) -> dict[str, Control]:
     """Return the controls of a flight by channel name; pairs of sides as one, combinations in place
-    of their members.
+    of their members; weights are dimensionless scalars.
 
     vehicle : its combinations, and whether a sign is declared.
     """
@@ -162,7 +162,8 @@ def _pair(name: str, flight: Flight) -> tuple[str, str] | None:
 
 
 def is_declared(name: str, vehicle: Vehicle) -> bool:
-    """Whether the vehicle file declares a deflection, with the sign of the conventions."""
+    """Return whether the vehicle file declares a deflection, with the sign of the conventions
+    (docs/reference/conventions.md, section Axes, signs, units)."""
     short = name.removeprefix("delta_")
     combination = vehicle.combinations.get(short)
     if combination is not None:

@@ -22,7 +22,7 @@ SIZES: Sizes = {
 
 
 def regressor(delta: str) -> str:
-    """Angle of attack times deflection."""
+    """Angle of attack times deflection [rad²], (n,)."""
     return f"alpha*{delta}"
 
 

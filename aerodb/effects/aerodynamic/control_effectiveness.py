@@ -23,7 +23,7 @@ SIZES: Sizes = {
 
 
 def regressor(delta: str) -> str:
-    """The deflection itself."""
+    """The deflection itself [rad], (n,)."""
     return delta
 
 

@@ -21,7 +21,7 @@ SIZES: Sizes = {
 
 
 def regressor(delta: str) -> str:
-    """The cube of the deflection."""
+    """The cube of the deflection [rad³], (n,)."""
     return f"{delta}^3"
 
 

@@ -18,7 +18,7 @@ SIZES: Sizes = {
 
 
 def regressor(delta: str) -> str:
-    """The deflection itself."""
+    """The gear's position itself, 0 up to 1 down (dimensionless), (n,)."""
     return delta
 
 

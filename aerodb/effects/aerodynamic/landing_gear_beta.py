@@ -20,7 +20,7 @@ SOURCE = "003, eq. 6"
 
 
 def regressor(delta: str, axis: str) -> str:
-    """Gear position times sideslip, to either side alike on CZ."""
+    """Gear position times sideslip, to either side alike on CZ; [rad], (n,)."""
     return f"{delta}*abs(beta)" if axis == "CZ" else f"{delta}*beta"
 
 

@@ -12,8 +12,8 @@ from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, vary
 
 @lru_cache(maxsize=64)
 def zero_lift_alpha(database: AeroDatabase) -> float:
-    """Alpha [rad] in +-20 deg, nearest to zero, at which the database's clean lift vanishes, to
-    1e-4; 0 where it never does."""
+    """Return the alpha [rad] (a scalar) in +-20 deg, nearest to zero, at which the database's clean
+    lift vanishes, to 1e-4; 0 where it never does."""
     if "alpha" not in database.inputs:
         return 0.0
     alpha = np.linspace(-0.35, 0.35, 141)
@@ -31,7 +31,7 @@ def zero_lift_alpha(database: AeroDatabase) -> float:
 
 
 def from_zero_lift(database: AeroDatabase) -> str:
-    """``(alpha - alpha_0)`` as an expression.
+    """``(alpha - alpha_0)`` [rad] as an expression; see `zero_lift_alpha`.
 
     >>> from aerodb.tables.reference import Reference
     >>> from_zero_lift(AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))))

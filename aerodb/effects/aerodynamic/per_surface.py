@@ -21,10 +21,11 @@ def per_surface(
     source: str,
     named: bool = True,
 ) -> Template:
-    """The template ``C_axis += k * regressor(delta)`` for every surface of the kinds in `sizes`.
+    """Return the template ``C_axis += k * regressor(delta)`` for every surface of the kinds in
+    `sizes` (largest believable k, in `unit`).
 
     grows and name hold ``{surface}``, which becomes the surface's words and channel. named :
-    whether the surface stands in the hypothesis' id also where it is the only one of its kind.
+    whether the surface is in the hypothesis' id also where it is the only one of its kind.
     """
 
     def hypotheses(context: LibraryContext) -> list[Hypothesis]:

@@ -70,8 +70,8 @@ def wrong_part(table: Table, axis: int, odd: bool) -> tuple[Array, Array]:
 
 
 def defects(context: LibraryContext) -> list[Defect]:
-    """Tables with sideslip among their own arguments that enter a coefficient linearly, and what
-    may be wrong with them."""
+    """Return the tables with sideslip among their own arguments that enter a coefficient linearly,
+    and what may be wrong with them."""
     listed = []
     for site in linear_tables(context.database):
         names = [channel.name if channel else None for channel in site.channels]

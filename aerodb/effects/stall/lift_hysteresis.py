@@ -48,7 +48,8 @@ def regressor(database: AeroDatabase, law: Relay) -> Expression:
 
 
 def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
-    """Template of the lift hysteresis with this law, in addition to the library's stall hysteresis.
+    """Return the template of the lift hysteresis (gain [1/rad³]) with this law, in addition to the
+    library's stall hysteresis.
 
     others : flight id -> law on which that flight is judged (cross-fitted); `law` for the rest.
     """

@@ -104,7 +104,8 @@ def stall_regressors(database: AeroDatabase) -> dict[str, Expression]:
 def stall_hypotheses(
     context: LibraryContext, laws: Law | Mapping[str, Law], subject: str = ""
 ) -> list[Hypothesis]:
-    """Hypotheses of stall hysteresis on lift, drag and pitching moment.
+    """Return the hypotheses of stall hysteresis on lift, drag and pitching moment, one scalar gain
+    each, in the unit of `_GAINS`.
 
     Parameters
     ----------
@@ -151,7 +152,8 @@ def stall_hypotheses(
 
 
 def template(laws: Sequence[Law]) -> Template:
-    """Stall-hysteresis template with these laws instead of the default one."""
+    """Return the stall-hysteresis template with these laws instead of the default one; columns are
+    (n,), see `stall_hypotheses`."""
 
     def expanded(context: LibraryContext) -> list[Hypothesis]:
         named = [

@@ -79,7 +79,7 @@ class StallFlight:
 
     @property
     def step(self) -> float:
-        """Sampling interval, s."""
+        """Mean sampling interval [s], a scalar."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def attached(self, law: Law, quickly: bool = False) -> Array:
@@ -163,11 +163,13 @@ class Family:
         }
 
     def gains(self, axis: str) -> tuple[float, float]:
-        """Bounds of the gain on an axis; none for static families, which may bend either way."""
+        """Return bounds (low, high) of the gain on an axis, dimensionless or per rad as
+        `STALL_GAIN_BOUNDS` states; none for static families, which may bend either way."""
         return STALL_GAIN_BOUNDS[axis] if self.law is not None else (-np.inf, np.inf)
 
     def observable(self, flights: Sequence[StallFlight], parameters: Parameters) -> bool:
-        """Whether at least one flight separates enough flow to determine a gain."""
+        """Return whether at least one flight (alpha (n,) [rad]) separates enough flow to determine
+        a gain."""
         if self.law is None:
             return any(
                 bool(np.any(self.static(f.alpha, parameters) != 0.0))
@@ -307,7 +309,8 @@ class Shape:
 
     @property
     def law(self) -> Law | None:
-        """Law of the state model; None for a static family."""
+        """Law of the state model with the shape's `parameters`, scalars in SI units; None for a
+        static family."""
         family = FAMILIES[self.family]
         return None if family.law is None else family.law(tuple(self.parameters.values()))
 

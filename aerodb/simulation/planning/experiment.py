@@ -311,7 +311,8 @@ def _covariance(information: Array) -> Array:
 
 
 def manoeuvre_text(manoeuvre: Manoeuvre) -> str:
-    """The manoeuvre as the TOML file that `parse_manoeuvre` reads."""
+    """Return the manoeuvre as the TOML file that `parse_manoeuvre` reads: SI units, amplitudes in
+    [deg]."""
     condition = manoeuvre.condition
     lines = [f'name = "{manoeuvre.name}"', f"duration = {manoeuvre.duration:g}", "", "[trim]"]
     lines += [f"V = {condition.V!r}", f"altitude = {condition.altitude!r}"]
