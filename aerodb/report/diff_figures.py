@@ -68,7 +68,7 @@ def diff_figure(
     title: str,
     flown: Mapping[str, Array] | None = None,
 ) -> Figure:
-    """Draw the coefficients of two databases before and after, all other inputs neutral.
+    """Draw the coefficients [-] of two databases before and after, all other inputs neutral.
 
     There is one panel per axis that changes and variable over which it changes; if nothing changes,
     one empty panel says so. The band is two standard errors of the increments in one database only;
@@ -95,7 +95,7 @@ def diff_figures(
     names: tuple[str, str],
     flown: Mapping[str, Array] | None = None,
 ) -> list[Figure]:
-    """As `diff_figure`, on as many figures as fit a page each."""
+    """As `diff_figure` (channels (n,) in SI units), on as many figures as fit a page each."""
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = list(_panels(before, after, increments))
     if not panels:

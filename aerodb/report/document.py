@@ -28,7 +28,8 @@ def update_document(
 
     looks : held-out flight -> number of versions that it has validated before.
 
-    ``candidate`` is None; whoever stores the version fills it in.
+    ``candidate`` is None; whoever stores the version fills it in. Values are in SI units; see
+    docs/reference/contract.md, section JSON.
     """
     return {
         **opening(vehicle, baseline, hold_out, excluded, looks),
@@ -43,7 +44,8 @@ def update_document(
 
 
 def remark_documents(remarks: Iterable[Remark]) -> dict[str, Any]:
-    """The keys of a document for remarks: their sentences, and beside each what it is as data."""
+    """Return the keys of a document for remarks: their sentences, and each as data, with value and
+    unit (docs/reference/contract.md, section JSON)."""
     held = list(remarks)
     return {
         "remarks": sentences(held),
@@ -52,14 +54,15 @@ def remark_documents(remarks: Iterable[Remark]) -> dict[str, Any]:
 
 
 def add_remarks(document: dict[str, Any], remarks: Iterable[Remark]) -> None:
-    """Add remarks to the document of an update or a closed loop."""
+    """Add remarks to the document of an update or a closed loop, as `remark_documents` gives them;
+    raises KeyError for a document without their keys."""
     for key, entries in remark_documents(remarks).items():
         document[key] += entries
 
 
 def remarks_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Kind and sentence of each remark in a document; those without data beside them are just
-    said."""
+    """Return kind and sentence of each remark in a document; those without data are just said
+    (`SAID`)."""
     data = document.get("remark_data")
     kinds = former_kinds(document) if data is None else [each["kind"] for each in data]
     return list(zip(chain(kinds, repeat(SAID)), document["remarks"], strict=False))
@@ -72,7 +75,8 @@ def opening(
     excluded: Sequence[tuple[str, str]],
     looks: Mapping[str, int],
 ) -> dict[str, Any]:
-    """Common head of the documents of updates and closed loops: versions and roles of flights."""
+    """Return the common head of the documents of updates and closed loops: versions and roles of
+    flights. See docs/reference/contract.md, section JSON."""
     return {
         "vehicle": vehicle,
         "baseline": baseline,
@@ -87,7 +91,8 @@ def opening(
 
 
 def axis_document(entry: AxisValidation) -> dict[str, Any]:
-    """Errors of one axis before and after (docs/reference/contract.md, "JSON")."""
+    """Return the errors of one axis before and after, rms of coefficients and dimensionless
+    (docs/reference/contract.md, section JSON)."""
     return {
         "rms_before": entry.rms_before,
         "rms_after": entry.rms_after,
@@ -106,7 +111,8 @@ def axis_document(entry: AxisValidation) -> dict[str, Any]:
 
 
 def beyond_document(entry: Beyond) -> dict[str, Any]:
-    """Both errors of a flight outside the envelope (docs/reference/contract.md, "JSON")."""
+    """Return both errors of a flight outside the envelope, dimensionless, and its intervals [s]
+    (docs/reference/contract.md, section JSON)."""
     return {
         **asdict(entry),
         "excursions": [asdict(each) for each in entry.excursions],
@@ -116,10 +122,10 @@ def beyond_document(entry: Beyond) -> dict[str, Any]:
 
 
 def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[Remark]:
-    """Remarks on flights that leave the envelope of what predicts them: where, both errors, and
-    which one the version uses. One per flight and axis.
+    """Return remarks on flights that leave the envelope of what predicts them: where, both errors,
+    and which one the version uses. One per flight and axis.
 
-    labels : flight (id) -> its name.
+    labels : flight (id) -> its name. Errors are dimensionless, angles in [deg] (`excursion_text`).
     """
     remarks = []
     for entry in beyond:
@@ -142,8 +148,8 @@ def _excursion(each: Excursion) -> str:
 
 
 def excursion_text(variable: str, flight: Sequence[float], envelope: Sequence[float]) -> str:
-    """A variable that leaves its envelope: from and to in the flight, and in the envelope; angles
-    in degrees.
+    """Return a variable that leaves its envelope: from and to in the flight, and in the envelope;
+    angles in [deg], others in SI units (`Excursion`).
 
     >>> excursion_text("mach", (0.16, 0.17), (0.2, 0.3))
     'mach 0.16 to 0.17, flown 0.2 to 0.3'
@@ -181,7 +187,8 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
 
 
 def hold_out_remarks(hold_out: HoldOut, within_flights: bool = False) -> list[str]:
-    """Remark on what the errors after mean, if no flight was held out.
+    """Return a remark on what the errors after mean, if no flight was held out
+    (docs/reference/conventions.md, section Hold-out).
 
     within_flights : whether parts of flights were predicted from the rest.
     """

@@ -46,6 +46,7 @@ def estimates_report(
     """Return the HTML page of the document of `estimate_by_methods`.
 
     responses : fitted responses and residuals of each method. head : where the result comes from.
+    Numbers are shown in the units of the document, angles of histories in [deg].
     """
     believe = document["believe"]
     several = len(document["methods"]) > 1

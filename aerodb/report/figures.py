@@ -40,7 +40,7 @@ def update_figure(
     labels: Mapping[str, str],
     errors: bool = True,
 ) -> Figure:
-    """Draw per axis the coefficient over time and the distribution of the residual.
+    """Draw per axis the coefficient [-] over time [s] and the distribution of the residual [-].
 
     Parameters
     ----------

@@ -35,8 +35,8 @@ _TWO_SIDED: Final = 1.96
 
 
 def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
-    """What the verdict of a finding of a closed loop means, and why it was added although it is
-    not confirmed."""
+    """Return what the verdict of a finding of a closed loop means (docs/reference/contract.md,
+    section Verdict names), and why it was added although it is not confirmed."""
     verdict, added = finding["verdict"], document.get("added", ())
     if finding["hypothesis"] not in added or verdict == "confirmed":
         return _MEANS.get(verdict, "")
@@ -51,7 +51,8 @@ def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
 
 
 def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
-    """A finding in words with its figure, in display units.
+    """Return a finding in words with its figure, in display units (`for_people`: degrees for
+    radians).
 
     labels : flight (id) -> its name.
     """
@@ -91,12 +92,14 @@ def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
 
 
 def sentence_of(text: str, labels: Mapping[str, str]) -> str:
-    """A sentence of a document as people read it: names of effects and flights for their ids."""
+    """Return a sentence of a document as people read it: names of effects and flights for their
+    ids. See `in_words`, `with_true_signs` and `named_flights`."""
     return capital(named_flights(with_true_signs(in_words(text)), labels))
 
 
 def named_flights(text: str, labels: Mapping[str, str]) -> str:
-    """A sentence with the names of flights for their ids, and for parts of flights."""
+    """Return a sentence with the names of flights for their ids, and for parts of flights with
+    their window [s] (`voter`)."""
     return _FLIGHT.sub(lambda found: voter(found[1], labels), text)
 
 

@@ -17,10 +17,10 @@ _MOST: Final = 12
 def fit_report(fit: Fit, least_correlation: float = LEAST_CORRELATION) -> str:
     """Return the report of a fit as text.
 
-    Estimates with standard errors (corrected for coloured residuals), 95 % intervals, p-values of
-    a value of zero, Cramer-Rao bounds and insensitivities where the method has them; correlations
-    of at least `least_correlation`; fit and Theil's parts per output; how coloured the residuals
-    are, and how they are correlated with the inputs.
+    Estimates with standard errors (corrected for coloured residuals), 95 % intervals, p-values of a
+    value of zero, Cramer-Rao bounds and insensitivities where the method has them; correlations of
+    at least `least_correlation`; fit and Theil's parts per output; how coloured the residuals are,
+    and how they are correlated with the inputs. Numbers are in the unit of each parameter, SI.
     """
     return "\n".join(
         line

@@ -41,7 +41,7 @@ def disagreements(
 
     Each entry gives both errors. before : flight id -> comparison with the baseline, of the
     validation flights, else of all. Empty where validation was within flights, which leaves nothing
-    to compare.
+    to compare. Errors are rms of coefficients, dimensionless.
     """
     if by_parts(document):
         return []

@@ -45,7 +45,8 @@ PLANES: Final = (("alpha", "beta"), ("mach", "alpha"), ("V", "altitude"))
 
 
 def shown_channels(flight: Flight) -> list[str]:
-    """Names of a flight's channels that a report draws."""
+    """Return the names of a flight's channels that a report draws: those of `SHOWN` and at most
+    `_MOST_SURFACES` surfaces."""
     surfaces = [
         name for name in flight.channels if is_surface(name) or name == "delta_landing_gear"
     ]
@@ -53,7 +54,8 @@ def shown_channels(flight: Flight) -> list[str]:
 
 
 def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Figure:
-    """Draw each channel as measured (grey) and reconstructed (black); unused parts are shaded."""
+    """Draw each channel (n,) as measured (grey) and reconstructed (black) over time [s], in display
+    units (`channel_scale`); unused parts are shaded."""
     columns = min(2, max(1, len(names)))
     rows = max(1, -(-len(names) // columns))
     figure, panels = panel_grid(
@@ -96,9 +98,11 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
 
 
 def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
-    """Draw a row per axis: coefficient over time, residual with noise band, coefficient over angle.
+    """Draw a row per axis: coefficient [-] over time [s], residual with noise band, coefficient
+    over angle [deg].
 
-    The angle is alpha on longitudinal and beta on lateral axes.
+    The angle is alpha on longitudinal and beta on lateral axes. Arrays are those of the comparison,
+    (n,) per axis.
     """
     axes = [axis for axis in AXES if axis in comparison.usable]
     rows = max(1, len(axes))
@@ -178,7 +182,8 @@ def _against(panel: Any, axis: str, comparison: Comparison, flight: Flight) -> N
 
 
 def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
-    """Draw the segments over time, a row per kind: manoeuvres black, states grey."""
+    """Draw the segments over time [s], a row per kind (`Segment.kind`): manoeuvres black, states
+    grey."""
     kinds = list(
         dict.fromkeys(
             segment.kind for segment in sorted(segments, key=lambda each: each.kind in STATES)
@@ -205,7 +210,7 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
 
 
 def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
-    """Draw the usable samples in planes of two channels.
+    """Draw the usable samples (n,) in planes of two channels, in display units (`channel_scale`).
 
     Dashed lines are the edges of the database's tables, where they are near.
     """
@@ -255,7 +260,8 @@ def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | 
 
 
 def table_range(name: str, database: AeroDatabase | None) -> tuple[float, float] | None:
-    """Lowest and highest breakpoint of a channel in the database's tables (SI).
+    """Return the lowest and highest breakpoint of a channel in the database's tables (SI units;
+    `breakpoints_over`).
 
     None where no table depends on the channel.
     """
@@ -266,7 +272,8 @@ def table_range(name: str, database: AeroDatabase | None) -> tuple[float, float]
 def ranges(
     flight: Flight, names: Sequence[str], database: AeroDatabase | None
 ) -> list[dict[str, Any]]:
-    """Rows of ranges per channel in display units: label, low, median, high and table range.
+    """Return rows of ranges per channel in display units (`channel_scale`): label, low, median,
+    high and table range.
 
     The range of the tables is None where no table depends on the channel.
     """

@@ -78,7 +78,8 @@ class FlightStory:
 
 
 def flight_report(story: FlightStory) -> str:
-    """Render the report of a flight as one HTML page."""
+    """Render the report of a flight as one HTML page, in display units (`channel_scale`: degrees
+    for radians); it fetches nothing."""
     flight, names = story.flight, shown_channels(story.flight)
     span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
     histories = [
@@ -129,9 +130,10 @@ def flight_report(story: FlightStory) -> str:
 def verdict_sentence(
     verdict: str, remarks: Sequence[Remark], consistency: Mapping[str, Any] | None
 ) -> str:
-    """Summarize the verdict: what the flight can be used for, why not for more, its consistency.
+    """Return the verdict in a sentence (docs/reference/conventions.md, section Consistency
+    verdicts): what the flight can be used for, why not for more, its consistency.
 
-    What is only suspected takes nothing away from it.
+    What is only suspected takes nothing away from it. Errors are in display units.
     """
     limiting = (remark for remark in remarks if remark.kind != SUSPECTED)
     why = "; ".join(dict.fromkeys(remark.clause for remark in limiting))

@@ -18,7 +18,8 @@ _WITHIN_FLIGHTS: Final = "(cross-validated within flights)"
 
 
 def former_kinds(document: Mapping[str, Any]) -> list[str]:
-    """Return the kinds of a former document's remarks."""
+    """Return the kinds of a former document's remarks, from their words; `SAID` where none is
+    known."""
     return [
         next((kind for words, kind in _KINDS.items() if words in remark), SAID)
         for remark in document["remarks"]

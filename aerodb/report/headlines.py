@@ -26,7 +26,8 @@ _MOST_NAMED: Final = 3
 
 
 def headline(document: Mapping[str, Any]) -> str:
-    """Sum up the document of an update or a closed loop in one sentence."""
+    """Sum up the document of an update or a closed loop (docs/reference/contract.md, section JSON)
+    in one sentence; raises KeyError for any other document."""
     if "library" not in document:
         changed = {entry["axis"] for entry in document["increments"]}
         axes = listed([axis for axis in (*AXES, *WIND_AXES) if axis in changed])
@@ -57,8 +58,9 @@ def headline(document: Mapping[str, Any]) -> str:
 
 
 def what_stayed(document: Mapping[str, Any]) -> str:
-    """Sum up in one sentence what an update or a closed loop leaves: axes above their noise floor,
-    findings that did not enter, and hypotheses that these flights cannot decide."""
+    """Sum up in one sentence what an update or a closed loop leaves (docs/reference/contract.md,
+    section JSON; rms errors are dimensionless): axes above their noise floor, findings that did not
+    enter, and hypotheses that these flights cannot decide."""
     shown = shown_axes(document)
     rows = [row for row in error_rows(document) if row["axis"] in shown and row["times_floor"]]
     above = sorted(
@@ -118,9 +120,9 @@ def excluded_sizes(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def shown_axes(document: Mapping[str, Any]) -> list[str]:
-    """The axes in which a document is told: forces along the body axes or along the wind axes, as
-    its hypotheses and increments are written, and the moments. The other forces are the same ones
-    once more."""
+    """Return the axes in which a document is told: forces along the body axes or along the wind
+    axes, as its hypotheses and increments are written, and the moments. The other forces are the
+    same ones once more."""
     changed = {entry["axis"] for entry in document["increments"]}
     asked = [
         *changed,
@@ -224,7 +226,8 @@ def _worth(document: Mapping[str, Any]) -> str:
 
 
 def on_which(document: Mapping[str, Any]) -> str:
-    """Phrase that says on which flights the errors were computed."""
+    """Return a phrase on which flights the errors were computed (docs/reference/conventions.md,
+    section Hold-out)."""
     if by_parts(document):
         return "with the first and last parts of the flights predicted from the rest"
     n = len(document["flights"]["held_out"])
@@ -238,7 +241,7 @@ def by_parts(document: Mapping[str, Any]) -> bool:
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Rows of the error table in the usual axis order.
+    """Return rows of the error table in the usual axis order, errors dimensionless.
 
     Each row has the error before and after (held-out where there is one), the error on the
     identification flights, without constants, the noise floor, the outcome and Theil's fit.

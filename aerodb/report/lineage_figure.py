@@ -55,7 +55,7 @@ def lineage_graph(family: Sequence[Relative], current: str) -> Graph:
     """Lay out the lineage from left to right: one column per generation, one row per branch.
 
     family : versions, parents before their children; one whose parent is not among them starts a
-    new row. current : id of the version to highlight.
+    new row. current : id of the version to highlight. Places are in [px]; see `Graph`.
     """
     column: dict[str, int] = {}
     row: dict[str, int] = {}

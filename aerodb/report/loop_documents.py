@@ -41,7 +41,7 @@ def loop_document(
     beyond: Sequence[Beyond] = (),
     stalls: Sequence[StallWindow] = (),
 ) -> dict[str, Any]:
-    """Make the document of a closed loop.
+    """Make the document of a closed loop, in SI units (docs/reference/contract.md, section JSON).
 
     findings : of all rounds. added : those that entered the candidate; asked_for : those of them
     that did because the user asked. traced : the last round,
@@ -92,7 +92,8 @@ def loop_document(
 
 
 def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> list[str]:
-    """A remark on each flight's stall, predicted by what the other flights agree with.
+    """Return a remark on each flight's stall, predicted by what the other flights agree with: times
+    [s], rms errors [-], band [Hz]; of `StallWindow`.
 
     labels : flight (id) -> its name.
     """
@@ -111,7 +112,8 @@ def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> l
 
 
 def rival_remarks(rivals: Sequence[SensorRival]) -> list[Remark]:
-    """A remark on each error of a sensor that the loop finds where increments are declared."""
+    """Return a remark (`REFUSED`) on each error of a sensor that the loop finds where increments
+    are declared; shares are dimensionless."""
     return [
         Remark(
             REFUSED,

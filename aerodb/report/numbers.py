@@ -7,7 +7,7 @@ _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
-    """Format a number with `digits` significant digits, a true minus sign and powers of ten.
+    """Format a scalar with `digits` significant digits, a true minus sign and powers of ten.
 
     None and non-finite values give a dash. zeros : keep trailing zeros.
 
@@ -33,7 +33,8 @@ def power_of_ten(power: int) -> str:
 
 
 def for_people(unit: str) -> tuple[float, str]:
-    """Factor and label of the display unit: degrees for radians, a dash without dimension.
+    """Return factor (a scalar) and label of the display unit: degrees for radians, a dash without
+    dimension.
 
     >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
     ['deg', 'deg/s', '-', 'm/s²', '1/rad']

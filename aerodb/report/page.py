@@ -31,12 +31,14 @@ _COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "
 
 
 def render(template: str, head: Head | None = None, **context: Any) -> str:
-    """Render `template`, a file in this package's templates, to one self-contained HTML page."""
+    """Render `template`, a file in this package's templates, to one self-contained HTML page;
+    raises UndefinedError of Jinja for a variable that the context lacks."""
     return _engine().get_template(template).render(head=head, **context)
 
 
 def filters() -> dict[str, Callable[..., Any]]:
-    """What the templates of pages, and of the console, apply to values: names, numbers, words."""
+    """Return what the templates of pages, and of the console, apply to values: names, numbers,
+    words, units (`term_unit`)."""
     return {
         "name": name,
         "number": number,
@@ -92,7 +94,7 @@ def sentence(text: object) -> Markup:
 
 
 def share(value: float | None) -> str:
-    """Format a share as a percentage; a dash for none."""
+    """Format a dimensionless share (a scalar, 1 for all) as a percentage; a dash for none."""
     return (
         "–"
         if value is None or not math.isfinite(value)
@@ -101,7 +103,7 @@ def share(value: float | None) -> str:
 
 
 def scaled(value: float | None, factor: float) -> float | None:
-    """A value in another unit; None remains None."""
+    """Return a scalar in another unit, as `for_people` gives the factor; None remains None."""
     return None if value is None else factor * value
 
 

@@ -57,7 +57,7 @@ def response_report(
     """Return the HTML page of a version's responses.
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
-    head : where the result comes from.
+    head : where the result comes from. Numbers are shown in display units (`channel_scale`).
     """
     drawn = [(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]]
     return render(
@@ -90,7 +90,8 @@ def _stayed(summary: Mapping[str, Any]) -> str:
 
 
 def response_scales(summary: Mapping[str, Any] | None) -> dict[str, tuple[float, str]]:
-    """Factor and label of each response of a summary, for the tables of its page."""
+    """Return factor and label of each response of a summary, for the tables of its page: from SI to
+    display units, see `channel_scale`."""
     told = summary["responses"] if summary else ()
     return {r["channel"]: channel_scale(r["channel"]) for r in told}
 
@@ -115,7 +116,8 @@ def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
 
 
 def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figure:
-    """Draw the responses of a stretch over time: flight, version, baseline."""
+    """Draw the responses (n,) of a stretch over time [s] in display units (`channel_scale`):
+    flight, version, baseline."""
     names = [name for name in _DRAWN if name in stretch.after]
     names += [name for name in stretch.after if name.startswith("delta_")]
     columns = 3

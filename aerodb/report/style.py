@@ -159,7 +159,7 @@ def visible(text: str) -> str:
 
 
 def in_figure(text: str, most: int = LONGEST) -> str:
-    """A name for a figure: not parsed as a formula, cut to `most` characters.
+    """Return a name for a figure: not parsed as a formula, cut to `most` characters.
 
     >>> in_figure("$x$")
     '\\\\$x\\\\$'
@@ -170,9 +170,10 @@ def in_figure(text: str, most: int = LONGEST) -> str:
 
 
 def channel_scale(name: str) -> tuple[float, str]:
-    """Factor to the display unit and axis label of a channel, such as ``alpha [deg]``.
+    """Return factor (a scalar) to the display unit and axis label of a channel, such as ``alpha
+    [deg]``.
 
-    A free input has no unit.
+    A free input has no unit: it is drawn as it is.
 
     >>> channel_scale("alpha")[1], channel_scale("mach")[1]
     ('alpha [deg]', 'mach [-]')

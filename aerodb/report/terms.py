@@ -27,8 +27,8 @@ _FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
 
 
 def term_name(text: str) -> str:
-    """The name of a term: short expressions as they are, long ones by their variables, values at
-    knots with their unit.
+    """Return the name of a term: short expressions as they are, long ones by their variables,
+    values at knots with their unit.
 
     >>> term_name("alpha*q_hat"), term_name("1"), term_name("alpha at 0.0873")
     ('alpha*q_hat', 'constant', 'alpha at 5 deg')
@@ -54,7 +54,7 @@ def term_name(text: str) -> str:
 
 
 def term_unit(text: str) -> str:
-    """The unit of the coefficient of a term, for a coefficient without dimension; a question mark
+    """Return the unit of a term's parameter, for a coefficient without dimension; a question mark
     where the expression is no product of powers of channels.
 
     >>> [term_unit(text) for text in ("1", "alpha", "q_hat", "alpha^2", "alpha*delta_flap")]
@@ -90,7 +90,8 @@ def term_unit(text: str) -> str:
 
 
 def derivative_unit(parameter: str) -> str | None:
-    """The unit of a parameter named for an axis and a term, per radian; None for another one.
+    """Return the unit of a parameter named for an axis and a term, per radian (`term_unit`); None
+    for another one.
 
     >>> [derivative_unit(name) for name in ("CZ_alpha", "CX_0", "C_lift_q_hat", "Lp")]
     ['1/rad', '-', '-', None]
@@ -154,8 +155,8 @@ def correlation_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) ->
 
 
 def estimates_of(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The estimated increments of an update's document, one entry per axis, with names, units and
-    correlations."""
+    """Return the estimated increments of an update's document, one entry per axis, with names,
+    units and correlations. See docs/reference/contract.md, section JSON."""
     return [
         {
             **entry,
@@ -174,8 +175,9 @@ def estimates_of(document: Mapping[str, Any]) -> list[dict[str, Any]]:
 def estimates_added(
     document: Mapping[str, Any], baseline: AeroDatabase, candidate: AeroDatabase
 ) -> list[dict[str, Any]]:
-    """What entered the database in a closed loop: the estimates as they stand in the candidate,
-    with their correlations, one entry per increment."""
+    """Return what entered the database in a closed loop: the estimates as they are in the
+    candidate, in SI units, with their correlations, one entry per increment with its correlation
+    matrix."""
     known = {
         finding["value"]: finding
         for finding in document["findings"]

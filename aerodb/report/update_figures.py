@@ -55,7 +55,8 @@ _MOVES: Final = 5e-3
 
 
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw per axis the error before and after, and the noise floor, which no database can beat.
+    """Draw per axis the error before and after, and the noise floor, which no database can beat
+    (docs/reference/conventions.md, section Noise floor and error measures).
 
     rows : axis, before, after, floor (rms, without dimension), and each, the errors before and
     after of single flights; an error that is None or zero is left out.
@@ -127,7 +128,7 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     """Draw the forest plot of a finding: per-flight and combined estimates with 95 % intervals.
 
     finding : an entry of ``findings`` (docs/reference/contract.md). labels : flight id -> display
-    name.
+    name. Values are drawn in display units (`for_people`).
     """
     votes = finding["votes"]
     pitch = min(0.2, (PAGE_HEIGHT - 1.05) / (len(votes) + 1))
@@ -155,7 +156,8 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
 
 
 def voter(name: str, labels: Mapping[str, str]) -> str:
-    """Label of an estimate: the display name of the flight, and the interval of a part of one.
+    """Return the label of an estimate: the display name of the flight, and the interval [s] of a
+    part of one (`SamplingUnit`).
 
     A part of a flight is named ``<flight>@0-5.65491``.
 
@@ -176,7 +178,8 @@ def voter(name: str, labels: Mapping[str, str]) -> str:
 def moving_variables(
     channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]
 ) -> list[str]:
-    """Select the `names` that vary in these flights (id -> channels), at most `_MOST_VARIABLES`."""
+    """Select the `names` that vary in these flights (id -> channels (n,), SI units), at most
+    `_MOST_VARIABLES`."""
     moving = []
     for name in names:
         values = [held[name][np.isfinite(held[name])] for held in channels.values() if name in held]
@@ -316,9 +319,10 @@ def _edges(x: Array, count: int) -> Array:
 
 
 def stall_figure(stalls: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> Figure:
-    """Draw the lift in each flight's stall over alpha and over time.
+    """Draw the lift coefficient [-] in each flight's stall over alpha [deg] and over time [s].
 
-    stalls : of the document. labels : flight (id) -> its name.
+    stalls : of the document (docs/reference/contract.md, section JSON). labels : flight (id) -> its
+    name.
     """
     rows = len(stalls)
     figure, panels = panel_grid((PAGE_WIDTH, 0.75 + 2.7 * rows), rows, 2, between=(0.7, 0.75))

@@ -88,7 +88,8 @@ class UpdateStory:
 
 
 def update_report(story: UpdateStory) -> str:
-    """Render the report of an update or a closed loop as one HTML page."""
+    """Render the report of an update or a closed loop as one HTML page, in display units
+    (`for_people`: degrees for radians)."""
     document, loop = story.document, "library" in story.document
     estimates = [] if loop else estimates_of(document)
     if loop and story.candidate is not None and story.databases is not None:

@@ -68,7 +68,7 @@ class VersionStory:
 
 
 def version_report(story: VersionStory) -> str:
-    """Render the report of a version as one HTML page."""
+    """Render the report of a version as one HTML page, in display units (`channel_scale`)."""
     changes, slices, curves = None, None, None
     if story.parent is not None:
         label, before = story.parent
