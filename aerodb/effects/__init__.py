@@ -29,12 +29,13 @@ if TYPE_CHECKING:
     from .hypothesis import Columns, Hypothesis
     from .library import hypotheses_for, library_sha256
     from .measurement import (
+        ERROR_COLUMNS,
+        NATURAL_ANGLE_ERRORS,
         air_rotation_columns,
-        alpha_consider_parameters,
         hypotheses_for_flight,
-        sensor_consider_parameters,
-        with_attenuation,
+        predicted_change,
         with_reconstructed_angles,
+        with_wind,
         within_reconstruction_accuracy,
     )
     from .spline import ramp_terms, spline_over, variables_of

@@ -24,7 +24,7 @@ Modules: `flight_source` (what a source of flights gives) and `without_store`, `
 `frozen_library`, `evidence` (of one flight and a database), `rounds` and what it says in `remarks`,
 `manoeuvre_units` (too few flights), `stall`, `stall_windows` and `stall_hysteresis`, `refit` (gains
 and shapes once more), `validation` and `within_flight`, `unexplained`, `between_flights`, `shapes`
-and `model_error`, `consider`, `rivals`. The method:
+and `model_error`, `consider` and `angle_errors`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 
@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .angle_errors import with_attenuation
     from .between_flights import dependences_between_flights
     from .consider import consider_parameters, noisier_flights
     from .evidence import evidence_beside

@@ -4,18 +4,14 @@ Increments estimated from these flights do not estimate them, but carry their un
 covariance: Bierman, *Factorization Methods*, 1977, chapter VIII).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
-from aerodb.effects import (
-    FlightView,
-    alpha_consider_parameters,
-    sensor_consider_parameters,
-    view_of,
-)
+from aerodb.effects import ERROR_COLUMNS, FlightView, view_of, with_wind
 from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
+from aerodb.loop.angle_errors import alpha_consider_parameters
 from aerodb.loop.flight_source import ReconstructionErrors
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import TracingSettings, bounded_noise, noisy_copies, tracing_bandwidth
@@ -62,6 +58,31 @@ def consider_parameters(
             if "alpha" in reconstruction.angles:
                 parameters[flight.id] += alpha_consider_parameters(view, _bounded(noise, view))
     return parameters
+
+
+def sensor_consider_parameters(
+    view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
+) -> tuple[ConsiderParameter, ...]:
+    """Consider parameters for the sensor errors left in one flight.
+
+    Parameters
+    ----------
+    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> standard error of what remains of it, SI.
+    own : names of errors of this flight alone; all others are common to all flights of the vehicle,
+        like that of a calibration.
+    """
+    parameters = []
+    for name, columns in ERROR_COLUMNS.items():
+        channel = name.rpartition("_")[0]
+        if sigma.get(name, 0.0) > 0 and (
+            channel in view.channels or f"{channel}_imu" in view.channels
+        ):
+            parameters.append(
+                ConsiderParameter(
+                    name, sigma[name], name not in own, with_wind(view, columns(view))
+                )
+            )
+    return tuple(parameters)
 
 
 def noisier_flights(

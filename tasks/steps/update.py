@@ -8,7 +8,6 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import with_attenuation
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.identification import REGRESSION
@@ -28,7 +27,7 @@ from aerodb.increments import (
     validate_on_held_out,
     with_extrapolated_slopes,
 )
-from aerodb.loop import consider_parameters, noisier_flights
+from aerodb.loop import consider_parameters, noisier_flights, with_attenuation
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.effects.measurement.angle_errors import with_attenuation
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.flows.flight import flight_flow
@@ -23,6 +22,7 @@ from aerodb.increments.estimate import Update, estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut
 from aerodb.loop import Library, consider_parameters, noisier_flights
+from aerodb.loop.angle_errors import with_attenuation
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.support import Array

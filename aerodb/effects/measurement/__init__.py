@@ -6,9 +6,7 @@ A wrong sensor or vehicle file can produce the same residual as a wrong database
 coefficients, per unit of error; `aerodb.effects.library` lists them, and `sensor` holds what they
 share. `reconstructed_angles` adapts the hypotheses to flights without a vane.
 
-Errors that no residual shows enter estimates as additional uncertainty: `constant_errors` (biases
-and delays left by flight-path reconstruction) and `angle_errors` (errors in variables of a
-reconstructed angle).
+`error_columns` are the tangents of biases and delays that flight-path reconstruction leaves open.
 """
 
 from typing import TYPE_CHECKING
@@ -17,9 +15,10 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .air_rotation import air_rotation_columns
-    from .angle_errors import alpha_consider_parameters, with_attenuation
-    from .constant_errors import sensor_consider_parameters
+    from .error_columns import ERROR_COLUMNS, with_wind
     from .reconstructed_angles import hypotheses_for_flight, with_reconstructed_angles
     from .remaining_errors import within_reconstruction_accuracy
+    from .sensor import predicted_change
+    from .sensor_flow_angles import NATURAL_ANGLE_ERRORS
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

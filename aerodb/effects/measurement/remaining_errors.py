@@ -15,7 +15,7 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.measurement.sensor import BELIEVED
-from aerodb.effects.measurement.sensor_flow_angles import NATURAL, WORDS
+from aerodb.effects.measurement.sensor_flow_angles import NATURAL_ANGLE_ERRORS, WORDS
 from aerodb.support import Array
 
 #: Smallest remaining error of a flow angle, as a part of its natural size: the flow at a probe is
@@ -66,8 +66,8 @@ def _narrowed(hypothesis: Hypothesis, sigma: float | None) -> Hypothesis:
     if sigma is None or hypothesis.prior_sigma is None:
         return hypothesis
     angle, _, kind = hypothesis.parameter.partition("_")
-    if angle in WORDS and kind in NATURAL:
-        sigma = max(sigma, _LEAST * NATURAL[kind])
+    if angle in WORDS and kind in NATURAL_ANGLE_ERRORS:
+        sigma = max(sigma, _LEAST * NATURAL_ANGLE_ERRORS[kind])
     low, high = hypothesis.plausible
     if BELIEVED * sigma >= min(-low, high):
         return hypothesis

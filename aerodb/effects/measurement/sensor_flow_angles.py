@@ -32,7 +32,7 @@ SOURCE = "Klein & Morelli 2006, section 10.2"
 #: No speed below this (m/s) is believed: angles lose their meaning.
 SLOWEST = 1e-3
 #: One sigma of what is not known of a probe that nobody calibrated: rad, without dimension, s.
-NATURAL = {"bias": 0.0035, "scale": 0.02, "delay": 0.01}
+NATURAL_ANGLE_ERRORS = {"bias": 0.0035, "scale": 0.02, "delay": 0.01}
 WORDS = {"alpha": "angle of attack", "beta": "sideslip"}
 
 
@@ -139,7 +139,7 @@ def _template(angle: str, kind: str) -> Template:
                 unit=unit,
                 plausible=(-size, size),
                 declared=declared,
-                natural=NATURAL[kind],
+                natural=NATURAL_ANGLE_ERRORS[kind],
                 because=because,
                 formula=formula,
                 needs=(angle,),

@@ -15,11 +15,11 @@ import pytest
 
 from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import view_of
-from aerodb.effects.measurement.angle_errors import with_attenuation
 from aerodb.effects.measurement.reconstructed_angles import (
     hypotheses_for_flight,
     with_reconstructed_angles,
 )
+from aerodb.loop.angle_errors import with_attenuation
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import noise_of, reconstructed_angles, remaining_errors
 from aerodb.tracing.decision.findings import Traced

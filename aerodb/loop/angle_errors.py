@@ -15,10 +15,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.consistency import StateNoise
-from aerodb.effects.flight_view import FlightView
-from aerodb.effects.measurement.constant_errors import with_wind
-from aerodb.effects.measurement.sensor import predicted_change
-from aerodb.effects.measurement.sensor_flow_angles import NATURAL
+from aerodb.effects import NATURAL_ANGLE_ERRORS, FlightView, predicted_change, with_wind
 from aerodb.increments import AxisUpdate, ConsiderParameter, Update
 from aerodb.support import Array
 
@@ -46,7 +43,7 @@ def alpha_consider_parameters(view: FlightView, noise: StateNoise) -> tuple[Cons
     )
     drawn = [noise.draw(generator, len(view.time), view.step)["alpha"] for _ in range(_DRAWS)]
     return (
-        doubt("alpha_scale", NATURAL["scale"], True, view["alpha"]),
+        doubt("alpha_scale", NATURAL_ANGLE_ERRORS["scale"], True, view["alpha"]),
         *(
             doubt(f"alpha_{number}", _DRAWS**-0.5, False, error)
             for number, error in enumerate(drawn)

@@ -1,11 +1,10 @@
-"""Sensor biases and delays as consider parameters: uncertainty that the residual cannot show.
+"""Columns of constant sensor errors that flight-path reconstruction leaves open.
 
 A residual bias looks like an aerodynamic coefficient, and a delayed angle like a rate derivative;
-regression on the residual cannot detect either. Flight-path reconstruction knows their standard
-errors; the columns are those of the sensor hypotheses.
+regression on the residual cannot detect either. The columns are those of the sensor hypotheses.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 
@@ -15,34 +14,8 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement import sensor_accelerometer, sensor_flow_angles, sensor_qbar
 from aerodb.effects.measurement.sensor import added, predicted_change
-from aerodb.increments import ConsiderParameter
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
-
-
-def sensor_consider_parameters(
-    view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
-) -> tuple[ConsiderParameter, ...]:
-    """Consider parameters for the sensor errors left in one flight.
-
-    Parameters
-    ----------
-    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> standard error of what remains of it, SI.
-    own : names of errors of this flight alone; all others are common to all flights of the vehicle,
-        like that of a calibration.
-    """
-    parameters = []
-    for name, columns in _COLUMNS.items():
-        channel = name.rpartition("_")[0]
-        if sigma.get(name, 0.0) > 0 and (
-            channel in view.channels or f"{channel}_imu" in view.channels
-        ):
-            parameters.append(
-                ConsiderParameter(
-                    name, sigma[name], name not in own, with_wind(view, columns(view))
-                )
-            )
-    return tuple(parameters)
 
 
 def with_wind(view: FlightView, columns: Columns) -> Columns:
@@ -69,7 +42,8 @@ def _airspeed(view: FlightView) -> Columns:
     return added(scaled, predicted_change(view, V=1.0))
 
 
-_COLUMNS: Final[Mapping[str, Callable[[FlightView], Columns]]] = {
+#: Name of an error -> columns of a flight per unit of it, SI.
+ERROR_COLUMNS: Final[Mapping[str, Callable[[FlightView], Columns]]] = {
     "V_bias": _airspeed,
     **{
         f"{angle}_bias": partial(sensor_flow_angles.bias, angle=angle)

@@ -7,10 +7,10 @@ import pytest
 from aerodb.coefficients.comparison import band_limited, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
-from aerodb.effects.measurement.constant_errors import sensor_consider_parameters
 from aerodb.flight import Flight
 from aerodb.increments.estimate import ConsiderParameter, estimate_increments
 from aerodb.increments.model_file import parse_model_file
+from aerodb.loop.consider import sensor_consider_parameters
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
