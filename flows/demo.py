@@ -110,8 +110,8 @@ def write_logs(
     """Fly the campaign, write one ``.ulg`` file per flight, seal the truth, and return the logs.
 
     seed : draws the undeclared effects and everything else that is random; None: the Phoenix case
-    (docs/method/tracing.md, "References"), in which `noise` draws everything else. effects : in
-    place of the drawn ones.
+    (docs/method/tracing.md, section "References"), in which `noise` draws everything else. effects
+    : in place of the drawn ones.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if effects is None:

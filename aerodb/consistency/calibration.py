@@ -101,7 +101,8 @@ class Calibration:
         """Whether it applies to a flight that started at `start`; an unknown start (None) needs a
         calibration without limits.
 
-        Aware times; the range is half open. Source: `docs/method/consistency.md`, "Calibrations".
+        Aware times; the range is half open. Source: `docs/method/consistency.md`, section
+        "Calibrations".
         """
         if start is None:
             return self.valid_from is None and self.valid_until is None

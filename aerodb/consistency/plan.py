@@ -172,7 +172,7 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
     Which parameters are free follows from the channels that any record has and from whether a
     record turns; priors and noise come from the vehicle file.
 
-    Priors and noise floors are in SI units. Source: `docs/method/consistency.md`, "Model".
+    Priors and noise floors are in SI units. Source: `docs/method/consistency.md`, section "Model".
     """
     logged = {name for record in records for name in record.outputs}
     earth = any(name in logged for name in _EARTH)

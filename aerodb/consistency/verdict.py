@@ -184,7 +184,7 @@ def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = (
     worst one. `left_out`: channels that have left the estimate and prove nothing.
 
     A record counts by its residuals (n,) of the air data, gusts [m/s]. Source:
-    `docs/method/consistency.md`, "Verdict".
+    `docs/method/consistency.md`, section "Verdict".
     """
     judged = [_moving(_without(residuals_as_angles(path), left_out)) for path in paths]
     worst = max(judged, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
@@ -258,7 +258,8 @@ def judge_navigation(
 ) -> Verdict:
     """The verdict without logged accelerations, from checks of the navigation solution alone.
 
-    Velocities [m/s], angles [rad]. Source: `docs/method/consistency.md`, "Navigation solutions".
+    Velocities [m/s], angles [rad]. Source: `docs/method/consistency.md`, section "Navigation
+    solutions".
     """
     words: list[VerdictWord] = []
     remarks, checks = list[Remark](), []

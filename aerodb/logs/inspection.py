@@ -124,8 +124,8 @@ def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:
 def describe(recording: Recording) -> RecordingSummary:
     """Return what ``aerodb log inspect`` shows: rate, samples, gaps, fields, damage per topic.
 
-    Times [s], rates [Hz]. Kinds of damage: `docs/reference/conventions.md`, "Damage". Fields are
-    arrays (n,) of one topic.
+    Times [s], rates [Hz]. Kinds of damage: `docs/reference/conventions.md`, section "Damage".
+    Fields are arrays (n,) of one topic.
     """
     topics = tuple(
         _describe_topic(recording, topic) for _, topic in sorted(recording.topics.items())

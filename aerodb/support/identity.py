@@ -53,7 +53,7 @@ def version_id(
 ) -> str:
     """Return the id of a database version; equal inputs and settings give equal ids everywhere.
 
-    See docs/reference/conventions.md, "Names and identities".
+    See docs/reference/conventions.md, section "Names and identities".
     """
     return key_of(
         {"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)}

@@ -40,7 +40,7 @@ def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     standard atmosphere.
 
     Pressures [Pa], density [kg/m^3], temperatures [K]. Source: `docs/method/consistency.md`,
-    "Against the vehicle". Channels are (n,).
+    section "Against the vehicle". Channels are (n,).
     """
     names = ("rho", "static_pressure", "temperature", "altitude", "qbar", "V", "mach")
     there = [name for name in names if name in flight]

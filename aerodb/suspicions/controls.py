@@ -77,8 +77,8 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     Signs are those of the conventions (trailing edge down positive, rudder left), for surfaces that
     the vehicle file declares so: elevators, ailerons and rudders by their names, and combinations.
 
-    Deflections (n,) [rad], effects per rad. Source: `docs/method/consistency.md`, "Against the
-    vehicle".
+    Deflections (n,) [rad], effects per rad. Source: `docs/method/consistency.md`, section "Against
+    the vehicle".
     """
     listed = [*size_suspicions(flight, vehicle), *copied_suspicions(flight, vehicle)]
     unusable = {suspicion.channel for suspicion in listed}

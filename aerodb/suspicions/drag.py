@@ -28,8 +28,8 @@ def drag_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     Drag is ``-X cos(alpha) - Z sin(alpha)`` of the specific force without that of the thrust, in
     the plane of symmetry.
 
-    Accelerations [m/s^2], thrust [N]. Source: `docs/method/consistency.md`, "Against the vehicle".
-    Channels are (n,).
+    Accelerations [m/s^2], thrust [N]. Source: `docs/method/consistency.md`, section "Against the
+    vehicle". Channels are (n,).
     """
     x = next((name for name in ("ax", "ax_imu") if name in flight), "")
     z = next((name for name in ("az", "az_imu") if name in flight), "")

@@ -91,7 +91,7 @@ def equation_errors(
     """Return what is regressed, for each axis on which the flight has rates and controls.
 
     Rates [rad/s], deflections [rad], (n,) in the flight. Source: `docs/method/consistency.md`,
-    "Against the vehicle".
+    section "Against the vehicle".
     """
     known = known_masses(flight, vehicle)
     rates = [name for name in ("p", "q", "r") if name in flight]

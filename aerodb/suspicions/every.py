@@ -39,7 +39,8 @@ def against_vehicle(
     judged if no channel of the motion is suspected, and the effect of surfaces if air and masses
     are right: correct what is named and run again.
 
-    Channels (n,) are in SI units. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Channels (n,) are in SI units. Source: `docs/method/consistency.md`, section "Against the
+    vehicle".
     """
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
     moving = _MOTION.isdisjoint(suspected)

@@ -31,8 +31,8 @@ def exchanged_suspicions(axes: Mapping[str, AxisShares], flight: Flight) -> list
 
     Of aircraft with one control of each role.
 
-    Histories are (n,), ratios dimensionless. Source: `docs/method/consistency.md`, "Against the
-    database".
+    Histories are (n,), ratios dimensionless. Source: `docs/method/consistency.md`, section "Against
+    the database".
     """
     told = {a: each for a in ("Cl", "Cn") if a in axes and (each := _told(axes[a], flight))}
     if not told:

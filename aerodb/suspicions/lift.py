@@ -42,7 +42,7 @@ def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     ratio A = b^2 / S, with compressibility left to the margin.
 
     Coefficients are dimensionless, the slope is per rad; mass [kg], area [m²], qbar [Pa]. Source:
-    `docs/method/consistency.md`, "Against the vehicle".
+    `docs/method/consistency.md`, section "Against the vehicle".
     """
     names = [name for name in ("az", "az_imu") if name in flight][:1]
     known = known_masses(flight, vehicle)

@@ -102,7 +102,7 @@ def thrust_beside(
     area : m^2, that the coefficients refer to.
 
     measured, predicted : coefficient -> (n,). usable : the same, masks. Source:
-    `docs/method/consistency.md`, "Against the database".
+    `docs/method/consistency.md`, section "Against the database".
     """
     lines = vehicle.thrust.lines
     if vehicle.thrust.source != "channel" or "C_drag" not in measured or "qbar" not in flight:
@@ -154,7 +154,7 @@ def mass_beside(
     moments : derivatives that the flight tells well.
 
     measured, predicted : coefficient -> (n,). step : between samples [s]. Source:
-    `docs/method/consistency.md`, "Against the database".
+    `docs/method/consistency.md`, section "Against the database".
     """
     if not {"CY", "CZ"} <= measured.keys() or len(moments) < MOMENTS:
         return []
@@ -199,8 +199,8 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: Reference) -> list[Susp
     A CG assumed dx ahead of its place adds -dx/c CZ to Cm and dx/b CY to Cn. Rates and controls may
     have any size; alpha and beta, through which the forces act, are the database's.
 
-    Coefficients (n,); the shift in metres. Source: `docs/method/consistency.md`, "Against the
-    database".
+    Coefficients (n,); the shift in metres. Source: `docs/method/consistency.md`, section "Against
+    the database".
     """
     pitch = _per_force(axes, "Cm", "CZ", "alpha", -reference.chord)
     yaw = _per_force(axes, "Cn", "CY", "beta", reference.span)

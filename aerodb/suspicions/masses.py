@@ -38,8 +38,8 @@ def mass_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
 
     Where mass properties change in flight, their medians are judged.
 
-    Mass [kg], inertia [kg m^2], lengths [m]. Source: `docs/method/consistency.md`, "Against the
-    vehicle". Channels are (n,).
+    Mass [kg], inertia [kg m^2], lengths [m]. Source: `docs/method/consistency.md`, section "Against
+    the vehicle". Channels are (n,).
     """
     size = vehicle.reference
     listed = _geometry(size)

@@ -39,7 +39,8 @@ def side_suspicions(
 
     controls : as `by_role` gives them.
 
-    Deflections (n,) are in [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Deflections (n,) are in [rad]. Source: `docs/method/consistency.md`, section "Against the
+    vehicle".
     """
     listed = []
     for right, left, apart in _pairs(vehicle, controls):

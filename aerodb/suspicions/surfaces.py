@@ -45,7 +45,7 @@ def along(flight: Flight, control: Control) -> Array:
 def size_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     """Return surfaces that deflect far beyond their limits, or beyond any surface's.
 
-    Deflections (n,) [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Deflections (n,) [rad]. Source: `docs/method/consistency.md`, section "Against the vehicle".
     """
     listed = []
     combined = {f"delta_{name}" for name in vehicle.combinations}
@@ -78,7 +78,7 @@ def copied_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]
 
     Elevators, ailerons and rudders by their names; a rudder is no copy of any other surface.
 
-    Samples are (n,) [rad]. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Samples are (n,) [rad]. Source: `docs/method/consistency.md`, section "Against the vehicle".
     """
     combined = {f"delta_{name}" for name in vehicle.combinations}
     names = [n for n in flight.channels if is_surface(n) and n not in combined]

@@ -46,7 +46,8 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
 
     flight : with the upwash that the vehicle file declares taken off.
 
-    Angles (n,) [rad], band in Hz. Source: `docs/method/consistency.md`, "Against the vehicle".
+    Angles (n,) [rad], band in Hz. Source: `docs/method/consistency.md`, section "Against the
+    vehicle".
     """
     channels = with_accelerations(flight)
     if not set(_NEEDED) <= channels.keys():

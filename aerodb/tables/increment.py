@@ -45,7 +45,7 @@ class Interval:
 
     def weight(self, x: Value) -> Array:
         """Weight of an increment at x: 1 inside and up to one cell beyond, then linearly to 0 over
-        one further cell (docs/method/updates.md, "Envelope").
+        one further cell (docs/method/updates.md, section "Envelope").
 
         x : (n,) or a number, in the unit of the variable.
         """

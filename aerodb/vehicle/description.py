@@ -442,6 +442,6 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
 
     Raises InputError with the key, the reason and the nearest known key.
 
-    Keys: `docs/reference/conventions.md`, "Vehicle file"; values are SI.
+    Keys: `docs/reference/conventions.md`, section "Vehicle file"; values are SI.
     """
     return validated_toml(Vehicle, text, where)

@@ -138,7 +138,7 @@ def session(
 def main() -> None:
     """Run the command line, and end the process with its exit code.
 
-    Exit codes: docs/reference/contract.md, "Exit codes".
+    Exit codes: docs/reference/contract.md, section "Exit codes".
     """
     debug = "--debug" in sys.argv
     try:

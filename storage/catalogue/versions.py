@@ -50,9 +50,9 @@ class VersionLedger(NameLedger, LineageLedger):
 
         content : the database document, JSON text. inputs : keys of the results (or hashes of the
         files) it was made from. Raises InputError when a flight belongs to another vehicle, or when
-        its role violates the hold-out rule (docs/method/updates.md, "Hold-out"): a flight that
-        identified an ancestor never validates a descendant, and a flight held out by an ancestor is
-        not used for identification later.
+        its role violates the hold-out rule (docs/method/updates.md, section "Hold-out"): a flight
+        that identified an ancestor never validates a descendant, and a flight held out by an
+        ancestor is not used for identification later.
         """
         enc.checked_key(id, "the id of a version")
         uses = list(flights)

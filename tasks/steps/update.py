@@ -96,7 +96,8 @@ def plan_update(
     """Split flights into identification and validation flights; list those excluded, with reasons.
 
     compared : documents of `compare_with_version` on `baseline` (its id). hold_out : references of
-    flights, an empty list for none, None for the default rule (docs/method/updates.md, "Hold-out").
+    flights, an empty list for none, None for the default rule (docs/method/updates.md, section
+    "Hold-out").
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue

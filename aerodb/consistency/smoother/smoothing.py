@@ -177,7 +177,7 @@ def intensities_of(
     `smooth_flight`.
 
     coarse : step of the grid [s]. noise_floor : channel -> one sigma, SI. Source:
-    `docs/method/consistency.md`, "Smoother".
+    `docs/method/consistency.md`, section "Smoother".
     """
     own = [path for flight in flights for path in _paths(result, flight)]
     chosen = np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int))
