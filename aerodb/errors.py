@@ -100,7 +100,7 @@ def failing_alone(what: str, where: str, *, memory: bool = False) -> Iterator[No
     what : the calculation. where : the input. memory : also where it gets no memory; only at the
     outermost level of a step, where nothing is stored, because there may be memory the next time.
     Errors of the disk, of threads, of the catalogue's database and of the orchestrator, and those
-    that already say what to do, pass unchanged.
+    that already say what to do, pass unchanged (`is_of_machinery`).
     """
     remedy = "report it with this log, as a fault of aerodb"
     cause: Exception
@@ -146,7 +146,8 @@ _OUT_OF_REACH = ("OperationalError", "InterfaceError", "DisconnectionError", "Ti
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return the remedy for a mistyped name: the closest known name, or the list of known names.
+    """Return the remedy of an InputError or UnknownNameError for a mistyped name: the closest known
+    name, or the list of known names.
 
     >>> nearest("alhpa", ["alpha", "beta"])
     "did you mean 'alpha'?"

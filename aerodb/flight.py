@@ -64,12 +64,12 @@ class Flight:
 
     @property
     def step(self) -> float:
-        """Sampling interval of the grid, s."""
+        """Sampling interval [s] of the grid, a scalar."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last sample, s."""
+        """Time [s] from the first to the last sample, a scalar."""
         return float(self.time[-1] - self.time[0])
 
     def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
@@ -88,7 +88,7 @@ class Flight:
         return good
 
     def with_channels(self, channels: Mapping[str, Array]) -> "Flight":
-        """Return the flight with these channels added or replaced."""
+        """Return the flight with these channels, (n,) in SI units, added or replaced."""
         return replace(self, channels={**self.channels, **channels})
 
     def with_flag(self, name: str, reason: str, where: NDArray[np.bool_]) -> "Flight":

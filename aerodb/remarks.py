@@ -53,7 +53,7 @@ class Remark:
 
     @property
     def sentence(self) -> str:
-        """The remark in words, as clauses without a full stop."""
+        """The remark in words, as clauses without a full stop; values with their units."""
         words = WORDS.get(self.kind)
         return self.text if words is None else words(self)
 

@@ -37,7 +37,8 @@ class DatabaseSide:
     prediction: Prediction
 
     def holds_for(self, database: AeroDatabase, channels: Mapping[str, Array]) -> bool:
-        """Whether `database` predicts the same of these `channels`, to the last bit."""
+        """Return whether `database` predicts the same of these `channels` (n,), SI units, to the
+        last bit."""
         return database is self.database and all(
             name in channels
             and (channels[name] is values or np.array_equal(channels[name], values))

@@ -176,7 +176,8 @@ def input_uses(
     proposed: Collection[str] = (),
     bound: Mapping[str, Expression | None] | None = None,
 ) -> tuple[InputUse, ...]:
-    """Describe what is held or made from motion, and what hangs on it.
+    """Describe what is held or made from motion, and what depends on it (in dimensionless
+    coefficients).
 
     Parameters
     ----------

@@ -23,19 +23,21 @@ class Conditioning:
 
 
 def flag_unusable(flight: Flight) -> Flight:
-    """Return the flight with wild points and samples on the ground flagged; values stay."""
+    """Return the flight with wild points and samples on the ground flagged; values (n,) stay, in SI
+    units (`FLAGS`)."""
     return flag_on_ground(flag_wild_points(flight))
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
-    """Return suspicions as JSON."""
+    """Return suspicions as JSON, figures in SI units; `from_document` reads them back."""
     return [
         {**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions
     ]
 
 
 def to_document(conditioning: Conditioning) -> dict[str, Any]:
-    """Return the findings as JSON; an infinite standard error becomes None."""
+    """Return the findings as JSON, times [s] and figures in SI units; an infinite standard error
+    becomes None."""
     delays = [asdict(delay) for delay in conditioning.delays]
     for delay in delays:
         delay["standard_error"] = (
@@ -49,7 +51,8 @@ def to_document(conditioning: Conditioning) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> Conditioning:
-    """Return the findings in a document of `to_document`."""
+    """Return the findings in a document of `to_document`, in SI units; KeyError for another
+    document."""
     return Conditioning(
         tuple(Suspicion(**entry) for entry in document["suspicions"]),
         tuple(Segment(**entry) for entry in document["segments"]),

@@ -89,7 +89,7 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
 
 
 def manoeuvres(flight: Flight) -> tuple[Segment, ...]:
-    """Only the manoeuvres among `segments`."""
+    """Return only the manoeuvres among `segments`, start and end [s]."""
     return tuple(segment for segment in segments(flight) if segment.kind not in STATES)
 
 

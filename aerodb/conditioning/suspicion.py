@@ -25,13 +25,14 @@ class Suspicion:
 
     @property
     def remark(self) -> Remark:
-        """The suspicion as a reason of a flight's verdict."""
+        """The suspicion as a reason of a flight's verdict, with its figures in SI units
+        (`Remark`)."""
         values = {name: (float(value), "SI") for name, value in self.evidence.items()}
         return Remark(f"suspicion_{self.kind}", (self.channel,), values, self.sentence)
 
 
 def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
-    """Return the topics whose time stamps do not overlap with most of the others.
+    """Return the topics whose time stamps (n,) [s] do not overlap with most of the others.
 
     "Most" is more than half of the other topics. Topics with fewer than ten samples, or with all
     samples at one time, are events and are left out.

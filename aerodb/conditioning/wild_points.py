@@ -82,7 +82,8 @@ class WildPoints:
 
 
 def physical_range(name: str) -> tuple[float, float] | None:
-    """Return the lowest and highest possible value of a channel, SI; None if it has no limits."""
+    """Return the lowest and highest possible value of a channel, scalars in SI units; None if it
+    has no limits."""
     return _SURFACE_RANGE if is_surface(name) and name not in PHYSICAL else PHYSICAL.get(name)
 
 

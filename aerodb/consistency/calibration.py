@@ -64,7 +64,8 @@ class Calibration:
 
     @property
     def id(self) -> str:
-        """SHA-256 of the canonical JSON of its content, the same on every machine."""
+        """SHA-256 (64 hexadecimal digits) of the canonical JSON (RFC 8785) of its content, values
+        in SI units, the same on every machine."""
         return key_of(self.document())
 
     @property
@@ -79,7 +80,7 @@ class Calibration:
         return dict(zip(self.names, pairs, strict=True))
 
     def only(self, names: Iterable[str]) -> "Calibration":
-        """The marginal calibration of these parameters, in its own order.
+        """Return the marginal calibration of these parameters, in its own order.
 
         values (j,), covariance (j, j), SI, of the j that it has; the others are integrated out.
         """
@@ -98,8 +99,8 @@ class Calibration:
         )
 
     def valid_at(self, start: datetime | None) -> bool:
-        """Whether it applies to a flight that started at `start`; an unknown start (None) needs a
-        calibration without limits.
+        """Return whether it applies to a flight that started at `start`; an unknown start (None)
+        needs a calibration without limits.
 
         Aware times; the range is half open. Source: `docs/method/consistency.md`, section
         "Calibrations".
@@ -168,7 +169,8 @@ class Drift:
 
     @property
     def because(self) -> str:
-        """The finding as one sentence, which is stored with the flight."""
+        """The finding as one sentence, which is stored with the flight: both values in SI units,
+        distance in standard errors."""
         figures = f"{self.own:.3g} in this flight, {self.calibrated:.3g} in its calibration"
         return (
             f"recalibrate: {self.name} has drifted by {self.distance:.1f} standard errors"

@@ -88,7 +88,7 @@ class ChannelSource:
 
     @property
     def smoothed(self) -> bool:
-        """Whether the values are the smoother's."""
+        """Whether the values are the smoother's (`Origin`)."""
         return self.origin in (Origin.SENSOR_AND_MOTION, Origin.MOTION, Origin.MOTION_ALONE)
 
     @property

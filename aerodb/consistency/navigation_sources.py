@@ -66,12 +66,12 @@ class NavigationCheck:
     good: bool
 
     def document(self) -> dict[str, Any]:
-        """As a JSON document."""
+        """Return it as JSON: rms and limit in SI units, delay [s] or null where it is not known."""
         return {**asdict(self), "delay": None if np.isnan(self.delay) else self.delay}
 
     @property
     def remark(self) -> Remark:
-        """What is wrong, as data and in words."""
+        """What is wrong, as data (rms and limit, scalars in SI units) and in words."""
         values = {"rms": (self.rms, self._unit), "limit": (self.limit, self._unit)}
         subjects = (self.source, self.channel, self.against)
         return Remark(SOLUTION, subjects, values, self.sentence)
@@ -82,7 +82,7 @@ class NavigationCheck:
 
     @property
     def sentence(self) -> str:
-        """What is wrong, where, and what to look at."""
+        """What is wrong (rms and limit, SI units), where, and what to look at, for `remark`."""
         what = f"navigation: {self.channel} of {_named(self.source)}"
         unit = self._unit
         figure = f"{self.rms:.2g} {unit} rms; limit {self.limit:g} {unit}"

@@ -67,8 +67,8 @@ class Plan:
 
     @property
     def priors(self) -> dict[str, float]:
-        """Name -> weak prior (standard deviation about zero, SI) for every estimated parameter:
-        several natural sizes for initial states and winds, one for sensors."""
+        """Name -> weak prior (standard deviation about zero, a scalar in SI units) for every
+        estimated parameter: several natural sizes for initial states and winds, one for sensors."""
         sizes = {
             name: parameter(name).size * (_WINDY if parameter(name).kind in PER_FLIGHT else 1.0)
             for name in self.free
@@ -86,7 +86,8 @@ class Plan:
         return {item.name: (-item.size, item.size) for item in bounded}
 
     def only(self, names: Collection[str]) -> "Plan":
-        """The plan with these parameters alone, and with those of the flight (wind, weather)."""
+        """Return the plan with these parameters alone, and with those of the flight (wind,
+        weather)."""
         return replace(
             self,
             free=tuple(
@@ -97,8 +98,8 @@ class Plan:
     def without(
         self, names: Collection[str], remarks: Sequence[str] = (), misplaced: str = ""
     ) -> "Plan":
-        """The plan without these parameters, with remarks on why, and where the vanes seem to
-        be."""
+        """Return the plan without these parameters, with remarks on why, and where the vanes seem
+        to be."""
         return replace(
             self,
             free=tuple(name for name in self.free if name not in names),
@@ -107,8 +108,8 @@ class Plan:
         )
 
     def with_noise_floor(self, noise_floor: Mapping[str, float]) -> "Plan":
-        """The plan with a noise floor (channel -> one sigma, SI) added; a channel that has left the
-        estimate stays out."""
+        """Return the plan with a noise floor (channel -> one sigma, a scalar in SI units) added; a
+        channel that has left the estimate stays out."""
         added = {name: size for name, size in noise_floor.items() if name not in self.left_out}
         return replace(self, noise_floor={**self.noise_floor, **added})
 
@@ -131,8 +132,8 @@ class Plan:
         )
 
     def in_moving_air(self) -> "Plan":
-        """The plan without delays and scales of the air data. Port errors stay: turns and the
-        altitude show them."""
+        """Return the plan without delays and scales of the air data. Port errors stay: turns and
+        the altitude show them."""
         shape = ("scale", "delay", "probe")
         late = [
             name
@@ -153,8 +154,9 @@ class Plan:
         )
 
     def with_calibration(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
-        """The plan with the parameters `names` of a calibration whose channels are logged, and
-        those for which the vehicle file states a prior."""
+        """Return the plan with the parameters `names` of a calibration whose channels are logged,
+        and those for which the vehicle file states a prior. Raises UnknownNameError for a name that
+        is no parameter."""
         shown = {*INPUTS, *logged} - set(self.left_out)
         known = [name for name in names if set(channels_of(name)) & shown]
         own = [
@@ -167,7 +169,7 @@ class Plan:
 
 
 def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
-    """The plan for records of one or several flights of a vehicle.
+    """Return the plan for records of one or several flights of a vehicle.
 
     Which parameters are free follows from the channels that any record has and from whether a
     record turns; priors and noise come from the vehicle file.

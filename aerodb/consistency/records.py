@@ -268,7 +268,7 @@ def records_from_flight(
 
 
 def flight_of(record: Record) -> str:
-    """The id of the flight that a record belongs to."""
+    """Return the id of the flight that a record belongs to (`Record.flight`, without its part)."""
     return record.flight.partition("#")[0]
 
 

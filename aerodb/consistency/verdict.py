@@ -81,11 +81,13 @@ class Verdict:
         return tuple(sentences(self.remarks))
 
     def with_first(self, word: VerdictWord, remark: Remark) -> "Verdict":
-        """The verdict with one more reason, before the others."""
+        """Return the verdict with one more reason, before the others; the worse word counts
+        (docs/method/consistency.md, section "Verdict")."""
         return replace(self, word=_worst([self.word, word]), remarks=(remark, *self.remarks))
 
     def with_last(self, word: VerdictWord, remark: Remark) -> "Verdict":
-        """The verdict with one more reason, after the others."""
+        """Return the verdict with one more reason, after the others; the worse word counts
+        (docs/method/consistency.md, section "Verdict")."""
         return replace(self, word=_worst([self.word, word]), remarks=(*self.remarks, remark))
 
 
@@ -235,13 +237,14 @@ def _moving(path: ReconstructedPath) -> ProcessNoise:
 
 
 def unchecked(because: str) -> Verdict:
-    """The verdict on a flight whose kinematics cannot be checked: its channels stay as measured."""
+    """Return the verdict on a flight whose kinematics cannot be checked: its channels stay as
+    measured."""
     return Verdict("limited", (Remark(NOT_CHECKED, text=because),), ())
 
 
 def as_document(verdict: Verdict) -> dict[str, Any]:
-    """As a JSON document: verdict, reasons (words), verdict_remarks (data), channels,
-    process_noise."""
+    """Return it as JSON, in SI units (docs/reference/conventions.md, section "Consistency
+    verdicts"): verdict, reasons (words), verdict_remarks (data), channels, process_noise."""
     noise = None if verdict.process_noise is None else asdict(verdict.process_noise)
     channels = [asdict(check) for check in verdict.channels]
     return {
@@ -256,7 +259,8 @@ def as_document(verdict: Verdict) -> dict[str, Any]:
 def judge_navigation(
     velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy
 ) -> Verdict:
-    """The verdict without logged accelerations, from checks of the navigation solution alone.
+    """Return the verdict without logged accelerations, from checks of the navigation solution
+    alone.
 
     Velocities [m/s], angles [rad]. Source: `docs/method/consistency.md`, section "Navigation
     solutions".
@@ -322,7 +326,8 @@ def _with(name: str, paths: Sequence[ReconstructedPath]) -> list[ReconstructedPa
 
 
 def navigation_limits(accuracy: Accuracy) -> dict[str, float]:
-    """Channel of a navigation solution -> limit of its rms difference, SI."""
+    """Return channel of a navigation solution -> limit of its rms difference, a scalar in [m/s] or
+    [m], from `Accuracy`."""
     return {
         **dict.fromkeys(("velocity_north", "velocity_east"), accuracy.horizontal_velocity),
         "velocity_down": accuracy.climb_rate,

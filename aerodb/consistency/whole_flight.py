@@ -73,7 +73,7 @@ def make_consistent(
     A flight that lacks the necessary channels, or that the reconstruction cannot bear (such as one
     that pitches through the vertical), gives the verdict "limited" with the reason; one on which
     the reconstruction fails in an unforeseen way is rejected with the reason. Neither raises an
-    error.
+    error. Channels are (n,), in SI units.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
 
 
 def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
-    """Gross faults that more than half of the records show."""
+    """Return gross faults that more than half of the records show; see `detect_faults`."""
     by_channels: dict[str, list[Fault]] = {}
     for record in records:
         for fault in detect_faults(record):

@@ -44,7 +44,7 @@ def euler_321_from_enu_quaternion(
     R D``: P exchanges east and north and turns up into down, D turns left into right and up into
     down. As quaternions ``q_P q q_D`` with ``q_P = (0, 1, 1, 0)/sqrt 2``, ``q_D = (0, 1, 0, 0)``.
 
-    Parameters and returns are those of `euler_321_from_quaternion`.
+    Parameters and returns are those of `euler_321_from_quaternion`. Angles are in [rad].
     """
     half = np.sqrt(0.5)
     w1, x1, y1, z1 = half * (-x - y), half * (w + z), half * (w - z), half * (y - x)
@@ -87,7 +87,7 @@ def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
 
 
 def to_earth(quaternion: Array, vector: Array) -> Array:
-    """Return body vectors in earth axes: v + 2 e x (e x v + e0 v).
+    """Return body vectors in earth axes, in their own unit: v + 2 e x (e x v + e0 v).
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def to_earth(quaternion: Array, vector: Array) -> Array:
 
 
 def to_body(quaternion: Array, vector: Array) -> Array:
-    """Return earth vectors in body axes.
+    """Return earth vectors in body axes, in their own unit; inverse of `to_earth`.
 
     Parameters
     ----------

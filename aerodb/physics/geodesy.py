@@ -63,7 +63,7 @@ class Earth:
 
     @property
     def metres_per_radian(self) -> tuple[float, float]:
-        """Metres per radian of latitude and of longitude at the origin."""
+        """Metres per radian [m/rad], scalars, of latitude and of longitude at the origin."""
         radii = radii_of_curvature(self.latitude)
         to_east = (radii.normal + self.height) * np.cos(self.latitude)
         return float(radii.meridian + self.height), float(to_east)

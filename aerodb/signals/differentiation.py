@@ -88,7 +88,8 @@ def low_passed(values: Array, step: float, bandwidth: float) -> Array:
 def band_passed(values: Array, step: float, low: float, high: float) -> Array:
     """Return ``low_passed(values, step, high) - low_passed(values, step, low)``, in half the time.
 
-    The lines through the end points differ by a straight line, whose sine series is known.
+    The lines through the end points differ by a straight line, whose sine series is known. values :
+    (n,), any unit. step : [s]. low, high : [Hz].
     """
     record = bridge(values)
     line, series, frequency, gain = _spectrum(record, step, high)

@@ -67,7 +67,8 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
 
 
 def low_pass_taps(ratio: float) -> Array:
-    """Return the taps of a low-pass for a sampling rate `ratio` times lower; odd in number.
+    """Return the taps (m,), dimensionless, of a low-pass for a sampling rate `ratio` times lower;
+    odd in number.
 
     A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*,
     sec. 7.5): flat to 0.35, 60 dB down from 0.5 of the new rate. `scipy.signal` has the same, and

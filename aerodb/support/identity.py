@@ -26,14 +26,15 @@ def canonical_json(value: Any) -> bytes:
 
 
 def key_of(value: Any) -> str:
-    """Return the sha256 (64 hexadecimal digits) of the canonical JSON of `value`."""
+    """Return the sha256 (64 hexadecimal digits) of the canonical JSON (RFC 8785) of `value`."""
     return hashlib.sha256(canonical_json(value)).hexdigest()
 
 
 def result_key(
     inputs: Mapping[str, str], settings: Mapping[str, Any], step: str, result_version: int
 ) -> str:
-    """Return the key of a stored result.
+    """Return the key (sha256) of a stored result; see docs/reference/conventions.md, section "Names
+    and identities".
 
     inputs : name -> hash of each input. settings : resolved settings. step, result_version : which
     step computed it, and the version of that step's result.

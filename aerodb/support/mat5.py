@@ -118,7 +118,8 @@ class MatElements:
         return MatElements(content, self.order)
 
     def numbers(self) -> NDArray[Any]:
-        """Numbers (n,) as they are stored."""
+        """Numbers (n,) as they are stored (in no known unit); raises Malformed for a type that
+        holds none."""
         kind, content = self.element()
         if kind not in _NUMBERS:
             raise Malformed(f"numbers of type {kind}")

@@ -200,7 +200,7 @@ class Thrust(ThrustLine):
 
     @property
     def lines(self) -> dict[str, ThrustLine]:
-        """Logged channel -> its line."""
+        """Logged channel [N] -> its line: point [m] and direction, (3,) each in body axes."""
         return {f"thrust_{name}": line for name, line in self.engines.items()} or {"thrust": self}
 
     @model_validator(mode="after")

@@ -204,7 +204,8 @@ class FlightReconstruction:
 def reconstruct_flight(
     records: Sequence[Record], own: Reconstruction, plan: Plan, calibration: Calibration | None
 ) -> FlightReconstruction:
-    """Combine the sensor estimates with their priors, then reconstruct every record with them.
+    """Combine the sensor estimates (SI units, covariance (k, k)) with their priors, then
+    reconstruct every record with them.
 
     Under a calibration the parameters are those that it names; in moving air, its delays and scales
     of the air data are held at the calibration's values. Records with the same wind are solved
@@ -263,7 +264,8 @@ def _combined(
 
 
 def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
-    """The records with the most motion (spread of the rates), at most `most`, in order of time.
+    """Return the records with the most motion (spread of the rates (n, 3) [rad/s]), at most `most`,
+    in order of time.
 
     They suffice for the sensor errors, which are the same in all records.
     """
@@ -333,8 +335,9 @@ def biases_that_may_be_air(found: FlightReconstruction, accuracy: Accuracy) -> t
 
 
 def air_remarks(found: FlightReconstruction, applied: Collection[str]) -> tuple[str, ...]:
-    """Say which biases of a vane would be applied in still air and are not, because the air may
-    be what they are; empty if none."""
+    """Say which biases of a vane would be applied in still air and are not, because the air may be
+    what they are; empty if none. Biases are told in [deg], with errors and vertical air [m/s] of
+    `Reconstruction`."""
     result = found.reconstruction
     said = []
     for name, (value, error) in found.sensors.by_name.items():

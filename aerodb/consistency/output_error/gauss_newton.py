@@ -73,8 +73,8 @@ class Problem:
         return accumulate(self.records, self.starts, self.items, vector, self.fixed, self.drivers)
 
     def thinned(self) -> "Problem | None":
-        """The problem with samples `THIN_STEP` apart, for the first steps of a search; None where
-        that would lose a channel, or where there is little to save."""
+        """Return the problem with samples `THIN_STEP` [s] apart, for the first steps of a search;
+        None where that would lose a channel, or where there is little to save."""
         every = int(THIN_STEP / self.records[0].step + 1e-9)
         if every < 2 or any(
             record.given or len(record.inputs) < every * _FEWEST for record in self.records

@@ -59,7 +59,8 @@ class VanePosition:
 
     @property
     def sentence(self) -> str:
-        """The finding, with what to do about it."""
+        """The finding [m] and its standard error, with what to do about it; delays that looked like
+        it are in [s], see `instead`."""
         side = "ahead of" if self.ahead > 0 else "behind"
         looked = [
             f"{name} {value:.2g}{' s' if name.endswith('delay') else ''}"
@@ -239,8 +240,8 @@ def leads(result: Reconstruction) -> tuple[Lead, ...]:
 
 
 def lead_sentences(found: Sequence[Lead]) -> tuple[str, ...]:
-    """Say which channels lead the motion beyond their errors, and where to look; empty if none
-    does."""
+    """Say which channels lead the motion beyond their errors, by how much [s] (`Lead`), and where
+    to look; empty if none does."""
     evident = [lead for lead in found if lead.evident]
     if len(evident) > 1:
         each = ", ".join(f"{_channel(lead)} by {_size(lead)}" for lead in evident)

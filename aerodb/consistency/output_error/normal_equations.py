@@ -179,15 +179,16 @@ def _as_slice(good: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
 
 
 def in_blocks(values: Array, blocks: int, size: int) -> Array:
-    """(n, c) as (blocks, size, c), zeros after the end."""
+    """Return values (n, c) as (blocks, size, c), zeros after the end; for `cross_product`."""
     padded = np.zeros((blocks * size, values.shape[1]))
     padded[: len(values)] = values
     return padded.reshape(blocks, size, values.shape[1])
 
 
 def cross_product(slope: Array) -> Array:
-    """``slope' slope`` (k, k) of (n, k), block by block: products of this size stay on one BLAS
-    thread; more threads would slow down flights that are processed in parallel."""
+    """Return ``slope' slope`` (k, k) of (n, k), in squared units of the slopes, block by block:
+    products of this size stay on one BLAS thread; more threads would slow down flights that are
+    processed in parallel."""
     size = max(8, _SINGLE_THREAD // max(slope.shape[1], 1) ** 2)
     if len(slope) <= size:
         return np.asarray(slope.T @ slope)

@@ -90,10 +90,10 @@ class SensorEstimates:
 
 
 def shared_estimates(result: Reconstruction, still: bool = False) -> SensorEstimates:
-    """The sensor parameters of a reconstruction, winds and first states integrated out.
+    """Return the sensor parameters of a reconstruction, winds and first states integrated out.
 
-    Of j parameters: values (j,), covariance (j, j), SI. still : with the covariance that they had
-    in air without vertical motion.
+    Of k parameters: values (k,), covariance (k, k), in SI units. still : with the covariance that
+    they had in air without vertical motion.
     """
     index = [number for number, entry in enumerate(result.estimates) if not entry.parameter.scope]
     chosen = [result.estimates[number] for number in index]
@@ -153,15 +153,16 @@ def overridden_by_calibration(
 
 
 def is_early(name: str, value: float) -> bool:
-    """Whether a parameter is a delay that is negative: no sensor leads the motion.
+    """Return whether a parameter is a delay that is negative: no sensor leads the motion.
 
-    value : [s] for a delay.
+    value : [s] for a delay. See `parameter`.
     """
     return value < 0.0 and parameter(name).kind == "delay"
 
 
 def never_early(estimates: SensorEstimates) -> SensorEstimates:
-    """The estimates with negative delays conditioned on zero."""
+    """Return the estimates, values (k,) in SI units, with negative delays [s] conditioned on
+    zero."""
     while early := [
         name for name, (value, _) in estimates.by_name.items() if is_early(name, value)
     ]:

@@ -91,7 +91,7 @@ def expected_inputs(record: Record) -> Array:
 
 
 def detect_faults(record: Record) -> tuple[Fault, ...]:
-    """Gross faults of a record's sensors.
+    """Return gross faults of a record's sensors, inputs (n, 6) [m/s²], [rad/s].
 
     Stuck channels and angles in degrees are tested first; only if there are none, missing gravity,
     then signs, units and swapped axes of the inertial sensors.

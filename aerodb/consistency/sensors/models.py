@@ -131,7 +131,8 @@ class SensorModels:
         return Dual(declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {})
 
     def acts(self, *names: str) -> bool:
-        """Whether any of these parameters is free or differs from zero."""
+        """Return whether any of these parameters (scalars, SI units) is free or differs from
+        zero."""
         return any(name in self.free or self.values.get(name, 0.0) != 0.0 for name in names)
 
     def channel(self, name: str) -> Dual:

@@ -48,7 +48,7 @@ class FlowCheck:
 
     @property
     def rms(self) -> float:
-        """Root mean square difference, rad."""
+        """Root mean square difference [rad], a scalar."""
         return float(np.hypot(self.mean, self.deviation))
 
 

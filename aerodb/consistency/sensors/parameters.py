@@ -151,7 +151,8 @@ def parameter(name: str, scope: str = "") -> Parameter:
 
 
 def known_names() -> tuple[str, ...]:
-    """All parameter names."""
+    """Return all names that `parameter` takes: ``<channel>_bias``, ``_scale``, ``_delay`` and those
+    of states."""
     sensors = [f"{channel}_{kind}" for channel in _CHANNELS for kind in ("bias", "scale")]
     delays = [f"{channel}_delay" for channel in _CHANNELS if channel not in INPUTS]
     return tuple(
@@ -160,7 +161,7 @@ def known_names() -> tuple[str, ...]:
 
 
 def delays_of(channel: str) -> tuple[str, ...]:
-    """Names of the parameters whose sum delays a channel.
+    """Return the names of the parameters whose sum [s] delays a channel (`GPS_OUTPUTS` share one).
 
     >>> delays_of("north")
     ('north_delay', 'gps_delay')

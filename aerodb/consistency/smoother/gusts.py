@@ -108,7 +108,8 @@ class Intensities:
     noise: Mapping[str, float]
 
     def of(self, channels: Sequence[str]) -> Array:
-        """(c,) noise of these channels, infinite for those that are not used. SI."""
+        """Return the noise (c,) of these channels, in SI units, infinite for those that are not
+        used; array of `noise`."""
         return np.array([self.noise.get(name, np.inf) for name in channels])
 
 
@@ -132,7 +133,8 @@ def transition(system: PathError, by: Intensities) -> Transition:
 
 
 def measurement_variances(system: PathError, by: Intensities) -> Array:
-    """(g, c) noise variances of the block means, SI squared, zero where nothing was measured."""
+    """Return noise variances (g, c) of the block means, in squared SI units, zero where nothing was
+    measured; an array of `PathError.count`."""
     used = system.count > 0
     return np.where(used, by.of(system.channels) ** 2 / np.where(used, system.count, 1.0), 0.0)
 
@@ -308,8 +310,8 @@ class _Search:
 
 
 def with_missing_noise(by: Intensities, system: PathError) -> Intensities:
-    """The intensities with the noise of channels that are used in this record but in none of those
-    that the intensities were estimated from."""
+    """Return the intensities with the noise (one sigma per sample, SI units) of channels that are
+    used in this record but in none of those that the intensities were estimated from."""
     more = {name: _white([system], name)[0] for name in _counting(system) if name not in by.noise}
     return replace(
         by,
@@ -329,12 +331,11 @@ def _counting(system: PathError) -> tuple[str, ...]:
 
 
 def slow_noise(system: PathError, left: Array, name: str) -> float:
-    """One sigma of white noise with the same low-frequency power as a channel's residual.
+    """Return one sigma (a scalar, SI units) of white noise with the same low-frequency power as a
+    channel's residual.
 
     The variance is ``s^2 (1 + r)/(1 - r)`` for a lag-one autocorrelation r. It refers to whole
     blocks and is zero if fewer than eight were measured. left : (g, c) residual after smoothing.
-
-    SI.
     """
     column = system.channels.index(name)
     count = system.count[:, column]

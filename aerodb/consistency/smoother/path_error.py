@@ -84,7 +84,7 @@ class PathError:
 
     @property
     def step(self) -> float:
-        """Step of the grid, s."""
+        """Step [s] of the grid, a scalar."""
         return self.grid_record.step
 
     @property

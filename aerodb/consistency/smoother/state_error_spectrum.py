@@ -86,7 +86,8 @@ class StateNoise:
         return drawn
 
     def document(self) -> dict[str, Any]:
-        """As a JSON document; `state_noise_from` reads it back."""
+        """Return it as JSON, densities in unit²/Hz as in the class; `state_noise_from` reads it
+        back."""
         return {
             "source": self.source,
             "edges": list(self.edges),

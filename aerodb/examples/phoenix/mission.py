@@ -405,7 +405,8 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
 
 
 def flown_lags(seed: int) -> dict[str, float]:
-    """Return the lags [s] of the air-data sensors in the logs of a seed, by sensor parameter."""
+    """Return the lags [s], scalars, of the air-data sensors in the logs of a seed, by sensor
+    parameter."""
     return lags(parse_vehicle(read_example("vehicle.toml"), "vehicle.toml"), _installation(seed))
 
 

@@ -83,7 +83,8 @@ CANDIDATES: tuple[Effect, ...] = (
 
 
 def draw_effects(seed: int) -> tuple[Effect, ...]:
-    """Return one or two random effects of CANDIDATES on different axes.
+    """Return one or two random effects of `CANDIDATES` on different axes, with scalar sizes in SI
+    units.
 
     Sizes vary by a fifth, signs are random.
     """
