@@ -15,9 +15,7 @@ The way through:
 
 Modules, from the bottom up: `expression`, `functions`, `program` (compiled expressions); `table`,
 `scattered`, `kernel` (interpolation); `reference`, `state_model`, `uncertainty`, `increment`;
-`definitions` and `database`; `arguments`, `linear_terms`, `nodes`, `envelope` (where tables are
-called, and where flights have been); `consolidation`, `differences`, `evaluation`, `sensitivity`,
-`slopes`, `check_cases`.
+`definitions` and `database`. Package: `analysis`, what is computed from databases.
 """
 
 from typing import TYPE_CHECKING
@@ -26,20 +24,41 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .algebra import cancel, plus, times
-    from .arguments import breakpoints_over, channel_of, rebuilt, scattered_over, table_calls
-    from .check_cases import CheckCase, failed_check_cases, make_check_cases
-    from .consolidation import (
+    from .analysis import (
+        QUANTITIES,
+        CheckCase,
+        DatabaseDiff,
+        Evaluation,
+        LinearTable,
+        NodeChanges,
         NodeShare,
+        Place,
+        TermChange,
+        breakpoints_over,
+        channel_of,
         consolidate,
+        diff,
+        evaluate_database,
+        failed_check_cases,
+        flown_envelope,
+        linear_tables,
+        make_check_cases,
+        neutral_point,
+        new_increments,
+        new_sign_changes,
         node_lineage,
         plan_consolidation,
         point_lineage,
+        rebuilt,
+        scattered_over,
+        slopes_by,
+        slopes_by_lift,
+        table_calls,
+        table_grids,
+        vary,
     )
     from .database import AeroDatabase, Prediction, Term, Variable
     from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL
-    from .differences import DatabaseDiff, NodeChanges, TermChange, diff
-    from .envelope import flown_envelope
-    from .evaluation import Evaluation, Place, evaluate_database
     from .expression import (
         MAX_DEPTH,
         MAX_LENGTH,
@@ -56,9 +75,7 @@ if TYPE_CHECKING:
     from .functions import COMPARISONS, FUNCTIONS, Value
     from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
     from .instructions import Instructions, Machine
-    from .linear_terms import LinearTable, linear_tables
     from .machine import execute
-    from .nodes import neutral_point, table_grids, vary
     from .program import AnyTable, Program, compile_program, evaluate
     from .reference import (
         HAT_RATES,
@@ -71,8 +88,6 @@ if TYPE_CHECKING:
         wind_to_body,
     )
     from .scattered import ScatteredTable
-    from .sensitivity import slopes_by, slopes_by_lift
-    from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate
     from .table import EXTRAPOLATIONS, Table
     from .total import TotalCoefficients, total_coefficients

@@ -23,7 +23,7 @@ from aerodb.storage.catalogue.names import standing_moves
 from aerodb.storage.catalogue.rows import NameEvent
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.support.identity import canonical_json
-from aerodb.tables.check_cases import make_check_cases
+from aerodb.tables.analysis.check_cases import make_check_cases
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tasks.steps.export import FORMS

@@ -21,9 +21,9 @@ from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.support.arrays import Array
-from aerodb.tables.consolidation import consolidate
+from aerodb.tables.analysis.consolidation import consolidate
+from aerodb.tables.analysis.evaluation import evaluate_database
 from aerodb.tables.database import AeroDatabase, Term
-from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, add_combinations, parse_vehicle

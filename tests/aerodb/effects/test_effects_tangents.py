@@ -18,10 +18,10 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
+from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
-from aerodb.tables.sensitivity import slopes_by
 from aerodb.vehicle import Vehicle, add_combinations
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database, flown, logged, vehicle

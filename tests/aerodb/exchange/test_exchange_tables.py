@@ -23,8 +23,8 @@ from aerodb.exchange.arrays.mat import export_mat, import_mat
 from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
 from aerodb.exchange.arrays.one_table import export_csv_table
 from aerodb.nomenclature import AXES
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.consolidation import consolidate
+from aerodb.tables.analysis.check_cases import CheckCase
+from aerodb.tables.analysis.consolidation import consolidate
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference

@@ -19,11 +19,11 @@ from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import DeclaredIncrement, ModelFile
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
+from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment
 from aerodb.tables.reference import body_to_wind
-from aerodb.tables.sensitivity import slopes_by
 from tests.support.jsbsim_campaign import function_of, vehicle_of
 from tests.support.jsbsim_cases import B737
 from tests.support.jsbsim_flights import aircraft_file

@@ -21,7 +21,7 @@ from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.nomenclature import AXES
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
-from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.analysis.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval

@@ -12,11 +12,11 @@ from aerodb.increments.estimate import Update, keep_slope_signs
 from aerodb.increments.gate import Standing, Verdict, judge_release, notes_on_release
 from aerodb.increments.held_out import held_out_error
 from aerodb.increments.validation import repeatability
-from aerodb.tables.check_cases import CheckCase, failed_check_cases, make_check_cases
+from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, make_check_cases
+from aerodb.tables.analysis.slopes import new_increments, new_sign_changes
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.slopes import new_increments, new_sign_changes
 from tests.support.small_glider import DATABASE
 
 DEG = np.pi / 180.0

@@ -12,7 +12,7 @@ from aerodb.identification.online import OnlineEstimation
 from aerodb.increments.chosen_knots import with_chosen_knots
 from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import expand, parse_model_file
-from aerodb.tables.consolidation import consolidate
+from aerodb.tables.analysis.consolidation import consolidate
 from aerodb.tables.program import evaluate
 from aerodb.vehicle import parse_vehicle
 from tests.aerodb.increments.test_update import CHORD_OVER_2V, campaign

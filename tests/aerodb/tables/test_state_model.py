@@ -21,9 +21,9 @@ from aerodb.exchange.native import database_content_sha256, from_document, read_
 from aerodb.exchange.state_terms import without_states
 from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
-from aerodb.tables.check_cases import failed_check_cases, make_check_cases
+from aerodb.tables.analysis.check_cases import failed_check_cases, make_check_cases
+from aerodb.tables.analysis.evaluation import evaluate_database
 from aerodb.tables.database import AeroDatabase, Term
-from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.program import evaluate

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.nomenclature import AXES
-from aerodb.tables.check_cases import CheckCase, failed_check_cases, make_check_cases
+from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval

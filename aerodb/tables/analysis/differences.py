@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
+from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
+from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
-from aerodb.tables.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
 from aerodb.tables.reference import WIND_AXES, Reference, wind_to_body
-from aerodb.tables.slopes import new_increments
 
 #: Changes below this fraction of the largest coefficient at the nodes are rounding.
 _ROUNDING = 1e-12
@@ -84,7 +84,7 @@ class DatabaseDiff:
     nodes : one entry per table and axis whose nodes change.
     tables : table name -> what differs, for tables that are new, gone or of another shape.
     not_addressable : table name -> largest difference of its values, for tables whose nodes are not
-        points over channels (see `aerodb.tables.nodes`).
+        points over channels (see `aerodb.tables.analysis.nodes`).
     """
 
     terms: tuple[TermChange, ...]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.support import Array
+from aerodb.tables.analysis.nodes import neutral_point, table_grids
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
-from aerodb.tables.nodes import neutral_point, table_grids
 from aerodb.tables.reference import body_to_wind
 
 #: Quantity -> the axes whose increments change it.

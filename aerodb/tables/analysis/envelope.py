@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tables.arguments import breakpoints_over
+from aerodb.tables.analysis.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import BASE_VARIABLES, Interval
 

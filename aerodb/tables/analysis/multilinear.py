@@ -2,7 +2,7 @@
 
 A sum or product of functions of one variable each, every one of them continuous and piecewise
 linear (``alpha``, ``max(alpha - 0.175, 0)*beta``, ``abs(beta)``), is multilinear between its
-breakpoints. Anything else is refused with the reason, which `aerodb.tables.consolidation` reports.
+breakpoints. Anything else is refused with the reason, which `consolidation` reports.
 """
 
 from collections.abc import Mapping

@@ -11,8 +11,8 @@ import numpy as np
 
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
+from aerodb.tables.analysis.nodes import table_grids
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.nodes import table_grids
 
 #: Half the range of an input that neither a table nor an envelope bounds, SI: for angles, 11 deg.
 _RANGE = 0.2

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from aerodb.tables.arguments import ScaledChannel, channel_of, scaled_channel, table_calls
+from aerodb.tables.analysis.arguments import ScaledChannel, channel_of, scaled_channel, table_calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall

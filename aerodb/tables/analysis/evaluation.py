@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
+from aerodb.tables.analysis.declared_uncertainty import declared_variance
+from aerodb.tables.analysis.linear_terms import depends_on
 from aerodb.tables.database import AeroDatabase, Prediction
-from aerodb.tables.declared_uncertainty import declared_variance
 from aerodb.tables.functions import Value
-from aerodb.tables.linear_terms import depends_on
 from aerodb.tables.reference import WIND_AXES, wind_to_body
 
 #: Wind axis -> the body axes that it acts on at small angles. Evidence from flights on a wind axis

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES
+from aerodb.tables.analysis.evaluation import Place, evaluate_database
 from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.evaluation import Place, evaluate_database
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.reference import Reference, body_to_wind, transfer_moments, wind_to_body

@@ -17,14 +17,14 @@ import numpy as np
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import Array
 from aerodb.tables.algebra import times
-from aerodb.tables.arguments import ScaledChannel, rebuilt
+from aerodb.tables.analysis.arguments import ScaledChannel, rebuilt
+from aerodb.tables.analysis.linear_terms import LinearTable, factors_of, linear_tables
+from aerodb.tables.analysis.multilinear import NotMultilinearError, merged
+from aerodb.tables.analysis.node_increment import MAX_NODES, columns_at, knots
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, Number, TableCall, number
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
-from aerodb.tables.linear_terms import LinearTable, factors_of, linear_tables
-from aerodb.tables.multilinear import NotMultilinearError, merged
-from aerodb.tables.node_increment import MAX_NODES, columns_at, knots
 from aerodb.tables.table import MAX_DIMENSIONS, Table
 from aerodb.tables.uncertainty import Bound, Uncertainty
 

@@ -10,10 +10,10 @@ import numpy as np
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
 from aerodb.tables.algebra import plus, times
-from aerodb.tables.arguments import rebuilt
+from aerodb.tables.analysis.arguments import rebuilt
+from aerodb.tables.analysis.linear_terms import depends_on
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Call, Expression, Name, Operation, TableCall, number
-from aerodb.tables.linear_terms import depends_on
 from aerodb.tables.program import AnyTable
 from aerodb.tables.reference import WIND_AXES
 from aerodb.tables.uncertainty import Bound, Uncertainty

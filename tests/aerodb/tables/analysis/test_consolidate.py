@@ -14,13 +14,18 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
-from aerodb.tables.arguments import coverage
-from aerodb.tables.consolidation import consolidate, node_lineage, plan_consolidation, point_lineage
+from aerodb.tables.analysis.arguments import coverage
+from aerodb.tables.analysis.consolidation import (
+    consolidate,
+    node_lineage,
+    plan_consolidation,
+    point_lineage,
+)
+from aerodb.tables.analysis.evaluation import evaluate_database
+from aerodb.tables.analysis.multilinear import NotMultilinearError, breaks, merged
 from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.multilinear import NotMultilinearError, breaks, merged
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

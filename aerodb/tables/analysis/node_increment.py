@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from aerodb.support import Array
+from aerodb.tables.analysis.multilinear import NotMultilinearError, breaks
 from aerodb.tables.expression import Expression
 from aerodb.tables.increment import Increment
-from aerodb.tables.multilinear import NotMultilinearError, breaks
 
 #: Most nodes of one grid; a larger table would cost too much memory.
 MAX_NODES: Final = 500_000

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.support import Array
-from aerodb.tables.arguments import table_calls
+from aerodb.tables.analysis.arguments import table_calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import Increment

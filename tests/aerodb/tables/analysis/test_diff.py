@@ -10,12 +10,12 @@ from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.report.diff_documents import diff_document
 from aerodb.report.diff_figures import diff_figure
-from aerodb.tables.consolidation import consolidate
+from aerodb.tables.analysis.consolidation import consolidate
+from aerodb.tables.analysis.differences import diff
+from aerodb.tables.analysis.nodes import neutral_point, table_axes, table_grids
 from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.differences import diff
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.nodes import neutral_point, table_axes, table_grids
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from tests.support.small_glider import DATABASE

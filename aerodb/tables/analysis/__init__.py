@@ -1,0 +1,32 @@
+"""Computed from a database: standard errors, differences, consolidation, slopes, check cases.
+
+`arguments`, `linear_terms`, `nodes` and `envelope` find where tables are called, and where flights
+have been. `evaluation` gives coefficients with standard errors and places (`declared_uncertainty`).
+`consolidation` folds increments into tables (`multilinear`, `node_increment`). `differences`
+compares databases; `sensitivity` gives derivatives along a flight, `slopes` their sign changes, and
+`check_cases` guards stored versions.
+"""
+
+from typing import TYPE_CHECKING
+
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .arguments import breakpoints_over, channel_of, rebuilt, scattered_over, table_calls
+    from .check_cases import CheckCase, failed_check_cases, make_check_cases
+    from .consolidation import (
+        NodeShare,
+        consolidate,
+        node_lineage,
+        plan_consolidation,
+        point_lineage,
+    )
+    from .differences import DatabaseDiff, NodeChanges, TermChange, diff
+    from .envelope import flown_envelope
+    from .evaluation import Evaluation, Place, evaluate_database
+    from .linear_terms import LinearTable, linear_tables
+    from .nodes import neutral_point, table_grids, vary
+    from .sensitivity import slopes_by, slopes_by_lift
+    from .slopes import QUANTITIES, new_increments, new_sign_changes
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
