@@ -51,8 +51,8 @@ def confine(limits: Limits, *, for_good: bool = False) -> None:
     """Set the limits of the next job of this process, in addition to the memory that it has and the
     processor time that it has spent; `for_good`, so that it cannot lift them again.
 
-    The memory counted is what the process may write to (RLIMIT_DATA): threads reserve address space
-    that they never use, and stored files are mapped.
+    Memory [bytes], processor time [s]. The memory counted is what the process may write to
+    (RLIMIT_DATA): threads reserve address space that they never use, and stored files are mapped.
     """
     _limit(resource.RLIMIT_DATA, _written() + limits.memory, for_good)
     usage = resource.getrusage(resource.RUSAGE_SELF)
@@ -71,7 +71,8 @@ def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
 
 
 def lift_memory_limit() -> None:
-    """Let this process have memory again, so that it can say that it had too little."""
+    """Let this process have memory again, so that it can say that it had too little (a MemoryError
+    of what `confine` limits)."""
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
 
@@ -86,7 +87,7 @@ def _written() -> int:
 
 
 def how_it_ended(code: int, late: bool, limits: Limits, what: str, program: str) -> str:
-    """Return why a confined process gave no answer.
+    """Return why a confined process gave no answer, with times [s] of its limits.
 
     code : exit code, negative for a signal. late : whether it was stopped after `limits.wall`.
     what : what it did ("its parsing"). program : what ran there ("the reader").

@@ -112,7 +112,9 @@ def translated_database_errors(where: str) -> Iterator[None]:
 
 
 def store_error_of(error: Exception, where: str) -> StoreError | None:
-    """The StoreError for a database error; None when it is not about disk, lock or connection."""
+    """Return the StoreError for a database error, a StoreBusyError where it passes; None when it is
+    not about disk, lock or connection. By SQLSTATE of PostgreSQL, else by the message of SQLite
+    (`_BY_STATE`, `_BY_MESSAGE`)."""
     cause = getattr(error, "orig", None) or error
     state, message = getattr(cause, "sqlstate", None), str(cause)
     known = _BY_STATE if state else _BY_MESSAGE

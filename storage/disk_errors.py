@@ -37,7 +37,8 @@ _ABANDONED: Final = 86_400.0
 
 @contextmanager
 def translated_disk_errors(where: Path | str) -> Iterator[None]:
-    """Context manager that raises disk errors (OSError) as StoreError with a remedy."""
+    """Context manager that raises disk errors (OSError) as StoreError with a remedy, those that
+    pass as StoreBusyError; by errno, see `_MESSAGES`. Other errors stay."""
     try:
         yield
     except OSError as error:
@@ -64,8 +65,8 @@ def require_space(root: Path, size: int, reserve: int) -> None:
 
 
 def temporary_beside(path: Path) -> Path:
-    """A unique temporary name beside `path`; abandoned temporary files of the same path are
-    removed."""
+    """Return a unique temporary name in the folder of `path`; abandoned temporary files of the same
+    path are removed, and an OSError of their removal is ignored."""
     name = path.name[:80]
     for left in path.parent.glob(f".{glob.escape(name)}.*.tmp"):
         if is_abandoned(left):
@@ -80,8 +81,8 @@ def is_temporary(path: Path) -> bool:
 
 
 def is_abandoned(path: Path) -> bool:
-    """Whether the writer of a temporary file has ended: a process of this machine that no longer
-    exists, or any writer after a day."""
+    """Return whether the writer of a temporary file has ended: a process of this machine that no
+    longer exists, or any writer after a day."""
     try:
         age = time.time() - path.stat().st_mtime
     except FileNotFoundError:
@@ -106,7 +107,8 @@ def _is_alive(process: int) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a folder with its content; do nothing when it does not exist."""
+    """Remove a file, a link or a folder with its content; do nothing when it does not exist. Raises
+    OSError, which `translated_disk_errors` translates."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

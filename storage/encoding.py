@@ -57,35 +57,38 @@ def plain_text(text: str) -> str:
 
 
 def to_json(value: Any) -> str:
-    """`value` as canonical JSON text."""
+    """Return `value` as canonical JSON text (RFC 8785); ValueError for nan or infinity."""
     return canonical_json(value).decode("utf-8")
 
 
 def from_json(text: str) -> Any:
-    """The value of a JSON text."""
+    """Return the value of a JSON text, as `to_json` writes it; raises ValueError for another
+    text."""
     return json.loads(text)
 
 
 def damage_to_json(damage: Iterable[Damage]) -> str:
-    """Damage reports as canonical JSON."""
+    """Return damage reports as canonical JSON (RFC 8785), times [s] and sizes [bytes]."""
     return to_json(
         [{**asdict(d), "what": plain_text(d.what), "topic": plain_text(d.topic)} for d in damage]
     )
 
 
 def damage_from_json(text: str) -> tuple[Damage, ...]:
-    """Damage reports from their JSON."""
+    """Return damage reports from their JSON, as `damage_to_json` writes it; ValueError for another
+    text."""
     return tuple(Damage(**d) for d in json.loads(text))
 
 
 def remarks_to_json(remarks: Iterable[Remark]) -> str:
-    """Remarks as canonical JSON."""
+    """Return remarks as canonical JSON (RFC 8785), values with their units."""
     plain = (replace(remark, text=plain_text(remark.text)) for remark in remarks)
     return to_json([remark.document() for remark in plain])
 
 
 def remarks_from_json(text: str) -> tuple[Remark, ...]:
-    """Remarks from their JSON."""
+    """Return remarks from their JSON, as `remarks_to_json` writes it; ValueError for another
+    text."""
     return tuple(remark_from(each) for each in json.loads(text))
 
 
@@ -118,5 +121,6 @@ def time_text(time: datetime) -> str:
 
 
 def time_of(text: str) -> datetime:
-    """The UTC time (aware) of a stored text."""
+    """Return the UTC time (aware) of a stored text (ISO 8601, microseconds); ValueError for another
+    text."""
     return datetime.fromisoformat(text)

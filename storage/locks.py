@@ -31,7 +31,8 @@ class Lock:
         self._path, self._descriptor = path, descriptor
 
     def note(self, content: Mapping[str, Any]) -> None:
-        """Write `content` into the lock file, readable by processes of the same user only."""
+        """Write `content` into the lock file, readable by processes of the same user only. JSON in
+        ASCII; OSError on a full disk."""
         if hasattr(os, "fchmod"):
             os.fchmod(self._descriptor, 0o600)
         text = json.dumps(content).encode("ascii")
@@ -51,8 +52,8 @@ class Lock:
 def take(path: Path, wait: bool = False) -> Lock | None:
     """Acquire the lock at `path`. Returns None when another holds it; with `wait`, waits instead.
 
-    A check by `is_held` also holds the lock for an instant, so None means that it was held for one
-    second.
+    A check by `is_held` also holds the lock for an instant, so None means that it was held for 1
+    [s]. StoreError where the file cannot be made.
     """
     with translated_disk_errors(path):
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
@@ -86,7 +87,8 @@ def _locked(descriptor: int, wait: bool) -> bool:
 
 @contextmanager
 def holding(path: Path, remove: bool = False) -> Iterator[Lock]:
-    """Context manager that holds the lock at `path`, waiting for it if necessary."""
+    """Context manager that holds the lock at `path`, waiting for it if necessary, without a limit.
+    StoreError where the file cannot be made."""
     lock = take(path, wait=True)
     assert lock is not None
     try:
@@ -96,7 +98,8 @@ def holding(path: Path, remove: bool = False) -> Iterator[Lock]:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a process holds the lock at `path`."""
+    """Return whether a process holds the lock at `path`; False without the file, and without file
+    locks (Windows). OSError where it cannot be opened."""
     if fcntl is None:
         return False
     try:
@@ -113,7 +116,8 @@ def is_held(path: Path) -> bool:
 
 
 def note_of(path: Path) -> dict[str, Any]:
-    """The note of the holder of a lock; empty when the lock is free."""
+    """Return the note of the holder of a lock, as `Lock.note` writes it; empty, and no error, when
+    the lock is free or the note cannot be read."""
     if not is_held(path):
         return {}
     try:

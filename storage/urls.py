@@ -38,9 +38,9 @@ def checked_url(text: Any) -> str:
 
 
 def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ) -> str:
-    """The address that a checked setting refers to, with its password if it has one; empty for
-    none. InputError, whose message shows nothing of it, when the variable is not set or is not an
-    address."""
+    """Return the address that a checked setting refers to, with its password if it has one; empty
+    for none. InputError, whose message shows nothing of it, when the variable is not set or is not
+    an address (``postgresql://``, RFC 3986)."""
     if not text.startswith("$"):
         return text
     address = environment.get(text[1:], "")
@@ -61,7 +61,8 @@ def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ)
 
 
 def shown(url: str) -> str:
-    """An address for messages: user, host, port and database, without password and options."""
+    """Return an address (RFC 3986) for messages: user, host, port and database, without password
+    and options. InputError where it is none."""
     parts = _parts(url)
     user = f"{parts.username}@" if parts.username else ""
     port = f":{parts.port}" if parts.port else ""

@@ -59,7 +59,8 @@ def write_atomically(path: Path, write: Callable[[Path], object], keep: bool = F
 
 
 def put_in_place(temporary: Path, path: Path, keep: bool = False) -> None:
-    """Rename a finished temporary file or folder to `path`; `keep` as in `write_atomically`."""
+    """Rename a finished temporary file or folder to `path`; `keep` as in `write_atomically`.
+    StoreError on a full or read-only disk."""
     with translated_disk_errors(path):
         _flush(temporary)
         if temporary.is_dir() and path.exists():
@@ -190,20 +191,24 @@ class Workspace:
         return self.root / "prefect"
 
     def flight_path(self, key: str) -> Path:
-        """Path of the flight stored under `key` (a result's key); its folder is created."""
+        """Path of the flight stored under `key` (a result's key); its folder is created (StoreError
+        where that fails). Form: docs/reference/conventions.md, section "Stored files"."""
         return self._place("flights", key, ".parquet")
 
     def recording_path(self, key: str) -> Path:
-        """Folder of the raw topics stored under `key` (a log's sha256)."""
+        """Folder of the raw topics stored under `key` (a log's sha256); StoreError where it cannot
+        be made. Form: docs/reference/conventions.md, section "Stored files"."""
         return self._place("flights", key, ".topics")
 
     def log_path(self, sha256: str, suffix: str) -> Path:
-        """Path of the original bytes of a log that came through the inbox; its folder is
-        created."""
+        """Path of the original bytes of a log that came through the inbox; its folder is created
+        (StoreError where that fails). Name: its sha256, see docs/reference/conventions.md, section
+        "Names and identities"."""
         return self._place("logs", sha256, suffix if _SUFFIX.fullmatch(suffix) else "")
 
     def result_path(self, key: str, suffix: str = ".parquet") -> Path:
-        """Path of the result stored under `key`; its folder is created."""
+        """Path of the result stored under `key`; its folder is created. ValueError for what is no
+        suffix."""
         if not _SUFFIX.fullmatch(suffix):
             raise ValueError(f"not a file suffix: {suffix!r}")
         return self._place("results", key, suffix)
@@ -216,11 +221,13 @@ class Workspace:
         return parent / f"{key}{suffix}"
 
     def relative(self, path: Path) -> str:
-        """`path` as the catalogue stores it: relative to the workspace, with forward slashes."""
+        """`path` as the catalogue stores it: relative to the workspace, with forward slashes.
+        ValueError if it is outside the workspace."""
         return path.absolute().relative_to(self.root).as_posix()
 
     def resolve(self, relative: str) -> Path:
-        """The file at a stored relative path; ValueError if it is outside the workspace."""
+        """Return the file at a stored path, as `relative` gives it; ValueError if it is outside the
+        workspace."""
         parts = PurePosixPath(relative)
         if parts.is_absolute() or ".." in parts.parts or not parts.parts:
             raise ValueError(f"not a path inside the workspace: {relative[:80]!r}")
@@ -254,7 +261,8 @@ class Workspace:
     def write_reason(
         self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = ""
     ) -> None:
-        """Write ``reason.json`` of a quarantine entry: original name, size, vehicle and reason."""
+        """Write ``reason.json`` of a quarantine entry: original name, size [bytes], vehicle and
+        reason. StoreError on a full disk."""
         at = datetime.now(UTC).isoformat(timespec="seconds")
         note = {
             "name": name,
@@ -278,7 +286,8 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
 
 
 def has_sha256(path: Path, sha256: str) -> bool:
-    """Whether `path` is a readable file whose bytes have this hash."""
+    """Return whether `path` is a readable file whose bytes have this hash; an OSError means
+    False."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256
@@ -306,7 +315,7 @@ def _write_json(path: Path, value: Any) -> None:
 
 
 def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
-    """Write a file to a path chosen by the user, atomically; returns its path.
+    """Write a file to a path chosen by the user, atomically (`write_atomically`); returns its path.
 
     Raises InputError when the path is a folder, when its folder does not exist, or when it is
     inside the workspace but not among the reports, because those files belong to the catalogue.

@@ -141,7 +141,8 @@ class ServeSettings(Strict):
 
 
 def is_loopback(host: str) -> bool:
-    """Whether `host` is a loopback address."""
+    """Return whether `host` is a loopback address (127.0.0.0/8 or ::1; RFC 6890), or localhost; any
+    other text gives False, no error."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -297,7 +298,7 @@ class AccuracySettings(Strict):
 
     @property
     def given(self) -> dict[str, float]:
-        """The limits that are set."""
+        """Return the limits that are set, in SI units, by field of `Accuracy`."""
         return self.model_dump(exclude_none=True)
 
 
@@ -386,8 +387,8 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
 
 
 def checked_token(serve: ServeSettings, environment: dict[str, str]) -> str:
-    """The token that clients of the server must present; empty for none. InputError when a token is
-    required and missing."""
+    """Return the token that clients of the server must present; empty for none. InputError when a
+    token is required and missing, or has fewer than `_SHORTEST_TOKEN` characters."""
     token = environment.get(TOKEN_VARIABLE, "")
     if token and len(token) < _SHORTEST_TOKEN:
         raise InputError(
@@ -409,5 +410,6 @@ def checked_token(serve: ServeSettings, environment: dict[str, str]) -> str:
 
 
 def authorization(token: str) -> str:
-    """Name and password with which a client presents the token (HTTP basic authentication)."""
+    """Return name and password with which a client presents the token (HTTP basic authentication,
+    RFC 7617), as `checked_token` gives it; it raises no error for an empty one."""
     return f"aerodb:{token}"

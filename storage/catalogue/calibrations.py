@@ -28,7 +28,7 @@ class CalibrationLedger(Ledger):
         """Store a calibration under the vehicle's next label, with the newest one as its parent.
 
         An id that is stored already changes nothing and gives the stored row. InputError without a
-        reason.
+        reason, UnknownNameError for the vehicle; values in `content` are in SI units.
         """
         enc.checked_key(id, "the id of a calibration")
         if not reason.strip():
@@ -55,14 +55,15 @@ class CalibrationLedger(Ledger):
             return stored[0]
 
     def calibrations(self, vehicle: str) -> tuple[CalibrationRow, ...]:
-        """All calibrations of a vehicle, oldest first."""
+        """Return all calibrations of a vehicle, oldest first, values in SI units; UnknownNameError
+        where it is not known."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             return tuple(_rows(connection, s.calibrations.c.vehicle == vehicle))
 
     def calibration(self, vehicle: str, ref: str) -> CalibrationRow:
-        """The calibration referred to by `ref`: its id, its label (``c0003``) or a unique prefix of
-        its id."""
+        """Return the calibration referred to by `ref`: its id, its label (``c0003``) or a unique
+        prefix of its id. UnknownNameError where there is none, or several."""
         rows = self.calibrations(vehicle)
         exact = [row for row in rows if ref in (row.id, row.label)]
         if exact:
@@ -90,7 +91,8 @@ class CalibrationLedger(Ledger):
     def bind_flight(self, flight: str, calibration: str, run: str | None = None) -> None:
         """Bind a flight (its id) to a calibration (its id); the same binding again changes nothing.
 
-        InputError when the calibration does not belong to the flight's vehicle.
+        UnknownNameError for the flight. InputError when the calibration does not belong to the
+        flight's vehicle. Table `flight_calibrations`.
         """
         with self._database.writing() as connection:
             self._require_flight(connection, flight)
@@ -113,14 +115,15 @@ class CalibrationLedger(Ledger):
                 connection.execute(sa.insert(s.flight_calibrations).values(values))
 
     def calibration_of(self, flight: str) -> CalibrationRow | None:
-        """The calibration that a flight (its id) is bound to; None when it was processed without
-        one."""
+        """Return the calibration that a flight (its id) is bound to; None when it was processed
+        without one."""
         with self._database.reading() as connection:
             bound = _bound(connection, flight)
             return None if bound is None else _rows(connection, s.calibrations.c.id == bound)[0]
 
     def flights_bound_to(self, calibration: str) -> tuple[str, ...]:
-        """Ids of the flights that are bound to a calibration (its id) now."""
+        """Return the ids of the flights that are bound to a calibration (its id) now, by
+        `flight_calibrations`; StoreBusyError while the catalogue is locked."""
         c = s.flight_calibrations.c
         newest = sa.select(sa.func.max(c.sequence)).group_by(c.flight).scalar_subquery()
         query = (

@@ -114,8 +114,9 @@ class Catalogue(
 
     @staticmethod
     def pending_migration(path: Path) -> tuple[str, str] | None:
-        """The stored and the newest schema of the catalogue that `open` would migrate; None if it
-        is of the newest schema, or does not exist. Changes nothing."""
+        """Return the stored and the newest schema of the catalogue that `open` would migrate; None
+        if it is of the newest schema, or does not exist. Changes nothing. StoreError where it
+        cannot be read."""
         place = catalogue_location(path)
         if not place.begun:
             return None
@@ -124,7 +125,7 @@ class Catalogue(
 
     @classmethod
     def in_file(cls, path: Path) -> "Catalogue":
-        """Open the SQLite file at `path` regardless of the settings beside it: the catalogue of a
+        """Open the SQLite file at `path` regardless of the settings next to it: the catalogue of a
         backup."""
         return cls(open_sqlite(path))
 
@@ -141,7 +142,8 @@ class Catalogue(
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Context manager that makes all calls inside one atomic transaction; no other writer can
-        interfere."""
+        interfere (`Database.writing`). Raises StoreBusyError where another writer keeps the
+        lock."""
         with self._database.writing():
             yield
 
@@ -149,7 +151,8 @@ class Catalogue(
 
     def add_vehicle(self, name: str, text: str) -> VehicleRow:
         """Store the text of a vehicle file; earlier texts are kept. The same text again changes
-        nothing."""
+        nothing. Raises InputError for a name of other than letters, digits, ``-`` and ``_``;
+        schema: docs/reference/conventions.md, section "Vehicle file"."""
         enc.checked(name, enc.VEHICLE_NAME, "the name of a vehicle")
         digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
         at = enc.time_text(enc.now())
@@ -163,8 +166,9 @@ class Catalogue(
         return self.vehicle(name)
 
     def vehicle(self, name: str, sha256: str = "") -> VehicleRow:
-        """A vehicle with its newest text, or with the text of this `sha256`; UnknownNameError when
-        there is none."""
+        """Return a vehicle with its newest text, or with the text of this `sha256`;
+        UnknownNameError when there is none. Schema: docs/reference/conventions.md, section "Vehicle
+        file"."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, name)
             texts = self._vehicle_texts(connection, name)
@@ -178,7 +182,7 @@ class Catalogue(
         )
 
     def vehicles(self) -> tuple[VehicleRow, ...]:
-        """All vehicles by name, each with its newest text."""
+        """Return all vehicles by name, each with its newest text."""
         with self._database.reading() as connection:
             names = connection.scalars(
                 sa.select(s.vehicles.c.name).order_by(s.vehicles.c.name)
@@ -208,7 +212,8 @@ class Catalogue(
         reason: str = "",
         damage: Iterable[Damage] = (),
     ) -> bool:
-        """Store a log and its status; returns whether it is new.
+        """Store a log and its status; returns whether it is new. size : [bytes]. Raises InputError
+        where the hash is no sha256.
 
         A quarantined log that is ingested again gets its new status; an accepted log is never
         quarantined later.
@@ -236,7 +241,8 @@ class Catalogue(
             return stored is None
 
     def log(self, ref: str) -> LogRow | None:
-        """The log with this sha256, or None."""
+        """Return the log with this sha256, or None: no error for an unknown one, unlike
+        `vehicle`."""
         with self._database.reading() as connection:
             row = connection.execute(
                 sa.select(s.log_files).where(s.log_files.c.sha256 == ref)
@@ -270,7 +276,8 @@ class Catalogue(
         """Store a result whose file is at `path` (relative to the workspace); returns whether it is
         new.
 
-        An existing key is unchanged, but `run` is recorded as using it.
+        An existing key is unchanged, but `run` is recorded as using it. Raises UnknownNameError for
+        the flight or the run, InputError for a key that is no sha256.
         """
         enc.checked_key(key, "the key of a result")
         _check_relative(path)
@@ -372,8 +379,8 @@ class Catalogue(
         return self.run(run)
 
     def end_run(self, id: str, state: RunState, error: str = "") -> RunRow:
-        """Record how a run ended. The first end counts: a run marked as crashed cannot complete
-        later."""
+        """Record how a run ended (`RunState`). Raises ValueError for ``running``, UnknownNameError
+        for an unknown run. The first end counts: a run marked as crashed cannot complete later."""
         if state == "running":
             raise ValueError("a run does not end as 'running'")
         with self._database.writing() as connection:
@@ -391,7 +398,7 @@ class Catalogue(
         return self.run(id)
 
     def run(self, id: str) -> RunRow:
-        """One run; UnknownNameError when there is none."""
+        """Return one run (table `runs`, times in UTC); UnknownNameError when there is none."""
         with self._database.reading() as connection:
             row = connection.execute(sa.select(s.runs).where(s.runs.c.id == id)).one_or_none()
         if row is None:

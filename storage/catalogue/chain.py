@@ -24,7 +24,8 @@ _AT_ONCE: Final = 1000
 def link_of(before: str, table: str, row: sa.RowMapping) -> str:
     """Return the hash (sha256) of a row behind the hash `before`.
 
-    Columns without a value are left out: a column that a later schema adds changes no hash.
+    Columns without a value are left out: a column that a later schema adds changes no hash. Hashed
+    is ASCII JSON with sorted keys; TypeError for a value that JSON does not have.
     """
     content = {name: value for name, value in row.items() if value is not None}
     text = json.dumps([before, table, content], sort_keys=True, separators=(",", ":"))

@@ -58,8 +58,8 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[sa.Connection]:
-        """A connection that sees one consistent state; inside `writing`, the connection of that
-        transaction."""
+        """Give a connection that sees one consistent state; inside `writing`, the connection of
+        that transaction. Raises StoreError, or StoreBusyError while it is locked."""
         current = self._current.get()
         if current is not None:
             yield current
@@ -73,10 +73,11 @@ class Database:
 
     @contextmanager
     def writing(self, linked: bool = True) -> Iterator[sa.Connection]:
-        """An exclusive, atomic write transaction; nested ones are savepoints of the outer one.
+        """Give an exclusive, atomic write transaction; nested ones are savepoints of the outer one.
 
         linked : whether new events and rows are linked (`aerodb.storage.catalogue.chain`,
-        `row_links`).
+        `row_links`). Raises StoreError (full or read-only disk), or StoreBusyError while another
+        writes.
         """
         current = self._current.get()
         if current is not None:
@@ -143,14 +144,16 @@ class Database:
 
 
 def revision_of(connection: sa.Connection) -> str | None:
-    """Schema revision of a database; None if it contains no catalogue."""
+    """Return the schema revision (`alembic_version`) of a database; None if it contains no
+    catalogue, errors of SQLAlchemy as they are."""
     if not sa.inspect(connection).has_table("alembic_version"):
         return None
     return connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
 
 
 def stored_revision(database: Database) -> str | None:
-    """Schema revision of a database, read in a transaction of its own."""
+    """Return the schema revision (`revision_of`), read in a transaction of its own; StoreError
+    where it cannot be read."""
     with database.reading() as connection:
         return revision_of(connection)
 

@@ -16,6 +16,7 @@ class StoredFile:
 
 
 def measured(path: Path) -> tuple[str, int]:
-    """sha256 and size of a file as it stands; read in blocks, whatever its size."""
+    """Return sha256 and size [bytes] of a file as it is now; read in blocks, whatever its size.
+    Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest(), file.tell()

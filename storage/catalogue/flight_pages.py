@@ -50,7 +50,8 @@ class FlightPage:
 def page_of_ids(
     connection: sa.Connection, wanted: FlightFilter, limit: int, after: str
 ) -> tuple[list[str], str]:
-    """Ids of a page of flights, and the cursor of the next page (empty at the end)."""
+    """Return the ids of a page of flights, and the cursor of the next page (empty at the end).
+    Raises InputError for a cursor that `page_of_ids` did not give."""
     names = (
         connection.scalars(sa.select(s.vehicles.c.name)).all()
         if wanted.vehicle is None

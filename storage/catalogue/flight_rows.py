@@ -109,7 +109,8 @@ class FlightLedger(Ledger):
 
     def judge_flight(self, id: str, verdict: Verdict, remarks: Iterable[Remark] = ()) -> None:
         """Record the verdict on a flight (its id). The newest verdict counts; the same verdict
-        again changes nothing."""
+        again changes nothing. UnknownNameError for an unknown flight; tables `flight_events` and
+        `verdict_remarks`."""
         remarks = tuple(remarks)
         with self._database.writing() as connection:
             self._require_flight(connection, id)
@@ -128,7 +129,8 @@ class FlightLedger(Ledger):
 
     def retract_flight(self, id: str, reason: str, *, user: str = "") -> FlightRow:
         """Retract a flight (its id) for a reason: every version that depends on it becomes stale. A
-        second retraction changes nothing."""
+        second retraction changes nothing. InputError without a reason, UnknownNameError for an
+        unknown flight; table `flight_events`."""
         if not reason.strip():
             raise InputError(
                 "a retraction requires a reason", f"flight {enc.shown(id)}", "add --reason TEXT"
@@ -189,7 +191,7 @@ class FlightLedger(Ledger):
         )
 
     def flights_by_id(self, ids: Iterable[str]) -> dict[str, FlightRow]:
-        """Id -> flight, for those of `ids` that exist."""
+        """Return id -> flight, for those of `ids` that exist; no error for the others."""
         with self._database.reading() as connection:
             return {
                 row.id: row
@@ -198,8 +200,8 @@ class FlightLedger(Ledger):
             }
 
     def newest_flights(self, vehicle: str, limit: int) -> tuple[FlightRow, ...]:
-        """The flights of a vehicle that were added last, at most `limit`, newest first; no others
-        are read."""
+        """Return the flights of a vehicle that were added last, at most `limit`, newest first; no
+        others are read. UnknownNameError for an unknown vehicle."""
         c = s.flights.c
         query = (
             sa.select(c.id)
@@ -228,7 +230,8 @@ class FlightLedger(Ledger):
         return FlightPage(tuple(rows[id] for id in ids), further)
 
     def log_names(self, hashes: Iterable[str]) -> dict[str, str]:
-        """sha256 -> name of the log's file, for those that are known."""
+        """Return sha256 -> name of the log's file (table `log_files`), for those that are known; no
+        error for the others."""
         c = s.log_files.c
         with self._database.reading() as connection:
             queries = [
@@ -238,8 +241,9 @@ class FlightLedger(Ledger):
             return {row.sha256: row.name for query in queries for row in connection.execute(query)}
 
     def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
-        """Id -> name of the flight for people: its own, else the file of its log and the day that
-        it was flown (where the log knows it); the first digits of its id where neither is known."""
+        """Return id -> name of the flight for people: its own, else the file of its log and the day
+        that it was flown (where the log knows it); the first digits of its id where neither is
+        known."""
         rows = self.flights_by_id(ids)
         hashes = {row.log_sha256 for row in rows.values() if row.name is None}
         files = self.log_names(hashes)
@@ -248,8 +252,9 @@ class FlightLedger(Ledger):
     def flights(
         self, vehicle: str | None = None, log_sha256: str | None = None
     ) -> tuple[FlightRow, ...]:
-        """All flights, or those of a vehicle or a log, by start time (by time of addition if the
-        start is unknown)."""
+        """Return all flights, or those of a vehicle or a log, by start time (by time of addition if
+        the start is unknown). Times are UTC; UnknownNameError for an unknown vehicle. See
+        `FlightRow`."""
         where: sa.ColumnElement[bool] = sa.true()
         with self._database.reading() as connection:
             if vehicle is not None:

@@ -21,8 +21,9 @@ _FORMER: Final = "former_"
 def keep_former(connection: sa.Connection, revision: str) -> str:
     """Keep the catalogue of a writing transaction as it is, before its schema changes.
 
-    SQLite: in a file beside it; PostgreSQL: in tables beside its own, which a rollback removes.
-    Returns where. Raises StoreError when the disk has no room for the copy: nothing changes then.
+    SQLite: in a file next to it; PostgreSQL: in tables next to its own (`_FORMER`), which a
+    rollback removes. Returns where. Raises StoreError when the disk has no room for the copy:
+    nothing changes then.
     """
     if connection.dialect.name == "sqlite":
         return str(_copied_file(Path(str(connection.engine.url.database)), revision))

@@ -17,7 +17,8 @@ class InboxHistory(Ledger):
     """Catalogue queries about the inbox history."""
 
     def add_inbox_events(self, events: Iterable[InboxEvent]) -> None:
-        """Add events of files. An outcome that a file has already is not added again."""
+        """Add events of files (table `inbox_events`; sizes [bytes], times [ns]). An outcome that a
+        file has already is not added again."""
         with self._database.writing() as connection:
             for event in events:
                 if event.kind in ENDINGS and self._last_kind(connection, event) == event.kind:
@@ -49,7 +50,8 @@ class InboxHistory(Ledger):
         ).scalar()
 
     def inbox_attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
-        """(path, size, mtime_ns) -> number of attempts since the last outcome, and the last error.
+        """Return (path, size [bytes], mtime_ns) -> number of attempts since the last outcome, and
+        the last error.
 
         A failure without a reason cancels one attempt: the file was not at fault.
         """
@@ -78,7 +80,8 @@ class InboxHistory(Ledger):
     def inbox_events(
         self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100
     ) -> tuple[InboxEvent, ...]:
-        """Events of the inbox, newest first: all, of one kind, or of one content."""
+        """Return events of the inbox (table `inbox_events`), newest first: all, of one kind, or of
+        one content (sha256). Unknown ones give none, and no error."""
         c = s.inbox_events.c
         query = sa.select(s.inbox_events).order_by(c.sequence.desc()).limit(limit)
         if kind is not None:

@@ -14,7 +14,8 @@ class LineageLedger(Ledger):
     """Catalogue queries about the lineage of versions."""
 
     def version_flights(self, version: str) -> tuple[FlightRole, ...]:
-        """Role of each flight in this version itself (not in its ancestors), by flight id."""
+        """Return the role of each flight in this version itself (not in its ancestors), by flight
+        id."""
         c = s.version_flights.c
         with self._database.reading() as connection:
             rows = connection.execute(
@@ -23,13 +24,15 @@ class LineageLedger(Ledger):
             return tuple(FlightRole(*row) for row in rows)
 
     def roles_in_line(self, version: str | None) -> dict[str, Role]:
-        """Flight -> strongest role in `version` (its id) and all its ancestors; empty for None."""
+        """Return flight -> strongest role in `version` (its id) and all its ancestors; empty for
+        None, and without an error for an unknown id."""
         with self._database.reading() as connection:
             return roles_of(connection, version)
 
     def impact(self, flight: str) -> tuple[Impact, ...]:
-        """Versions that depend on a flight (its id), ancestors first: those that used it for
-        identification or validation, and all their descendants, each with its nearest use."""
+        """Return the versions that depend on a flight (its id), ancestors first: those that used it
+        for identification or validation, and all their descendants, each with its nearest use.
+        UnknownNameError for an unknown flight; tables `version_flights` and `versions`."""
         c = s.version_flights.c
         with self._database.reading() as connection:
             self._require_flight(connection, flight)
@@ -50,7 +53,8 @@ class LineageLedger(Ledger):
         return tuple(impacts.values())
 
     def lineage(self, version: str) -> Lineage:
-        """Ancestors, flights, log hashes, inputs and runs behind a version (its id)."""
+        """Return ancestors, flights, log hashes, inputs and runs behind a version (its id), as a
+        `Lineage`; UnknownNameError where there is none."""
         v, e = s.versions.c, s.version_inputs.c
         whole = line([version])
         with self._database.reading() as connection:
@@ -82,8 +86,8 @@ class LineageLedger(Ledger):
             )
 
     def steps_behind(self, version: str) -> dict[str, tuple[int, ...]]:
-        """Step -> RESULT_VERSIONs of all results that a version (its id), not its ancestors, was
-        made from."""
+        """Return step -> `RESULT_VERSION`s of all results that a version (its id), not its
+        ancestors, was made from."""
         edge, result = s.result_inputs.c, s.results.c
         keys = sa.select(s.version_inputs.c.input_key.label("key")).where(
             s.version_inputs.c.version == version
@@ -102,8 +106,8 @@ class LineageLedger(Ledger):
         return {step: tuple(numbers) for step, numbers in by_step.items()}
 
     def stale(self, version: str) -> tuple[str, ...]:
-        """Why a version (its id) is stale: one sentence per retracted flight that it or an ancestor
-        used; empty if it is not."""
+        """Return why a version (its id) is stale: one sentence per retracted flight that it or an
+        ancestor used; empty if it is not."""
         c = s.flight_events.c
         with self._database.reading() as connection:
             roles = roles_of(connection, version)

@@ -90,10 +90,11 @@ class NameLedger(Ledger):
         limit: int | None = None,
         before: int | None = None,
     ) -> tuple[NameEvent, ...]:
-        """All moves of a name (or of all names) of a vehicle, or the newest `limit` of them; oldest
-        first.
+        """Return all moves of a name (or of all names) of a vehicle, or the newest `limit` of them;
+        oldest first.
 
-        before : only moves with a smaller `sequence`.
+        before : only moves with a smaller `sequence`. UnknownNameError for an unknown vehicle,
+        InputError for a name that is not allowed.
         """
         if name is not None:
             enc.checked(name, enc.VERSION_NAME, "a name for versions")
@@ -112,7 +113,8 @@ class NameLedger(Ledger):
         return tuple(event_of(row) for row in reversed(rows))
 
     def moves_to(self, vehicle: str, versions: Iterable[str]) -> tuple[NameEvent, ...]:
-        """All moves of names of a vehicle to any of `versions` (their ids), oldest first."""
+        """Return all moves of names of a vehicle to any of `versions` (their ids), oldest first; no
+        error for unknown ones."""
         c = s.name_events.c
         with self._database.reading() as connection:
             queries = [
@@ -123,13 +125,15 @@ class NameLedger(Ledger):
         return tuple(sorted((event_of(row) for row in rows), key=lambda event: event.sequence))
 
     def named(self, vehicle: str, name: str) -> NameEvent | None:
-        """The newest move of a name: where it points now; None while it points nowhere."""
+        """Return the newest move of a name (`NameEvent`): where it points now; None while it points
+        nowhere. InputError for a name that is not allowed."""
         enc.checked(name, enc.VERSION_NAME, "a name for versions")
         with self._database.reading() as connection:
             return last_event(connection, vehicle, name)
 
     def names(self, vehicle: str) -> dict[str, str]:
-        """Name -> id of the version at which it points now."""
+        """Return name -> id of the version at which it points now (`NameEvent`); UnknownNameError
+        for an unknown vehicle."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             events = [
@@ -139,8 +143,8 @@ class NameLedger(Ledger):
 
 
 def standing_moves(history: tuple[NameEvent, ...]) -> tuple[NameEvent, ...]:
-    """The moves of one name's whole `history` that have not been taken back, oldest first; the last
-    says where it points.
+    """Return the moves of one name's whole `history` that have not been taken back, oldest first;
+    the last says where it points.
 
     A move back to where the name pointed before the last standing move takes that move back: so two
     rollbacks go back by two versions, and not there and forth.

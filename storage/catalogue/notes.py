@@ -18,7 +18,8 @@ class NoteLedger(Ledger):
 
     def add_note(self, version: str, kind: NoteKind, text: str, *, user: str) -> None:
         """Add a comment to a version (its id), or give it a tag or take one away; a tag that is, or
-        is not, there already changes nothing."""
+        is not, there already changes nothing. InputError for an empty comment or a tag that is not
+        allowed; table `version_notes`."""
         where = f"version {version[:12]}"
         if kind == "comment":
             _words(text, "a comment", where)
@@ -40,7 +41,8 @@ class NoteLedger(Ledger):
             )
 
     def notes_of(self, versions: Iterable[str]) -> dict[str, tuple[NoteRow, ...]]:
-        """Version (id) -> its notes, oldest first; an empty tuple where there are none."""
+        """Return version (id) -> its notes (table `version_notes`), oldest first; an empty tuple,
+        and no error, where there are none."""
         ids, c = list(versions), s.version_notes.c
         found: dict[str, list[NoteRow]] = {id: [] for id in ids}
         with self._database.reading() as connection:
@@ -54,7 +56,7 @@ class NoteLedger(Ledger):
 
     @staticmethod
     def tags_of(notes: Iterable[NoteRow]) -> tuple[str, ...]:
-        """The tags that stand after these notes of one version, in order."""
+        """Return the tags that a version has after these notes of it, sorted."""
         tags: set[str] = set()
         for note in notes:
             if note.kind == "tag":
@@ -64,7 +66,9 @@ class NoteLedger(Ledger):
         return tuple(sorted(tags))
 
     def dismiss_run(self, run: str, reason: str, *, user: str) -> None:
-        """Note that a failed run (its id) needs nothing more; it is no longer unresolved."""
+        """Note that a failed run (its id) needs nothing more; it is no longer unresolved
+        (`RunQueries.unresolved_runs`). InputError without a reason, UnknownNameError for an unknown
+        run."""
         _words(reason, "a dismissal", f"run {run[:12]}")
         with self._database.writing() as connection:
             known = sa.select(s.runs.c.id).where(s.runs.c.id == run)

@@ -78,7 +78,8 @@ def open_postgresql(url: str, create: bool = True) -> Database:
 
 
 def postgresql_revision(url: str) -> str | None:
-    """Schema revision of the database at `url`; None if it contains no catalogue."""
+    """Return the schema revision of the database at `url`; None if it contains no catalogue,
+    StoreBusyError where it cannot be reached."""
     database = Database(_engine(url), shown(url), _READS, _WRITES)
     try:
         return stored_revision(database)

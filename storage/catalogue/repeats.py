@@ -18,8 +18,8 @@ class RepeatLedger(Ledger):
     """Catalogue queries about flights that share samples."""
 
     def add_marks(self, flight: str, marks: Iterable[int]) -> None:
-        """Stores the marks (whole numbers below 2^63) of a flight (its id), beside those that it
-        has."""
+        """Store the marks (whole numbers below 2^63) of a flight (its id), in addition to those
+        that it has: table `flight_fingerprints`. UnknownNameError for an unknown flight."""
         c = s.flight_fingerprints.c
         with self._database.writing() as connection:
             self._require_flight(connection, flight)
@@ -32,7 +32,7 @@ class RepeatLedger(Ledger):
                     connection.execute(sa.insert(s.flight_fingerprints), rows)
 
     def flights_with_marks(self, marks: Iterable[int], vehicle: str) -> dict[str, int]:
-        """Id -> how many of `marks` it has, for flights of a vehicle that have any."""
+        """Return id -> how many of `marks` it has, for flights of a vehicle that have any."""
         f = s.flight_fingerprints.c
         counts: dict[str, int] = {}
         with self._database.reading() as connection:
@@ -57,7 +57,8 @@ class RepeatLedger(Ledger):
 
     def add_repeat(self, repeat: RepeatRow) -> None:
         """Record that a flight repeats samples of another. The newest record of a pair counts; the
-        same record again changes nothing."""
+        same record again changes nothing. Shares are dimensionless, stretches in [s];
+        UnknownNameError for an unknown flight."""
         text = enc.to_json([asdict(stretch) for stretch in repeat.stretches])
         values = {
             "flight": repeat.flight,
@@ -78,8 +79,8 @@ class RepeatLedger(Ledger):
     def repeats(
         self, flights: Iterable[str] | None = None, vehicle: str | None = None
     ) -> tuple[RepeatRow, ...]:
-        """Repetitions: of these flights (ids), or of all of a vehicle, in the order in which they
-        were found."""
+        """Return repetitions: of these flights (ids), or of all of a vehicle, in the order in which
+        they were found. See `RepeatRow`: shares dimensionless, stretches [s]."""
         c = s.flight_repeats.c
         query = sa.select(c.flight, c.original, c.share, c.stretches).order_by(c.sequence)
         if vehicle is not None:

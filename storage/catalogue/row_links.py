@@ -107,6 +107,7 @@ def content_of(connection: sa.Connection, table: sa.Table, values: Sequence[Any]
     """Return the hash (sha256) of a group's rows; empty without a row.
 
     Columns without a value are left out: a column that a later schema adds changes no hash.
+    KeyError for a table that is not in `LINKED`.
     """
     where = [table.c[c] == value for c, value in zip(LINKED[table.name], values, strict=True)]
     rows = connection.execute(sa.select(table).where(*where)).mappings()

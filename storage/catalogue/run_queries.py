@@ -22,8 +22,9 @@ class RunQueries(Ledger):
     """Catalogue queries about runs."""
 
     def unresolved_runs(self, limit: int = 50) -> tuple[RunRow, ...]:
-        """Runs that failed or crashed, that nobody dismissed and that no later run of the same task
-        completed, newest first. Failures older than 30 days are ignored.
+        """Return runs that failed or crashed, that nobody dismissed and that no later run of the
+        same task completed, newest first. Failures older than 30 days are ignored (`RunRow`, times
+        in UTC).
         """
         c, since = s.runs.c, enc.time_text(enc.now() - _MAXIMUM_AGE)
         dismissed = sa.exists().where(s.run_dismissals.c.run == c.id)
@@ -54,7 +55,8 @@ class RunQueries(Ledger):
             return [self._run_row(row) for row in connection.execute(query.limit(_EXAMINED))]
 
     def last_completed(self, flow: str, vehicle: str) -> RunRow | None:
-        """The newest completed run of a flow for a vehicle."""
+        """Return the newest completed run of a flow for a vehicle, or None without an error; by
+        `runs`."""
         return next(
             (run for run in self._completed(flow) if run.parameters.get("vehicle") == vehicle), None
         )
@@ -82,8 +84,8 @@ class RunQueries(Ledger):
     def made_by(
         self, runs: Iterable[str], step: str
     ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Run (its id) -> ids of the versions, and keys of the results of `step`, that it made or
-        used."""
+        """Return run (its id) -> ids of the versions, and keys of the results of `step`, that it
+        made or used."""
         v, r, result = s.run_versions.c, s.run_results.c, s.results.c
         results: dict[str, tuple[list[str], list[str]]] = {run: ([], []) for run in runs}
         with self._database.reading() as connection:

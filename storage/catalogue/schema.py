@@ -392,7 +392,7 @@ row_links = _table(
 def append_only_triggers(
     dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = ""
 ) -> list[str]:
-    """SQL statements of a `dialect` that create the append-only triggers of `table`.
+    """Return the SQL statements of a `dialect` that create the append-only triggers of `table`.
 
     keys : its primary key and unique constraints, as column names; see `sqlite_triggers`.
     update_when : SQL condition on OLD and NEW under which an update is allowed.
@@ -409,8 +409,9 @@ TRIGGERS_PER_TABLE: Final = 3
 
 
 def sqlite_triggers(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
-    """Append-only triggers for SQLite. ``INSERT OR REPLACE`` deletes without firing delete
-    triggers, so an insert with an existing key is refused as well."""
+    """Return append-only triggers for SQLite, as SQL (`append_only_triggers`). ``INSERT OR
+    REPLACE`` deletes without firing delete triggers, so an insert with an existing key is refused
+    as well."""
     refuse = f"SELECT RAISE(ABORT, '{table}: rows are never changed or deleted')"
     same = [" AND ".join(f'"{column}" = NEW."{column}"' for column in key) for key in keys]
     taken = " OR ".join(f"EXISTS (SELECT 1 FROM {table} WHERE {condition})" for condition in same)
@@ -435,8 +436,8 @@ END $$"""
 
 
 def postgresql_triggers(table: str, update_when: str = "") -> list[str]:
-    """Append-only triggers for PostgreSQL, where ``TRUNCATE`` fires no delete trigger and ``ON
-    CONFLICT`` updates."""
+    """Return append-only triggers for PostgreSQL, which call `refuse_change` and so raise an error;
+    there ``TRUNCATE`` fires no delete trigger and ``ON CONFLICT`` updates."""
     condition = f" WHEN (NOT ({update_when}))" if update_when else ""
     call = "EXECUTE FUNCTION refuse_change()"
     return [

@@ -26,14 +26,15 @@ def seal_of(path: Path) -> Path:
 
 
 def break_seal(path: Path) -> None:
-    """Remove the seal; called in every writing transaction, which has the lock."""
+    """Remove the seal; called in every writing transaction, which has the lock. StoreError on a
+    full or read-only disk; see `seal_of`."""
     with translated_disk_errors(path):
         seal_of(path).unlink(missing_ok=True)
 
 
 def seal(path: Path) -> bool:
     """Seal the file, and return whether it was possible: not while others write, not of a very
-    large file, nor on a full or read-only disk."""
+    large file, nor on a full or read-only disk: no error is raised. See `is_intact`."""
     with suppress(sqlite3.Error, OSError), closing(_connected(path)) as connection:
         connection.execute("BEGIN IMMEDIATE")
         try:
@@ -52,7 +53,8 @@ def seal(path: Path) -> bool:
 
 
 def is_intact(path: Path) -> bool | None:
-    """Return whether the bytes of the file are those that were sealed; None without a seal."""
+    """Return whether the bytes of the file are those that were sealed; None without a seal
+    (`seal`); errors of a damaged file mean False."""
     with closing(_connected(path)) as connection:
         try:
             connection.execute("BEGIN IMMEDIATE")  # a writer breaks the seal after that

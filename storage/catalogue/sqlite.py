@@ -64,7 +64,7 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
 
 def connected_to_read(path: Path) -> sqlite3.Connection:
     """Connect to the database at `path` without writing to it, also where its disk is full or
-    read-only."""
+    read-only. Raises sqlite3.OperationalError where it cannot be opened."""
     address = f"{path.absolute().as_uri()}?mode=ro"
     connection = sqlite3.connect(address, uri=True)
     try:
@@ -79,7 +79,8 @@ def connected_to_read(path: Path) -> sqlite3.Connection:
 
 
 def sqlite_revision(path: Path) -> str | None:
-    """Schema revision of the database at `path`; None if it contains no catalogue."""
+    """Return the schema revision of the database at `path`; None if it contains no catalogue,
+    StoreError where it cannot be read."""
     database = _database(sa.URL.create("sqlite", database=str(path)), path)
     try:
         return stored_revision(database)

@@ -14,8 +14,8 @@ class FileLedger(Ledger):
     """Catalogue queries about stored files."""
 
     def add_file(self, path: str, sha256: str, size: int) -> None:
-        """Record hash and size of the file at `path` (relative). The newest record counts; the same
-        record again changes nothing."""
+        """Record hash (sha256) and size [bytes] of the file at `path` (relative). The newest record
+        counts; the same record again changes nothing."""
         c = s.stored_files.c
         values = {
             "path": path,
@@ -36,7 +36,8 @@ class FileLedger(Ledger):
                 )
 
     def stored_file(self, path: str) -> StoredFile | None:
-        """The recorded hash and size of the file at `path` (relative), or None."""
+        """Return the recorded hash (sha256) and size [bytes] of the file at `path` (relative), or
+        None."""
         c = s.stored_files.c
         query = (
             sa.select(c.path, c.sha256, c.size)
@@ -49,8 +50,8 @@ class FileLedger(Ledger):
         return None if row is None else StoredFile(*row)
 
     def stored_files(self, start: str, end: str) -> dict[str, StoredFile]:
-        """Path -> file, for paths from `start` (included) to `end` (excluded): used folder by
-        folder."""
+        """Return path -> file (size [bytes]), for paths from `start` (included) to `end`
+        (excluded): used folder by folder."""
         c = s.stored_files.c
         query = (
             sa.select(c.path, c.sha256, c.size)

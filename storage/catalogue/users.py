@@ -19,7 +19,9 @@ class UserLedger(Ledger):
     """Catalogue queries about users."""
 
     def add_user(self, name: str, role: UserRole, token_sha256: str, *, by: str) -> UserRow:
-        """Add a user, or give one another role and token; the token before no longer counts."""
+        """Add a user, or give one another role and token; the token before no longer counts.
+        InputError for a name or role (`UserRole`) that is not allowed, or a hash that is no
+        sha256."""
         enc.checked(name, enc.USER_NAME, "the name of a user")
         enc.checked_key(token_sha256, "the hash of a token")
         if role not in get_args(UserRole):
@@ -29,7 +31,8 @@ class UserLedger(Ledger):
         return self.user(name)
 
     def remove_user(self, name: str, *, by: str) -> None:
-        """Remove a user: the token no longer counts. UnknownNameError when there is none."""
+        """Remove a user: the token no longer counts. UnknownNameError when there is none. Table
+        `user_events`."""
         self.user(name)
         self._add_user_event(name, by, kind="removed", role=None, token_sha256=None)
 
@@ -57,7 +60,8 @@ class UserLedger(Ledger):
         )
 
     def user(self, name: str) -> UserRow:
-        """One user; UnknownNameError, with the nearest name, when there is none."""
+        """Return one user of `users`; UnknownNameError, with the nearest name, when there is
+        none."""
         users = {row.name: row for row in self.users()}
         if name not in users:
             remedy = nearest(name[:128], users) if users else "add one first: aerodb user add"

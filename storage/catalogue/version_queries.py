@@ -61,7 +61,7 @@ def event_of(row: sa.Row[Any]) -> NameEvent:
 def last_event(
     connection: sa.Connection, vehicle: str, name: str, as_of: datetime | None = None
 ) -> NameEvent | None:
-    """The newest move of a name (until `as_of`), or None."""
+    """Return the newest move of a name (until `as_of`, UTC), or None; table `name_events`."""
     c = s.name_events.c
     query = (
         sa.select(s.name_events)
@@ -108,7 +108,8 @@ def flights_of(versions: sa.Select[Any]) -> sa.Select[Any]:
 
 
 def roles_of(connection: sa.Connection, version: str | None) -> dict[str, Role]:
-    """Flight -> strongest role over a version and its ancestors."""
+    """Return flight -> strongest role (`STRONGEST`) over a version and its ancestors; empty, and no
+    error, for an unknown one."""
     if version is None:
         return {}
     c = s.version_flights.c
@@ -122,7 +123,7 @@ def roles_of(connection: sa.Connection, version: str | None) -> dict[str, Role]:
 
 
 def no_version(id: str, vehicle: str = "") -> UnknownNameError:
-    """The error for an unknown version id."""
+    """Return the UnknownNameError for an unknown version id, naming `aerodb version list`."""
     where = f"vehicle {vehicle}" if vehicle else ""
     return UnknownNameError(
         f"unknown version id {enc.shown(id)}", where, "list them: aerodb version list"

@@ -48,11 +48,11 @@ class VersionLedger(NameLedger, LineageLedger):
         """Store a version under the vehicle's next label. An id that is stored already changes
         nothing and gives the stored row.
 
-        content : the database document, JSON text. inputs : keys of the results (or hashes of the
-        files) it was made from. Raises InputError when a flight belongs to another vehicle, or when
-        its role violates the hold-out rule (docs/method/updates.md, section "Hold-out"): a flight
-        that identified an ancestor never validates a descendant, and a flight held out by an
-        ancestor is not used for identification later.
+        content : the database document, JSON text in SI units. inputs : keys of the results (or
+        hashes of the files) it was made from. Raises InputError when a flight belongs to another
+        vehicle, or when its role violates the hold-out rule (docs/method/updates.md, section
+        "Hold-out"): a flight that identified an ancestor never validates a descendant, and a flight
+        held out by an ancestor is not used for identification later.
         """
         enc.checked_key(id, "the id of a version")
         uses = list(flights)
@@ -141,20 +141,21 @@ class VersionLedger(NameLedger, LineageLedger):
     def versions(
         self, vehicle: str, limit: int | None = None, before: int | None = None
     ) -> tuple[VersionRow, ...]:
-        """All versions of a vehicle, or the newest `limit` of them, or of those with a number below
-        `before`; oldest first."""
+        """Return all versions of a vehicle, or the newest `limit` of them, or of those with a
+        number below `before`; oldest first. UnknownNameError for an unknown vehicle."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             return tuple(newest_headers(connection, vehicle, limit, before))
 
     def count_versions(self, vehicle: str) -> int:
-        """Number of versions of a vehicle; equal to its newest number, because there are no
-        gaps."""
+        """Return the number of versions of a vehicle; equal to its newest number, because there are
+        no gaps."""
         with self._database.reading() as connection:
             return _last_number(connection, vehicle)
 
     def version_of_id(self, id: str) -> VersionRow:
-        """The version with this full id; UnknownNameError when there is none."""
+        """Return the version (`VersionRow`) with this full id; UnknownNameError when there is
+        none."""
         with self._database.reading() as connection:
             row = header(connection, s.versions.c.id == id)
         if row is None:
@@ -162,7 +163,7 @@ class VersionLedger(NameLedger, LineageLedger):
         return row
 
     def versions_by_id(self, ids: Iterable[str]) -> dict[str, VersionRow]:
-        """Id -> version, for those of `ids` that exist."""
+        """Return id -> version, for those of `ids` that exist; no error for the others."""
         with self._database.reading() as connection:
             return {
                 row.id: row
@@ -171,7 +172,8 @@ class VersionLedger(NameLedger, LineageLedger):
             }
 
     def version_documents(self, id: str) -> VersionDocuments:
-        """Content, settings and report of a version (its id)."""
+        """Return content (SI units), settings and report of a version (its id); UnknownNameError
+        where there is none. Report: docs/reference/contract.md, section "JSON"."""
         c = s.versions.c
         with self._database.reading() as connection:
             row = connection.execute(
@@ -182,7 +184,8 @@ class VersionLedger(NameLedger, LineageLedger):
         return VersionDocuments(row.content, enc.from_json(row.settings), enc.from_json(row.report))
 
     def reports_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
-        """Id -> the report that the version was made with, for those of `ids` that exist."""
+        """Return id -> the report that the version was made with, for those of `ids` that exist; no
+        error for the others."""
         c = s.versions.c
         with self._database.reading() as connection:
             queries = [
@@ -195,7 +198,8 @@ class VersionLedger(NameLedger, LineageLedger):
             }
 
     def settings_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
-        """Id -> the settings that made the version, for those of `ids` that exist."""
+        """Return id -> the settings that made the version, for those of `ids` that exist; no error
+        for the others."""
         c = s.versions.c
         with self._database.reading() as connection:
             queries = [

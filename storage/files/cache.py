@@ -85,7 +85,8 @@ def _fetch(objects: Objects, stored: StoredFile, folder: Path) -> None:
 
 
 def is_available(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
-    """Whether a stored file is in the folder or in the object store."""
+    """Return whether a stored file is in the folder or in the object store (`Objects.has`);
+    StoreError where the store cannot be asked."""
     place = workspace.resolve(path)
     here = place.is_file()
     objects = _objects(workspace, here)
@@ -96,8 +97,8 @@ def is_available(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
 
 
 def is_recording_available(workspace: Workspace, catalogue: Catalogue, sha256: str) -> bool:
-    """Whether the topics of a log (its sha256) are in the folder or in the object store: the index
-    and everything that it names."""
+    """Return whether the topics of a log (its sha256) are in the folder or in the object store: the
+    index and everything that it names (`topics_of`). StoreError where the store cannot be asked."""
     path = workspace.recording_path(sha256) / INDEX
     here = path.is_file()
     objects = _objects(workspace, here)
@@ -108,8 +109,8 @@ def is_recording_available(workspace: Workspace, catalogue: Catalogue, sha256: s
 
 
 def is_recording_uploaded(objects: Objects, index: StoredFile) -> bool:
-    """Whether the object store has the undamaged index of a recording and all topics that it
-    names."""
+    """Return whether the object store has the undamaged index of a recording and all topics that it
+    names. StoreError where it cannot be asked; see `topics_of`."""
     there = {file for file, _ in objects.below(index.path.removesuffix(f"/{INDEX}")).values()}
     try:
         blocks = (
@@ -121,8 +122,8 @@ def is_recording_uploaded(objects: Objects, index: StoredFile) -> bool:
 
 
 def topics_of(index: StoredFile, text: bytes) -> list[StoredFile]:
-    """The topic files that an index names; `text` are the bytes of the index. Old indices have no
-    hashes: these are empty then."""
+    """Return the topic files that an index names; `text` are the bytes of the index. Old indices
+    have no hashes: these are empty then. ValueError for bytes that are no JSON."""
     folder = index.path.removesuffix(INDEX)
     return [
         StoredFile(folder + name, sha256, size)

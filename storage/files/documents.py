@@ -23,7 +23,8 @@ def write_document(path: Path, document: Any) -> None:
 
 
 def read_document(path: Path) -> Any:
-    """A stored document; InputError when it is missing or damaged."""
+    """Return a stored document (JSON, UTF-8, as `write_document` writes it); InputError when it is
+    missing or damaged."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

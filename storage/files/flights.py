@@ -152,8 +152,8 @@ def write_topics(folder: Path, recording: Recording) -> None:
 
 
 def files_of(folder: Path) -> dict[str, tuple[str, int]]:
-    """File name -> (sha256, size) of the topic files of a stored recording, from its index;
-    InputError without one.
+    """Return file name -> (sha256, size [bytes]) of the topic files of a stored recording, from its
+    index; InputError without one.
 
     The hash is empty if the index is from a version that did not store hashes.
     """
@@ -168,8 +168,8 @@ def files_of(folder: Path) -> dict[str, tuple[str, int]]:
 
 
 def files_in(index: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
-    """The same for an index that has already been read; without a hash there is no size either:
-    0."""
+    """Return `files_of` for an index that has already been read, sizes [bytes]; without a hash
+    there is no size either: 0. KeyError for another document."""
     names = [f"{number:04d}.parquet" for number in range(len(index["topics"]))]
     known = index.get("files") or [("", 0)] * len(names)
     return {name: (sha256, size) for name, (sha256, size) in zip(names, known, strict=True)}

@@ -166,7 +166,8 @@ class Objects:
             )
 
     def has(self, stored: StoredFile) -> bool:
-        """Whether the complete object of a file exists."""
+        """Return whether the complete object of a file (`StoredFile`, its size [bytes]) exists;
+        StoreError without the bucket."""
         is_whole = self._is_whole(stored)
         if not is_whole:
             self.require_bucket()
@@ -178,7 +179,8 @@ class Objects:
         return bool(status.is_file and status.size == stored.size)
 
     def require_bucket(self) -> None:
-        """Raise StoreError when the bucket does not exist; a missing object means nothing then."""
+        """Raise StoreError when the bucket does not exist; a missing object means nothing then.
+        StoreBusyError where the service cannot be reached; see `translated_object_errors`."""
         bucket = self._root.partition("/")[0]
         with self._faults(None):
             if not self._service.get_file_info(bucket).type:  # NotFound is 0
@@ -205,7 +207,8 @@ class Objects:
         return objects
 
     def folders(self, folder: str) -> list[str]:
-        """Subfolders of a `folder` of the store: the folders of its fan-out."""
+        """Return the subfolders of a `folder` of the store: the folders of its fan-out. StoreError
+        as of `require_bucket`."""
         listed = self._listed(folder, recursive=False)
         return sorted(
             entry.path.removeprefix(f"{self._root}/") for entry in listed if not entry.is_file
@@ -243,7 +246,9 @@ class Objects:
 
 @contextmanager
 def translated_object_errors(where: str) -> Iterator[None]:
-    """Context manager that raises errors of an S3 service as StoreError with a remedy."""
+    """Context manager that raises errors of an S3 service as StoreError with a remedy, those that
+    pass (HTTP 5xx, network) as StoreBusyError. Errors of the disk stay OSError, for
+    `translated_disk_errors`."""
     try:
         yield
     except OSError as error:
@@ -306,7 +311,8 @@ def _unreadable(path: Path, error: Exception) -> SettingsError:
 
 
 def opened(url: str, environment: Mapping[str, str]) -> Objects:
-    """The objects below `url`, at the service and with the credentials that `environment` names."""
+    """Return the objects below `url`, at the service and with the credentials that `environment`
+    names (``AWS_*``); errors come with the first request."""
     who = {name: value for name, value in environment.items() if name.startswith("AWS_")}
     return Objects(url, _connected(tuple(sorted(who.items())), os.getpid()))
 

@@ -111,8 +111,8 @@ def read_columns(
 
 
 def json_text(value: Any) -> str:
-    """`value` as ASCII JSON with sorted keys: unlike RFC 8785 it keeps NaN, integers beyond 2^53
-    and broken text of a log.
+    """Return `value` as ASCII JSON with sorted keys: unlike RFC 8785 it raises no error for, and
+    keeps, NaN, integers beyond 2^53 and broken text of a log.
 
     >>> json_text({"b": float("nan"), "a": 2**60})
     '{"a":1152921504606846976,"b":NaN}'

@@ -45,7 +45,8 @@ class Part:
     unread: tuple[str, ...]
 
     def has(self, address: str, file: StoredFile) -> bool:
-        """Whether the object of a file is there, whole."""
+        """Return whether the object of a file is there, whole: by its size [bytes], as `StoredFile`
+        states it."""
         return address in self.objects and self.objects[address][0].size == file.size
 
 
@@ -60,7 +61,7 @@ class TransferReport:
 
 
 def required_objects(workspace: Workspace) -> Objects:
-    """The object store of a workspace; InputError when it has none."""
+    """Return the object store of a workspace (setting `store.url`); InputError when it has none."""
     objects = objects_of(workspace.root)
     if objects is None:
         raise InputError(
@@ -72,7 +73,8 @@ def required_objects(workspace: Workspace) -> Objects:
 
 
 def require_unused(objects: Objects) -> None:
-    """Raise InputError when an object store already contains files of a workspace."""
+    """Raise InputError when an object store already contains files of a workspace (`STORE`),
+    StoreError when it cannot be asked."""
     if any(objects.below(place) for folder in STORE for place in objects.folders(folder)):
         what, remedy = (
             "already contains the files of a workspace",
@@ -82,7 +84,8 @@ def require_unused(objects: Objects) -> None:
 
 
 def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Iterator[Part]:
-    """The whole store, folder by folder, so that memory use does not grow with it."""
+    """Yield the whole store, folder by folder, so that memory use does not grow with it; StoreError
+    where `Objects` cannot be asked."""
     for folder in STORE:
         there = set(objects.folders(folder))
         for place in sorted({*there, *(f"{folder}/{number:02x}" for number in range(256))}):
@@ -128,7 +131,8 @@ def _index(
 
 
 def is_sound(workspace: Workspace, file: StoredFile) -> bool:
-    """Whether a file is in the folder with the bytes that were stored."""
+    """Return whether a file is in the folder with the bytes that were stored (`measured`); an
+    OSError means False."""
     try:
         return measured(workspace.resolve(file.path)) == (file.sha256, file.size)
     except OSError:
@@ -137,7 +141,8 @@ def is_sound(workspace: Workspace, file: StoredFile) -> bool:
 
 def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
     """Upload files that are in the folder but not in the object store: all files of a workspace
-    with a new object store, or lost objects."""
+    with a new object store, or lost objects. Sizes in the report are in [bytes]; InputError without
+    an object store, StoreError where it fails."""
     objects, moved, left = required_objects(workspace), [], []
 
     def move(file: StoredFile) -> None:
@@ -162,7 +167,8 @@ def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
 
 def pull(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
     """Download files that are not in the folder, recordings as a whole: used before a workspace
-    gives up its object store."""
+    gives up its object store. Sizes in the report are in [bytes]; InputError without an object
+    store, StoreError where it fails."""
     required_objects(workspace)
     moved, left = [], []
 
@@ -207,7 +213,7 @@ def _bytes(place: Path) -> int:
 
 
 def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> TransferReport:
-    """Remove the least recently used files from the folder until at most `size` bytes remain;
+    """Remove the least recently used files from the folder until at most `size` [bytes] remain;
     without `size`, the limit of the settings, or no limit if they set none.
 
     Files that are not in the object store, or were used in the last ten minutes, stay; `left` lists

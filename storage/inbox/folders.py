@@ -66,11 +66,12 @@ class InboxFile:
 
     @property
     def file(self) -> tuple[str, int, int]:
-        """Path, size and time that identify this file in the inbox history of the catalogue."""
+        """Path, size [bytes] and time [ns] that identify this file in `InboxHistory`."""
         return plain_text(self.relative), self.size, self.mtime_ns
 
     def unchanged(self) -> bool:
-        """Whether the file is still the same as when it was scanned."""
+        """Return whether the file is still the same as when it was scanned: size [bytes], times
+        [ns] and inode; an OSError means False."""
         try:
             status = os.lstat(self.path)
         except OSError:
@@ -108,8 +109,8 @@ def refuse_oversized(entry: InboxFile, limits: Limits) -> InboxFile:
 
 def open_log(path: Path, inbox: Path) -> BufferedReader:
     """Open a log for reading. In the inbox, neither the file nor a folder above it may be a link,
-    even one created after the scan. OSError when it cannot be opened or is not a regular file of
-    the inbox."""
+    even one created after the scan. Raises OSError when it cannot be opened or is not a regular
+    file of the inbox."""
     if not path.absolute().is_relative_to(inbox):
         return path.open("rb")
     descriptor = os.open(
@@ -243,8 +244,8 @@ def _closed(path: Path) -> bool:
 
 
 def archived_path(workspace: Workspace, entry: InboxFile, sha256: str) -> Path:
-    """Path at which a log is archived in the store. A log that is archived under another suffix
-    keeps its path."""
+    """Return the path at which a log is archived in the store. A log that is archived under another
+    suffix keeps its path."""
     target = workspace.log_path(sha256, entry.path.suffix.lower())
     held = next(
         (
@@ -261,7 +262,8 @@ def archive_log(entry: InboxFile, archived: Path, sha256: str) -> None:
     """Move an ingested log from the inbox to its path in the store, `archived`.
 
     If the same bytes are archived already, the copy in the inbox is deleted. A damaged file at
-    `archived` is replaced.
+    `archived` is replaced. Raises OSError, or StoreError where the inbox is on another file system
+    and the disk is full.
     """
     if has_sha256(archived, sha256):
         entry.path.unlink(missing_ok=True)
@@ -270,7 +272,8 @@ def archive_log(entry: InboxFile, archived: Path, sha256: str) -> None:
 
 
 def unreadable_key(entry: InboxFile) -> str:
-    """Name of the quarantine folder of an entry that has no readable content to hash."""
+    """Return the name of the quarantine folder of an entry that has no readable content to hash:
+    `key_of` its path, inode and time [ns]."""
     return key_of([plain_text(entry.relative), str(entry.inode), str(entry.mtime_ns)])
 
 
@@ -278,7 +281,8 @@ def quarantine_unreadable(workspace: Workspace, entry: InboxFile, reason: str) -
     """Move an entry that is not a regular file (link, pipe), or cannot be read, into quarantine;
     returns its folder.
 
-    The entry is moved and never opened; the target of a link is not touched.
+    The entry is moved and never opened; the target of a link is not touched. StoreError on a full
+    disk; see `Workspace.write_reason`.
     """
     folder = workspace.root / "quarantine" / unreadable_key(entry)
     folder.mkdir(exist_ok=True)

@@ -15,8 +15,8 @@ from aerodb.storage.workspace import Workspace
 def post_notification(
     workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]
 ) -> Path:
-    """Queue a notification; `text` is one sentence, `details` a small document. Returns its
-    file."""
+    """Queue a notification; `text` is one sentence, `details` a small document. Returns its file.
+    StoreError on a full or read-only disk."""
     at = datetime.now(UTC)
     message = {
         "occasion": occasion,
@@ -30,7 +30,8 @@ def post_notification(
 
 
 def undelivered_notifications(workspace: Workspace) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Path and content of each queued notification, oldest first."""
+    """Yield path and content of each queued notification (`post_notification`), oldest first; one
+    that cannot be read raises no error and is left out."""
     for path in sorted(workspace.outbox.glob("*.json")):
         try:
             yield path, json.loads(path.read_text(encoding="utf-8"))

@@ -78,7 +78,7 @@ def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> P
     its path there.
 
     No file is overwritten; the inbox may be on another file system. Raises InputError when the
-    entry is not a regular file.
+    entry is not a regular file (`Quarantined.can_return`), StoreError on a full disk.
     """
     if not entry.can_return:
         raise InputError("not a regular file", entry.name, "copy the log itself into the inbox")

@@ -25,8 +25,8 @@ _PLAIN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._ ()-]{0,120}")
 def put_into_inbox(workspace: Workspace, source: Path, vehicle: str, name: str, key: str) -> Path:
     """Move a regular file into the inbox of a vehicle, and return its path there.
 
-    No file is overwritten; the inbox may be on another file system. key : names the file where its
-    own `name` cannot.
+    No file is overwritten (FileExistsError leads to another name); the inbox may be on another file
+    system. key : names the file where its own `name` cannot.
     """
     plain = name if _PLAIN.fullmatch(name) else f"{key[:12]}{source.suffix}"
     folder = workspace.inbox / vehicle
@@ -53,7 +53,8 @@ class Upload:
         self._hash, self._size = hashlib.sha256(), 0
 
     def take(self, part: bytes) -> None:
-        """Write the bytes that follow."""
+        """Write the bytes that follow. InputError where the log is larger than `Limits` allow
+        [bytes], StoreError on a full disk."""
         self._size += len(part)
         self._limits.check_size(self._size, self._name)
         self._hash.update(part)
@@ -62,7 +63,7 @@ class Upload:
 
     def finish(self, workspace: Workspace, vehicle: str) -> tuple[Path, str]:
         """Put the whole log into the inbox; return its path there and its sha256. InputError if it
-        is empty."""
+        is empty; see `put_into_inbox`."""
         if not self._size:
             raise InputError("the file is empty", self._name, "choose a log")
         self._file.close()

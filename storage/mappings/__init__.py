@@ -25,8 +25,8 @@ def builtin_mappings() -> dict[str, Mapping]:
 
 
 def load_mapping(name_or_path: str | Path) -> Mapping:
-    """A built-in mapping by name, or a mapping from a TOML file; InputError suggests the nearest
-    built-in name."""
+    """Return a built-in mapping by name, or a mapping from a TOML file (`parse_mapping`);
+    InputError suggests the nearest built-in name."""
     built_in = _built_in()
     if str(name_or_path) in built_in:
         return built_in[str(name_or_path)]

@@ -46,7 +46,8 @@ def prepare_reader(suffix: str) -> None:
 
 
 def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
-    """Read a log of any known format, recognised by its first bytes, else by its suffix.
+    """Read a log of any known format, recognised by its first bytes, else by its suffix: ULog,
+    MCAP, DataFlash, else tables; times in [s], fields (n,) in the log's own units.
 
     Parameters
     ----------

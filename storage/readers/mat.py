@@ -36,15 +36,16 @@ class Variables:
     damage: list[Damage] = field(default_factory=list)
 
     def add(self, name: str, value: NDArray[Any] | str) -> None:
-        """Add one variable; Malformed if there are more than any log has."""
+        """Add one variable, an array (n,) or a text; raises Malformed if there are more than any
+        log has."""
         if len(self.values) >= _MOST_VARIABLES:
             raise Malformed("too many variables")
         self.values[name] = value
 
 
 def read_mat5(data: bytes) -> Variables:
-    """Variables of a MAT file of version 5 to 7; a truncated or damaged variable is left out and
-    reported."""
+    """Return the variables of a MAT file of version 5 to 7; a truncated or damaged variable is left
+    out and reported. Arrays keep their shape; losses are in [bytes] (`Damage`)."""
     file = MatElements.of_file(data)
     variables = Variables()
     subsystem = struct.unpack(file.order + "Q", data[116:124])[0]

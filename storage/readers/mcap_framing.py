@@ -55,8 +55,8 @@ class Chunk:
 
 
 def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
-    """The records of an open file of `size` bytes, from after its magic bytes to the end, and the
-    holes between them."""
+    """Yield the records of an open file of `size` [bytes], from after its magic bytes to the end,
+    and the holes between them."""
     at = len(MAGIC)
     while at < size:
         record = _record(handle, at, size)
@@ -146,8 +146,9 @@ def read_content(handle: BinaryIO, record: Record) -> bytes:
 
 
 def open_chunk(content: bytes) -> Chunk:
-    """A chunk, complete or truncated, decompressed as far as possible; records of a chunk with a
-    wrong checksum are not returned."""
+    """Return a chunk, complete or truncated, decompressed as far as possible; records of a chunk
+    with a wrong checksum (CRC-32) are not returned. No error is raised: `Chunk` says what is wrong;
+    times are in [ns]."""
     if len(content) < _CHUNK.size:
         return Chunk(0, 0, b"", "cut in its header")
     first, last, expected, crc, name = _CHUNK.unpack_from(content)

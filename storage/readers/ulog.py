@@ -120,8 +120,8 @@ def _appended_offsets(head: bytes) -> list[int]:
 
 
 def parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
-    """Let pyulog parse the definitions: all messages except data, with one blank data message per
-    topic."""
+    """Let pyulog parse the definitions (ULog specification, section "Definitions"): all messages
+    except data, with one blank data message per topic. Raises InputError where pyulog cannot."""
     skeleton = io.BytesIO()
     # A known file version keeps pyulog from writing warnings to the terminal.
     skeleton.write(head[:7] + bytes([min(head[7], 1)]) + head[8:HEADER_BYTES])
@@ -153,7 +153,8 @@ def parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
 def places_of(
     definitions: ULog, survey: Survey, topics: Collection[str] | None
 ) -> dict[str, TopicRecords]:
-    """Location of the data of each topic, by topic name."""
+    """Return the location of the data of each topic, by topic name; records as numpy types of their
+    fields, (n,) samples (`TopicRecords`)."""
     places: dict[str, TopicRecords] = {}
     for item in definitions.data_list:
         if (topics is None or item.name in topics) and _is_timed(survey, item.msg_id):

@@ -109,7 +109,8 @@ def is_subscription(body: bytes) -> bool:
 
 
 def is_record(kind: int, body: bytes) -> bool:
-    """Whether a message of type `kind` (not data) conforms to the specification."""
+    """Return whether a message of type `kind` (not data) conforms to the ULog specification,
+    section "Definitions" or "Data"; no error for any bytes."""
     match chr(kind):
         case "F":
             return is_format(body)

@@ -243,7 +243,7 @@ class _Surveyor:
 
 
 def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
-    """Walk through the messages of an open ULog file of `size` bytes, from its header to its end.
+    """Walk through the messages of an open ULog file of `size` [bytes], from its header to its end.
 
     `appended` are the offsets at which data were appended after a crash: a record that is truncated
     at such an offset does not hide the following ones.
@@ -264,7 +264,8 @@ def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
 
 
 def gather(handle: BinaryIO, survey: Survey, wanted: Iterable[int]) -> dict[int, Bytes]:
-    """The data of the `wanted` message ids, by id: records without padding, one after another."""
+    """Return the data of the `wanted` message ids, by id: records without padding, one after
+    another, as uint8 (n,). Raises InputError where the log changed since its survey."""
     take, cursor, limit = (np.zeros(65536, dtype=np.int64) for _ in range(3))
     total = 0
     for identity in wanted:

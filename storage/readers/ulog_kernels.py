@@ -28,8 +28,8 @@ def walk(
     """Follow data messages from `at`; stop at the first message that is not complete, of the right
     size and of a known topic.
 
-    By message id: `count` of messages, `latest` timestamp, and ``back[id]``: how often time ran
-    backwards, and from which timestamp first.
+    By message id: `count` of messages, `latest` timestamp [us], and ``back[id]``: how often time
+    ran backwards, and from which timestamp first.
     """
     n = len(block)
     while at + 5 <= n and block[at + 2] == 68:

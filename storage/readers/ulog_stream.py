@@ -55,7 +55,8 @@ class UlogStream:
         self.first = self.latest = float("nan")
 
     def feed(self, data: bytes) -> None:
-        """Take the bytes that follow. Raises InputError if the first are not those of a ULog."""
+        """Take the bytes that follow. Raises InputError if the first are not those of a ULog
+        (`check_header`)."""
         self.size += len(data)
         self._pending += data
         at = 0
@@ -129,7 +130,8 @@ class UlogStream:
             self.latest = stamp
 
     def recording(self) -> Recording:
-        """The data since `forget`; topics without any are left out."""
+        """Return the data since `forget`, times [s] and fields (n,); topics without any are left
+        out."""
         log, places = self._definition()
         topics = {}
         for name, place in places.items():
@@ -161,7 +163,8 @@ class UlogStream:
         return self._parsed
 
     def forget(self, before: float) -> None:
-        """Let go of the data before this time [s]."""
+        """Let go of the data (samples of all topics) before this time [s] of the log; `recording`
+        begins there."""
         for place in self._definition()[1].values():
             data = self._data[place.identity]
             stamps = np.frombuffer(bytes(data), dtype=place.record)["timestamp"]
@@ -169,10 +172,11 @@ class UlogStream:
 
 
 def following(source: str, idle: float) -> Iterator[bytes]:
-    """The bytes of a log that is being written, as they arrive.
+    """Yield the bytes of a log that is being written, as they arrive.
 
     source : a pipe or a file; ``-`` is standard input. idle : time [s] without growth after which a
-    file counts as complete; a pipe is complete when its writer closes it.
+    file counts as complete; a pipe is complete when its writer closes it. Raises InputError where
+    it cannot be opened.
     """
     try:
         descriptor = (

@@ -31,7 +31,7 @@ class TopicRecords:
 
     @property
     def size(self) -> int:
-        """Memory used by the topic [bytes]."""
+        """Memory [bytes] used by the topic, a scalar: records and times (n,)."""
         return self.samples * (self.record.itemsize + _TIME_BYTES)
 
 

@@ -52,7 +52,7 @@ class Audit(Ledger):
 
     def problems(self, count: Count) -> Iterator[Problem]:
         """Yield every problem of the catalogue; call `count` with the name and number of the items
-        checked."""
+        checked. Errors of the database become problems."""
         sound = True
         for check in (
             _database,
@@ -86,7 +86,8 @@ class Audit(Ledger):
             return newest_link(connection)[1]
 
     def has_link(self, sha256: str) -> bool:
-        """Whether a hash that was noted is still in the chain."""
+        """Return whether a hash (sha256) that was noted is still in the `chain`; StoreError where
+        it cannot be read."""
         with self._database.reading() as connection:
             return has_link(connection, sha256)
 

@@ -196,8 +196,8 @@ def _moved(snapshot: Catalogue, place: CatalogueLocation) -> Iterator[Catalogue]
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a backup; InputError if the folder has none, or if the backup was interrupted
-    or is damaged."""
+    """Return the manifest of a backup (JSON, `_MANIFEST`, sizes [bytes]); InputError if the folder
+    has none, or if the backup was interrupted or is damaged."""
     try:
         text = (folder / _MANIFEST).read_bytes()
     except OSError as error:

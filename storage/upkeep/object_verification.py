@@ -25,7 +25,7 @@ def check_objects(
     """Add the problems of the object store to `report`, which already has those of the folder.
 
     fetch : also read every object; otherwise only size and existence are checked, which costs one
-    request per thousand objects.
+    request per thousand objects. StoreError where the store cannot be asked.
     """
     for part in parts(workspace, catalogue, objects):
         whole = [file for file in part.files if part.has(objects.address(file), file)]

@@ -56,7 +56,7 @@ def report_lines(report: VerificationReport) -> Iterator[str]:
 
 
 def require_clean(problems: Sequence[Problem], where: str) -> None:
-    """Raise InputError that names the first problem, if there is any."""
+    """Raise InputError that names the first problem, if there is any (`Problem`)."""
     if problems:
         first = problems[0]
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""

@@ -31,7 +31,8 @@ _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
 def verify(
     workspace: Workspace, catalogue: Catalogue, fetch: bool = False, chain: str = ""
 ) -> VerificationReport:
-    """Verify a workspace. Raises InputError when the catalogue cannot be opened.
+    """Verify a workspace: files by size [bytes] and sha256, the catalogue by `Audit`. Raises
+    InputError when the catalogue cannot be opened.
 
     fetch : also read every object of the object store; otherwise only existence and size of the
     objects are checked. chain : hash with which the chain of events ended earlier; it must still

@@ -24,11 +24,11 @@ _OWN = Namespace("aerodb", "urn:aerodb:")
 def prov_json(
     lineage: Lineage, settings: Mapping[str, Mapping[str, object]], moves: Sequence[NameEvent]
 ) -> bytes:
-    """`lineage` as PROV-JSON (W3C Member Submission 2013), UTF-8, read back and found equal before
-    it is returned.
+    """Return `lineage` as PROV-JSON (W3C Member Submission 2013), UTF-8, read back and found equal
+    before it is returned.
 
     settings : version -> what made it. moves : those of names to versions of the line; others are
-    left out.
+    left out. Raises InputError where it reads back differently.
     """
     document = ProvDocument()
     for kind in _KINDS:
