@@ -92,7 +92,8 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
 
 
 def acts_as(role: UserRole) -> bool:
-    """Return whether who acts in place of the operating system's user has at least `role`."""
+    """Return whether who acts in place of the operating system's user has at least `role`, in the
+    order of `USER_ROLES`; False, and no error, if nobody does."""
     actor = _ACTING.get()
     return actor is not None and USER_ROLES.index(actor.role) >= USER_ROLES.index(role)
 
@@ -107,5 +108,6 @@ def new_token() -> str:
 
 
 def hash_of_token(token: str) -> str:
-    """Return what is stored of a token."""
+    """Return the sha256 that is stored of a token, as `Catalogue.users` has it; no token is
+    refused."""
     return hashlib.sha256(token.encode("utf-8", "surrogatepass")).hexdigest()

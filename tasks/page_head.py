@@ -12,7 +12,8 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def head_of_version(access: WorkspaceAccess, version: VersionRow) -> Head:
-    """Head of a page about a version: the run that made it, and who moved the first name to it."""
+    """Return the head of a page about a version: the run that made it, and who moved the first name
+    to it."""
     moves = access.catalogue.moves_to(version.vehicle, [version.id])
     program = access.catalogue.run(version.run).code_version if version.run else ""
     return Head(
@@ -24,10 +25,10 @@ def head_of_version(access: WorkspaceAccess, version: VersionRow) -> Head:
 
 
 def head_of_result(access: WorkspaceAccess, result: ResultRow, author: str = "") -> Head:
-    """Head of a page about a stored result."""
+    """Return the head of a page about a stored result."""
     return Head(result.created_utc, author, result.code_version, str(access.workspace.root))
 
 
 def head_of_files(files: Sequence[Path]) -> Head:
-    """Head of a page made now from files, which no workspace keeps."""
+    """Return the head of a page made now from files, which no workspace keeps."""
     return Head(datetime.now(UTC), user(), code_version(), "", tuple(map(str, files)))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 @lru_cache(maxsize=1)
 def code_version() -> str:
-    """Return the package version, with the commit if the code is a git checkout:
-    ``0.1.0+1a2b3c4``."""
+    """Return the package version, with the commit if the code is a git checkout: ``0.1.0+1a2b3c4``.
+    Without git, or after 5 [s], the version alone: no error is raised."""
     try:
         number = version("aerodb")
     except PackageNotFoundError:

@@ -21,7 +21,8 @@ _NODE: Final = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*
 
 
 def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
-    """Return the vehicle that is named, or the only one; UnknownNameError otherwise."""
+    """Return the vehicle that is named, or the only one of `Catalogue.vehicles`; UnknownNameError
+    otherwise."""
     if vehicle is not None:
         return catalogue.vehicle(vehicle).name
     names = [row.name for row in catalogue.vehicles()]
@@ -36,7 +37,8 @@ def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
 def version_of(
     catalogue: Catalogue, reference: str, vehicle: str | None, as_of: str | None = None
 ) -> VersionRow:
-    """Return the version that a reference names, now or as of a date (ISO 8601)."""
+    """Return the version that a reference names, now or as of a date (ISO 8601). Raises InputError
+    for what is no date, UnknownNameError for an unknown reference."""
     when = None
     if as_of is not None:
         try:
@@ -130,10 +132,10 @@ def node_of(text: str) -> tuple[str, tuple[int, ...]]:
 def flights_to_judge(
     catalogue: Catalogue, version: VersionRow, named: Iterable[str] = ()
 ) -> tuple[list[str], bool]:
-    """Flights (ids) on which a version is judged, and whether they are independent of it: those
-    named, else those held out, else those that identified it.
+    """Return the flights (ids) on which a version is judged, and whether they are independent of
+    it: those named, else those held out, else those that identified it.
 
-    Raises InputError where there is none.
+    Raises InputError where there is none. Rule: docs/reference/conventions.md, section "Hold-out".
     """
     uses = catalogue.version_flights(version.id)
     held = [use.flight for use in uses if use.role == "held_out"]

@@ -35,14 +35,16 @@ class StoredResult:
 
     @cached_property
     def key(self) -> str:
-        """Hash of inputs, settings, step and version: the name of the result."""
+        """Hash (sha256) of inputs, settings, step and version: the name of the result
+        (docs/reference/conventions.md, section "Names and identities"); KeyError for a step without
+        `RESULT_VERSION`."""
         return result_key(
             dict(self.inputs), dict(self.settings), self.step, RESULT_VERSION[self.step]
         )
 
     @property
     def path(self) -> Path:
-        """Path of the file."""
+        """Path of the file, by its `key`; StoreError where its folder cannot be made."""
         workspace = self.access.workspace
         return (
             workspace.flight_path(self.key)
@@ -52,17 +54,18 @@ class StoredResult:
 
     def stored(self) -> Path | None:
         """Return the file, fetched from the object store if needed; None if there is none or it was
-        lost."""
+        lost (`WorkspaceAccess.path_of`). StoreError where the object store cannot be asked."""
         return self.access.path_of(self.key)
 
     def is_stored(self) -> bool:
-        """Return whether the file exists, here or in the object store; does not fetch it."""
+        """Return whether the file exists, here or in the object store; does not fetch it
+        (`WorkspaceAccess.has`). StoreError where the object store cannot be asked."""
         return self.access.has(self.key)
 
     def write(self, write: Callable[[Path], object]) -> StoredFile | None:
         """Write the file, and return its entry in the object store, if any.
 
-        The result is invisible until its row is added.
+        The result is invisible until its row is added (`add`). StoreError on a full disk.
         """
         write(self.path)
         return put(self.access.workspace, self.path)
@@ -77,7 +80,8 @@ class StoredResult:
     ) -> None:
         """Add the row of a result whose file was written.
 
-        inputs, settings : values of the row, if they differ from those of the key.
+        inputs, settings : values of the row, if they differ from those of the key. Raises
+        UnknownNameError for an unknown flight or run; see `Catalogue.add_result`.
         """
         self.access.keep_result(
             self.key,
@@ -94,5 +98,5 @@ class StoredResult:
         )
 
     def keep(self, run: str, write: Callable[[Path], object], **row: Any) -> None:
-        """Write the file and add the row; `row` as in `add`."""
+        """Write the file and add the row; `row` as in `add`. StoreError on a full disk."""
         self.add(run, self.write(write), **row)

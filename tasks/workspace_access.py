@@ -28,7 +28,8 @@ class WorkspaceAccess:
 
     def vehicle(self, name: str) -> tuple[Vehicle, str]:
         """Return a vehicle, with the accuracy limits of the settings, and the sha256 of its file's
-        text."""
+        text (docs/reference/conventions.md, section "Vehicle file"). UnknownNameError where it is
+        not known, InputError where its file is wrong."""
         row = self.catalogue.vehicle(name)
         described, limits = _vehicle(row.text, f"vehicle {name}"), self.accuracy(name)
         if limits:
@@ -38,7 +39,8 @@ class WorkspaceAccess:
         return described, row.sha256
 
     def accuracy(self, name: str) -> dict[str, float]:
-        """Return the accuracy limits that the settings give a vehicle.
+        """Return the accuracy limits, in SI units, that the settings (`AccuracySettings`) give a
+        vehicle.
 
         They are part of the key of every result that depends on them.
         """
@@ -50,19 +52,20 @@ class WorkspaceAccess:
         return f"flight {row.label}" if log is None else f"flight {row.label} ({log.name})"
 
     def database(self, version: str) -> "AeroDatabase":
-        """Return the database of a version (its full id)."""
+        """Return the database, in SI units, of a version (its full id); UnknownNameError where
+        there is none."""
         return database_from(self.catalogue.version_documents(version).content)
 
     def named(self, vehicle: str, name: str) -> str | None:
-        """Return the id of the version that a name such as ``released`` points at; None if at
-        none."""
+        """Return the id of the version that a name such as ``released`` points at; None if at none.
+        InputError for a name that is not allowed."""
         event = self.catalogue.named(vehicle, name)
         return event.version if event is not None else None
 
     def path_of(self, key: str) -> Path | None:
         """Return the file of the result stored under `key`; None if there is none or it was lost.
 
-        The caller computes a lost result again.
+        The caller computes a lost result again. StoreError where the object store cannot be asked.
         """
         row = self.catalogue.result(key)
         path = None if row is None else self.file_of(row.path)
@@ -70,17 +73,19 @@ class WorkspaceAccess:
 
     def has(self, key: str) -> bool:
         """Return whether the file of the result under `key` exists, here or remotely; does not
-        fetch it."""
+        fetch it. StoreError where the object store cannot be asked."""
         row = self.catalogue.result(key)
         return row is not None and is_available(self.workspace, self.catalogue, row.path)
 
     def file_of(self, path: str) -> Path:
         """Return the file of the store at `path` (relative), fetched from the object store if
-        needed."""
+        needed. ValueError for a path outside the workspace, StoreError where it cannot be
+        fetched."""
         return local(self.workspace, self.catalogue, path)
 
     def topics_of(self, log_sha256: str) -> Path:
-        """Return the folder of a log's topics, fetched from the object store if needed."""
+        """Return the folder of a log's topics, fetched from the object store if needed
+        (`local_recording`). StoreError where it cannot be fetched."""
         return local_recording(self.workspace, self.catalogue, log_sha256)
 
     def keep_result(
@@ -90,7 +95,7 @@ class WorkspaceAccess:
         `Catalogue.add_result`.
 
         stored : the file's entry in the object store, if it was uploaded already: slow work does
-        not belong in a transaction.
+        not belong in a transaction. StoreError where it cannot be uploaded.
         """
         stored = stored or put(self.workspace, path)
         with self.catalogue.transaction():
@@ -98,8 +103,9 @@ class WorkspaceAccess:
             self.catalogue.add_result(key, path=self.workspace.relative(path), **row)
 
     def keep_file(self, path: Path, stored: StoredFile | None) -> None:
-        """Record the hash of a file of the store; the file is in the object store, if there is
-        one."""
+        """Record hash (sha256) and size [bytes] of a file of the store; the file is in the object
+        store, if there is one. StoreError where it cannot be read or uploaded; see
+        `Catalogue.add_file`."""
         with (
             self.catalogue.transaction()
         ):  # who writes the same file at the same time notes it before or after, not between
@@ -116,7 +122,8 @@ def _vehicle(text: str, where: str) -> Vehicle:
 
 @lru_cache(maxsize=4)
 def database_from(content: str) -> "AeroDatabase":
-    """Return the database of a version's content, JSON text."""
+    """Return the database, in SI units, of a version's content, JSON text (`from_document`);
+    InputError for another document."""
     from aerodb.exchange import (
         from_document,
     )  # a second of imports that a look at what waits does not need
@@ -125,8 +132,9 @@ def database_from(content: str) -> "AeroDatabase":
 
 
 def access_workspace(workspace: str) -> WorkspaceAccess:
-    """Return the access to the workspace folder `workspace`; a process opens each catalogue
-    once."""
+    """Return the access to the workspace folder `workspace`; a process opens each catalogue once.
+    InputError where the folder cannot be a workspace, StoreError where its catalogue cannot be
+    opened."""
     folder = Workspace.open(Path(workspace))
     place = catalogue_location(folder.catalogue)
     if not place.begun:

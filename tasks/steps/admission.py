@@ -23,7 +23,8 @@ def usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -
 def inadmissible(
     access: WorkspaceAccess, sha256: str, vehicle: str, name: str | None
 ) -> InputError | None:
-    """Return why the catalogue would refuse these bytes as a flight of this name.
+    """Return the InputError with which the catalogue would refuse these bytes as a flight of this
+    name, or None; see `Catalogue.flights`.
 
     The log is not at fault, so it is not quarantined.
     """

@@ -32,7 +32,8 @@ class Due:
 
 
 def due(access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str) -> Due:
-    """Return whether an update of a vehicle's database is due in this way.
+    """Return whether an update of a vehicle's database is due in this way (a key of `FLOWS`).
+    Raises UnknownNameError for an unknown vehicle.
 
     The cost does not grow with the number of stored flights: only the newest are read, and the
     flights of the flow's last run.
@@ -49,8 +50,9 @@ def due(access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str) -> 
 def parameters_of(
     access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str, state: Due
 ) -> dict[str, Any]:
-    """Return the parameters of the flow; InputError if the model file of an update cannot be
-    read."""
+    """Return the parameters of the flow, with the text of the model file
+    (docs/reference/conventions.md, section "Model file"); InputError if the model file of an update
+    cannot be read."""
     given: dict[str, Any] = {
         "vehicle": vehicle,
         "baseline": state.baseline,

@@ -91,8 +91,8 @@ def bind(flight: str, *, workspace: str, run: str, calibration: str) -> str:
 
     Results that depend on the calibration are recomputed when they are next needed.
 
-    Reads and changes the catalogue only. Raises UnknownNameError for an unknown flight, InputError
-    for a calibration of another vehicle.
+    Reads and changes the catalogue only (`Catalogue.bind_flight`). Raises UnknownNameError for an
+    unknown flight, InputError for a calibration of another vehicle.
     """
     access_workspace(workspace).catalogue.bind_flight(flight, calibration, run)
     return flight

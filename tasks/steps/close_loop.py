@@ -32,7 +32,8 @@ def run_loop(
     accept: Accept,
     without_gain: frozenset[str] = frozenset(),
 ) -> LoopResult:
-    """Run the closed loop on the plan's identification flights.
+    """Run the closed loop on the plan's identification flights; values in SI units. Raises
+    InputError where a flight lacks what is needed.
 
     without_gain : hypotheses that stay out, because their addition proved no gain.
     """
@@ -46,9 +47,9 @@ def run_loop(
 def prove_loop(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str, accept: Accept
 ) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...], tuple[StallWindow, ...]]:
-    """Validate the loop: error before and after on flights that were not used for identification,
-    both errors of those that leave the envelope, and the errors in the stall of those that stall,
-    where a stall was added and each is predicted from the others.
+    """Validate the loop: dimensionless rms error before and after on flights that were not used for
+    identification, both errors of those that leave the envelope, and the errors in the stall of
+    those that stall, where a stall was added and each is predicted from the others.
 
     Below five flights, each flight is predicted from the others.
     """
@@ -64,7 +65,8 @@ def prove_loop(
 def what_is_left(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> tuple[UnexplainedResidual, ...]:
-    """Return the unexplained residual that the identification flights share beside the candidate.
+    """Return the unexplained residual, compared with the candidate, that the identification flights
+    share; skills are dimensionless (docs/method/tracing.md, section 14).
 
     Empty if there are fewer flights than the test needs.
     """
@@ -77,7 +79,7 @@ def with_bands(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> LoopResult:
     """Return the loop with the errors of its shapes, and the scatter between flights, in the bands
-    of what it added; values stay."""
+    of what it added; values stay, in SI units; see `with_model_error`."""
     source = flights_of(workspace, plan.vehicle, run)
     return replace(
         loop, candidate=with_model_error(source, plan.hold_out.identified, loop, library)
@@ -87,7 +89,8 @@ def with_bands(
 def what_differs(
     plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> tuple[FlightDependence, ...]:
-    """Return the effects that change with the conditions of the identification flights.
+    """Return the effects that change with the conditions of the identification flights, slopes in
+    SI units (docs/method/tracing.md, section 25).
 
     Empty below five flights, or where these have the same conditions.
     """

@@ -44,11 +44,12 @@ class FlightComparison:
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
     """Compare a flight (its id) with a version (its id), and store the result.
 
-    Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma),
-    notes, left_out (axes that contain a thrust that the flight lacks), suspicions (what contradicts
-    the database beyond what a wind tunnel can have wrong); or flight, key None and the reason if no
-    comparison is possible. The flight stays stored in both cases. What contradicts the released
-    version limits the verdict on the flight.
+    Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma,
+    dimensionless), notes, left_out (axes that contain a thrust that the flight lacks), suspicions
+    (what contradicts the database beyond what a wind tunnel can have wrong); or flight, key None
+    and the reason if no comparison is possible. The flight stays stored in both cases. What
+    contradicts the released version limits the verdict on the flight. Raises UnknownNameError for
+    an unknown id.
     """
     access = access_workspace(workspace)
     where = access.name_of(access.catalogue.flight(flight))

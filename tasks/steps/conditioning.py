@@ -63,13 +63,14 @@ def load_conditioning(
 
 def suspicions_of(row: FlightRow, conditioning: Conditioning) -> tuple[Suspicion, ...]:
     """Return the likely faults of a stored flight: those found in its log, and that of a start
-    later than the moment at which it was taken in."""
+    later than the moment (UTC) at which it was taken in (`start_suspicions`); figures in SI
+    units."""
     return (*conditioning.suspicions, *start_suspicions(row.start_utc, row.added_utc))
 
 
 def stored_suspicions(access: WorkspaceAccess, row: FlightRow) -> tuple[Suspicion, ...]:
     """Return the likely faults of a flight as they were found when it was last processed; none
-    where they are not stored."""
+    where they are not stored (`from_document`); figures in SI units."""
     stored = access.catalogue.results_of(row.id, "conditioning")
     path = access.path_of(stored[-1].key) if stored else None
     return () if path is None else from_document(read_results(path, ())[1]).suspicions
@@ -78,8 +79,9 @@ def stored_suspicions(access: WorkspaceAccess, row: FlightRow) -> tuple[Suspicio
 def write_conditioning(
     access: WorkspaceAccess, flight: str, flight_key: str, conditioning: Conditioning
 ) -> StoredFile | None:
-    """Write the findings on a flight (its id and key), and return their object-store entry, if
-    any."""
+    """Write the findings on a flight (its id and key), and return their object-store entry, if any.
+    JSON with times [s], see docs/reference/conventions.md, section "Stored files"; StoreError on a
+    full disk."""
     return _result(access, flight, flight_key).write(
         lambda path: write_results(path, {}, to_document(conditioning))
     )
@@ -88,7 +90,8 @@ def write_conditioning(
 def keep_conditioning(
     access: WorkspaceAccess, flight: str, flight_key: str, stored: StoredFile | None, run: str
 ) -> str:
-    """Add the row of findings that were written (flight by id and key), and return their key."""
+    """Add the row of findings that were written (flight by id and key), and return their key
+    (sha256). Raises UnknownNameError for an unknown flight or run; see `Catalogue.add_result`."""
     result = _result(access, flight, flight_key)
     result.add(run, stored)
     return result.key

@@ -89,7 +89,7 @@ def record_verdict(
     released version.
 
     beside : remarks of the comparison with it, `CONTRADICTS` or `SUSPECTED`; None: those that the
-    flight has stay until it is compared again.
+    flight has stay until it is compared again. UnknownNameError for an unknown flight.
     """
     if beside is None:
         beside = [each for each in row.remarks if each.kind in (CONTRADICTS, SUSPECTED)]
@@ -100,7 +100,7 @@ def record_verdict(
 
 
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:
-    """Return a consistent flight; reconstruct and store it if needed.
+    """Return a consistent flight, channels (n,) in SI units; reconstruct and store it if needed.
 
     A flight that is processed for the first time is bound to the newest calibration that is valid
     for it, and stays bound to it until it is recalibrated.
@@ -188,7 +188,8 @@ def _restored(
 
 
 def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
-    """Return the flow angles that were reconstructed without a sensor, from a stored document."""
+    """Return the flow angles that were reconstructed without a sensor, from a stored document
+    (``origins``, as of `Origin`); none for a document without them."""
     origins, motion = document.get("origins", {}), Origin.MOTION.name.lower()
     return frozenset(name for name in ("alpha", "beta") if origins.get(name) == motion)
 
@@ -215,7 +216,8 @@ def remaining_errors(document: Mapping[str, Any]) -> dict[str, tuple[float, floa
 
 
 def noise_of(document: Mapping[str, Any]) -> StateNoise | None:
-    """Return the error spectrum of a consistent flight's channels, from its stored document.
+    """Return the error spectrum (`StateNoise`, unit²/Hz) of a consistent flight's channels, from
+    its stored document.
 
     None if the flight was not reconstructed.
     """

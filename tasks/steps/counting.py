@@ -15,7 +15,8 @@ WHOLE = 0.95
 
 
 def counted_out(catalogue: Catalogue, vehicle: str) -> dict[str, tuple[RepeatRow, ...]]:
-    """Return id -> what it repeats, for flights of a vehicle that do not count for that reason.
+    """Return id -> what it repeats (`RepeatRow`, stretches [s]), for flights of a vehicle that do
+    not count for that reason.
 
     A retracted or rejected flight does not count, so a flight that repeats it may. Of a chain of
     repeats, the first counts, the second does not, and the third does unless it also repeats the
@@ -64,7 +65,8 @@ def _could_count(row: FlightRow) -> bool:
 
 
 def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
-    """Describe what a flight repeats: ``repeats flight a.ulg (1a2b3c4d5e6f) from 3 to 20 s``.
+    """Describe what a flight repeats, stretches in [s] (`RepeatRow`): ``repeats flight a.ulg
+    (1a2b3c4d5e6f) from 3 to 20 s``.
 
     labels : what people call flights (ids), where that is not the start of their id.
     """
@@ -80,7 +82,8 @@ def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
 
 
 def repeat_documents(catalogue: Catalogue, flight: str) -> list[dict[str, Any]]:
-    """Return what a flight (its id) repeats of flights that are not retracted.
+    """Return what a flight (its id) repeats of flights that are not retracted: shares
+    dimensionless, stretches [s].
 
     ``counts`` says of each whether it counts, so that this flight does not.
     """

@@ -49,7 +49,7 @@ LONGEST: Final = 20.0
 
 
 def default_tolerances() -> str:
-    """The text of the tolerances that come with aerodb.
+    """Return the text (TOML) of the tolerances that come with aerodb.
 
     Source: 14 CFR part 60, appendix A, table A2A, and AC 120-40B, appendix 2.
     """
@@ -190,7 +190,8 @@ def flown_windows(
     since: float | None = None,
     until: float | None = None,
 ) -> list[Window]:
-    """Stretches to fly: from and to [s] from the first sample, and what is flown there."""
+    """Return the stretches to fly: from and to [s] from the first sample, and what is flown there
+    (`manoeuvre_windows`)."""
     if since is not None or until is not None:
         return [(since or 0.0, flight.duration if until is None else until, "stretch")]
     return manoeuvre_windows(segments_of(access, row.id, run), flight.duration)

@@ -179,7 +179,8 @@ def _outcome(checks: FileChecks | None) -> dict[str, Any] | None:
 def read_database(
     data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
 ) -> AeroDatabase:
-    """Parse a database file by its suffix and content.
+    """Parse a database file by its suffix and content: DAVE-ML 2.0 (AIAA S-119), JSBSim, native
+    TOML, CSV, MAT, NetCDF; tables become SI units.
 
     part : returns the bytes of a file that this one names. Raises InputError for a format that
     cannot be read.

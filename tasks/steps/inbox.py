@@ -34,7 +34,8 @@ def files_of_inbox(
 ) -> list[InboxFile]:
     """Return the files in the inbox (of one vehicle) with their states.
 
-    wait : give a file that changed a moment ago time to settle.
+    wait : give a file that changed a moment ago time to settle (setting `inbox.settle` [s]). One
+    larger than the limits [bytes] is refused.
     """
     names = [row.name for row in access.catalogue.vehicles()]
     entries = scan_inbox(access.workspace.inbox, names, settings.inbox.settle)
@@ -49,8 +50,8 @@ def files_of_inbox(
 
 
 def complete_file(access: WorkspaceAccess, settings: Settings, relative: str) -> list[InboxFile]:
-    """Return the one file at this path in the inbox, known to be complete: it need not settle. None
-    if it is no longer there."""
+    """Return the one file at this path in the inbox, known to be complete: it need not settle.
+    Empty if it is no longer there."""
     entries = files_of_inbox(access, settings, wait=False)
     settle = settings.inbox.settle
     return rescan_inbox([e for e in entries if e.relative == relative], settle, settle)
@@ -61,7 +62,8 @@ def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dic
     bytes.
 
     A log whose flight is stored, and which only later steps could not bear, ends as stored, and the
-    flight is rejected with the reason. Returns its ending.
+    flight is rejected with the reason. Returns its ending, as `settle` does. Raises StoreError on a
+    full disk.
     """
     access = access_workspace(workspace)
     sha256 = "" if entry.state == "refused" else _sha256(access, entry)
@@ -125,7 +127,7 @@ def note_tries(access: WorkspaceAccess, entries: Sequence[InboxFile], run: str) 
 def note_failure(
     access: WorkspaceAccess, entry: InboxFile, run: str, reason: str
 ) -> dict[str, Any]:
-    """Record that a file could not be processed, and return its ending.
+    """Record that a file could not be processed, and return its ending, as `settle` does.
 
     An empty reason means that the file was not at fault.
     """
@@ -138,7 +140,7 @@ def note_no_room(
 ) -> dict[str, Any]:
     """Record that the disk or the machine has no room for a file now, and return its ending.
 
-    The file is not at fault and waits.
+    The file is not at fault and waits (StoreError, MemoryError); see `note_failure`.
     """
     return {**note_failure(access, entry, run, ""), "kind": "no_room", "reason": reason}
 

@@ -209,7 +209,8 @@ def _suspicions(flight: str, workspace: str, run: str) -> list[dict[str, Any]]:
 
 
 def broken_parts(recording: Recording) -> list[Damage]:
-    """Return damage of the file itself.
+    """Return damage of the file itself, times [s] and sizes [bytes] (docs/reference/conventions.md,
+    section "Damage").
 
     A dropout is not damage: the logger reported that it could not keep up, and the gap is flagged.
     """
@@ -225,7 +226,8 @@ def _refusal(error: InputError, log: str) -> dict[str, str]:
 
 
 def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flight, str]:
-    """Return a stored flight under the vehicle's present file, and its key.
+    """Return a stored flight, channels (n,) in SI units, under the vehicle's present file, and its
+    key.
 
     The flight is mapped again from the stored topics if the vehicle's file changed. Stored values
     are as measured; wild points are bridged here, so that no later step smears them over other

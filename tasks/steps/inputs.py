@@ -32,14 +32,14 @@ _JSBSIM: Final = "JSBSim property "
 
 
 def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> dict[str, Any]:
-    """Describe the inputs of a version (its id) beside the vehicle's flights.
+    """Describe the inputs of a version (its id) given the vehicle's flights.
 
     Returns a document: inputs (names), flights (number looked at), lacking (inputs that no flight
     has and that zero is proposed for), required (those that flights must give), written (input ->
     its name in the file), proposals (input that the file alone knows -> bindings that may be meant;
-    the last is zero) and uses (per input
-    that is held or made from motion: name, source, binding, accepted, range, effects, residuals,
-    sentence).
+    the last is zero) and uses (per input that is held or made from motion: name, source, binding,
+    accepted, range, effects, residuals, sentence). Ranges are in SI units, effects and residuals
+    dimensionless; InputError where the database cannot be evaluated.
     """
     access = access_workspace(workspace)
     flights = flights_of(access, vehicle, run)
@@ -49,7 +49,8 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
 
 
 def flights_of(access: WorkspaceAccess, vehicle: str, run: str) -> list[FlightCoefficients]:
-    """Return the newest flights of a vehicle whose coefficients are known and that stand."""
+    """Return the newest flights of a vehicle, at most `_MOST_FLIGHTS`, that count and whose
+    coefficients (n,) are known; one whose calculation raises InputError is left out."""
     rows = [row for row in access.catalogue.flights(vehicle) if _stands(row)]
     loaded = []
     for row in rows[-_MOST_FLIGHTS:]:
@@ -65,7 +66,8 @@ def _stands(row: FlightRow) -> bool:
 
 
 def bindings_of(access: WorkspaceAccess, version: str) -> Mapping[str, str]:
-    """Return the bindings with which the database below a version (its id) was imported.
+    """Return the bindings with which the database below a version (its id) was imported: input ->
+    expression (see `inputs_document`).
 
     Reads the catalogue. Raises KeyError for an unknown id.
     """
@@ -84,7 +86,8 @@ def inputs_document(
     flights: Sequence[FlightCoefficients],
     bindings: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return the document of `describe_inputs` for a database that need not be stored."""
+    """Return the document of `describe_inputs` for a database that need not be stored, in SI
+    units."""
     lacking = lacking_inputs(database, [loaded.flight.channels for loaded in flights])
     required = [name for name in lacking if name in UNHOLDABLE]
     lacking = tuple(name for name in lacking if name not in UNHOLDABLE)

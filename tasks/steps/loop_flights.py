@@ -37,7 +37,7 @@ _STORED: Final = "gram"
 
 def reconstruction_of(document: Mapping[str, Any]) -> ReconstructionErrors:
     """Return what the closed loop needs of a reconstruction, from the document of a consistent
-    flight."""
+    flight: errors in SI units, noise as `noise_of` gives it."""
     return ReconstructionErrors(
         noise=noise_of(document),
         angles=reconstructed_angles(document),
@@ -64,7 +64,8 @@ class StoredFlights:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle, from its present file and settings."""
+        """The vehicle (lengths [m], masses [kg]), from its present file and settings;
+        UnknownNameError where it is not known."""
         return self._once(lambda: self.access.vehicle(self.vehicle_name)[0], "vehicle")
 
     def _once(self, make: Callable[[], Value], *what: Hashable) -> Value:
@@ -85,7 +86,8 @@ class StoredFlights:
         return self._loaded(flight).flight
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
-        """Return the reconstruction, from the stored document of the consistent flight."""
+        """Return the reconstruction, in SI units, from the stored document of the consistent
+        flight. Raises UnknownNameError for an unknown id."""
         return self._once(lambda: self._reconstruction(flight), "reconstruction", flight)
 
     def _reconstruction(self, flight: str) -> ReconstructionErrors:

@@ -56,9 +56,10 @@ def estimate_by_methods(
     methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
-    iterations, log_likelihood, notes, estimates, correlations, input_correlations,
-    histories of parameters that change, report; or reason where it gave none), parameters
-    (parameter, estimates by method, spread, furthest, agree), believe, reasons.
+    iterations, log_likelihood, notes, estimates, correlations, input_correlations, histories of
+    parameters that change, report; or reason where it gave none), parameters (parameter, estimates
+    by method, spread, furthest, agree), believe, reasons. Estimates are in the unit that each
+    states.
     """
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
@@ -119,8 +120,8 @@ def identification_flights(
     run: str,
     whole: bool = False,
 ) -> list[IdentificationFlight]:
-    """Flights (ids) with their comparison with a database, and the manoeuvres to fly, or all of
-    each flight in pieces."""
+    """Return flights (ids, channels (n,) in SI units) with their comparison with a database, and
+    the manoeuvres to fly, or all of each flight in pieces. UnknownNameError for an unknown id."""
     found = []
     for flight in flights:
         row = access.catalogue.flight(flight)
@@ -146,8 +147,8 @@ def identification_flights(
 def fits_document(
     methods: Sequence[Method], fitted: Callable[[Method], list[Fit]]
 ) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
-    """Fits of each method over all axes, empty where it gave none; and the part of the document of
-    `estimate_by_methods` that says what they are."""
+    """Return the fits of each method over all axes, empty where it gave none (its InputError is the
+    reason); and the part of the document of `estimate_by_methods` that says what they are."""
     fits: dict[str, list[Fit]] = {}
     reasons: dict[str, str] = {}
     for method in methods:

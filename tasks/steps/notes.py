@@ -13,7 +13,8 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 def note_version(
     access: WorkspaceAccess, version: VersionRow, kind: NoteKind, text: str
 ) -> dict[str, Any]:
-    """Comment on a version, give it a tag, or take one away; the role `ingest` is needed.
+    """Comment on a version, give it a tag, or take one away; the role `ingest` is needed. Raises
+    InputError for an empty comment or a tag that is not allowed.
 
     Returns a document: version, label, vehicle, tags, comments (oldest first).
     """

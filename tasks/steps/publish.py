@@ -52,7 +52,7 @@ def publish_candidate(
     run: str,
 ) -> dict[str, Any]:
     """Store an update's candidate with its validation, point ``candidate`` at it, and return the
-    document."""
+    document (docs/reference/contract.md, section "update and close-loop"), in SI units."""
     access = access_workspace(workspace)
     document = update_document(
         vehicle=plan.vehicle,
@@ -121,6 +121,7 @@ def publish_loop(
     added.
 
     Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
+    Schema: docs/reference/contract.md, section "update and close-loop"; SI units.
     """
     access = access_workspace(workspace)
     settings = {
@@ -254,7 +255,8 @@ def _roles(plan: Plan) -> list[FlightRole]:
 
 
 def move(access: WorkspaceAccess, vehicle: str, name: str, version: str, reason: str) -> None:
-    """Point a name at a version (its id); does nothing if it already points there."""
+    """Point a name at a version (its id); does nothing if it already points there. Raises what
+    `Catalogue.move_name` raises: NameMovedError where another moved it meanwhile."""
     current = access.named(vehicle, name)
     if current != version:
         access.catalogue.move_name(
@@ -273,7 +275,8 @@ def add_version(
     roles: list[FlightRole],
     run: str,
 ) -> VersionRow:
-    """Store a database as a version, with check cases of its numbers."""
+    """Store a database (SI units) as a version, with check cases of its numbers. Raises InputError
+    where a flight's role violates the hold-out rule; see `Catalogue.add_version`."""
     return access.catalogue.add_version(
         version_id(vehicle, parent, inputs, settings),
         vehicle=vehicle,

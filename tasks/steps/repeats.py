@@ -23,8 +23,8 @@ def suspects_of(access: WorkspaceAccess, flight: Flight, marks: frozenset[int]) 
 
 
 def compare_with_stored(access: WorkspaceAccess, flight: Flight, other: str) -> RepeatRow | None:
-    """Return what a flight shares with a stored one (its id), or None; the later one is the
-    repeat."""
+    """Return what a flight shares with a stored one (its id), or None; the later one is the repeat.
+    Stretches are in [s], shares dimensionless (`RepeatRow`)."""
     stored = read_flight(access.file_of(access.catalogue.results_of(other, "ingest")[-1].path))
     rows = access.catalogue.flights_by_id([flight.id, other])
     first = flight.id in rows and (rows[flight.id].added_utc, flight.id) < (

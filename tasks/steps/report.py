@@ -33,7 +33,8 @@ _CHILDREN: Final = 6
 
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
-    """Return the report of a flight (its id) beside a version (its id; empty: none).
+    """Return the report (HTML, display units as [deg]) of a flight (its id) compared with a version
+    (its id; empty: none).
 
     Reads the flight, its consistency and comparison. Raises UnknownNameError for an unknown id.
     """
@@ -82,7 +83,8 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
 
 
 def update_page(reference: str, *, workspace: str, run: str) -> str:
-    """Return the report of an update or closed loop, by its version (id) or the key of its report.
+    """Return the report (HTML, display units as [deg]) of an update or closed loop, by its version
+    (id) or the key of its report.
 
     Raises InputError for a version that no update made, UnknownNameError for an unknown reference.
     """
@@ -164,7 +166,7 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 
 
 def version_page(version: str, *, workspace: str, run: str) -> str:
-    """Return the report of a version (its id).
+    """Return the report (HTML, display units as [deg]) of a version (its id).
 
     Reads version, report and flights from the catalogue. Raises UnknownNameError for an unknown id.
     """

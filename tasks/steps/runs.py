@@ -15,7 +15,8 @@ def mark_ended(
 ) -> list[dict[str, Any]]:
     """Mark every run as ended that counts as running but whose lock is free.
 
-    Returns these runs, newest first.
+    Returns these runs, newest first, with `RunRow`'s start (UTC). Raises InputError where the
+    catalogue belongs to another workspace.
     """
     access.catalogue.require_own()
     ended = []

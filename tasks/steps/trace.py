@@ -38,7 +38,8 @@ def find_sensor_rivals(
     plan: Plan, library: Library, update: Update, *, workspace: str, run: str
 ) -> tuple[SensorRival, ...]:
     """Return the errors of sensors that explain what a declared update changes
-    (`aerodb.loop.sensor_rivals`)."""
+    (`aerodb.loop.sensor_rivals`), in SI units. Raises InputError where a flight lacks what is
+    needed."""
     source = flights_of(workspace, plan.vehicle, run)
     baseline = access_workspace(workspace).database(plan.baseline)
     return sensor_rivals(source, plan.hold_out.identified, baseline, update.candidate, library)

@@ -97,7 +97,8 @@ def plan_update(
 
     compared : documents of `compare_with_version` on `baseline` (its id). hold_out : references of
     flights, an empty list for none, None for the default rule (docs/method/updates.md, section
-    "Hold-out").
+    "Hold-out"). Raises InputError where no flight is usable, UnknownNameError for an unknown
+    reference.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -199,7 +200,9 @@ def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
-    """Estimate the plan's declared increments on its identification flights, by its method."""
+    """Estimate the plan's declared increments on its identification flights, by its method: values
+    in SI units, covariance (k, k) (docs/method/updates.md, section "Estimation"). Raises InputError
+    where no declared term is excited."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.hold_out.identified, run)
     database = access.database(plan.baseline)
@@ -243,8 +246,8 @@ def _by_method(
 def validate(
     plan: Plan, update: Update, *, workspace: str, run: str
 ) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...]]:
-    """Return the error before and after the update, on flights that did not identify it if there
-    are any, and both errors of those of them that leave the envelope."""
+    """Return the rms error (dimensionless) before and after the update, on flights that did not
+    identify it if there are any, and both errors of those of them that leave the envelope."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
@@ -281,9 +284,11 @@ def validate(
 def outside_envelopes(
     access: WorkspaceAccess, predictors: Mapping[str, AeroDatabase], run: str
 ) -> tuple[Beyond, ...]:
-    """Return both errors, held and extrapolated, of the flights that leave the envelope.
+    """Return both errors (dimensionless rms), held and extrapolated, of the flights that leave the
+    envelope.
 
-    predictors : flight (its id) -> the database that predicted it.
+    predictors : flight (its id) -> the database that predicted it. See docs/method/updates.md,
+    section "Envelope".
     """
     found: list[Beyond] = []
     for flight, database in predictors.items():

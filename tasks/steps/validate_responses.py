@@ -87,8 +87,8 @@ def summarise_responses(
 def known_responses(
     access: WorkspaceAccess, version: str, parent: str | None, flights: Sequence[str]
 ) -> dict[str, Any] | None:
-    """The summary of what a version (its id) was last flown with over its held-out flights, beside
-    its parent; None where it was not."""
+    """Return the summary (rms in SI units, `summarise_responses`) of what a version (its id) was
+    last flown with over its held-out flights, compared with its parent; None where it was not."""
     after = _newest(access, version, flights)
     if not after:
         return None
@@ -189,7 +189,8 @@ def response_page(
     before: Sequence[Document] = (),
     summary: Document | None = None,
 ) -> str:
-    """Return an HTML page with the responses of each manoeuvre beside the flight."""
+    """Return an HTML page with the responses (n,) of each manoeuvre against the flight, in display
+    units as [deg]."""
     access = access_workspace(workspace)
     labels = [
         access.catalogue.versions_by_id([documents[0]["version"]])[documents[0]["version"]].label

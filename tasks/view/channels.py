@@ -97,7 +97,8 @@ class Track:
 
 
 def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
-    """Return what can be plotted of a flight; InputError if its file is missing or damaged."""
+    """Return what can be plotted of a flight, start and end [s]; InputError if its file is missing
+    or damaged."""
     stored = stored_flight(access, row)
     names = stored.channels
     surfaces = tuple(sorted(name for name in names if is_surface(name)))

@@ -125,7 +125,8 @@ def sweep(
 
 
 def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
-    """Return the database of a version."""
+    """Return the database of a version, in SI units; UnknownNameError for an unknown one. See
+    `database_from`."""
     return database_from(catalogue.version_documents(version.id).content)
 
 

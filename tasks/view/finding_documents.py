@@ -53,8 +53,8 @@ def findings_page(
 def finding_document(
     access: WorkspaceAccess, reference: str, vehicle: str | None = None
 ) -> dict[str, Any]:
-    """Return the document of an update or closed loop, by its report's key or by the version it
-    made.
+    """Return the document of an update or closed loop (docs/reference/contract.md, section "update
+    and close-loop"), by its report's key or by the version it made.
 
     Raises UnknownNameError for an unknown reference, InputError for an imported version.
     """
@@ -75,8 +75,8 @@ def finding_document(
 
 
 def reference_of(access: WorkspaceAccess, reference: str, vehicle: str | None = None) -> str:
-    """Return the key of a closed loop's report, or the id of a version; UnknownNameError
-    otherwise."""
+    """Return the key of a closed loop's report, or the id of a version; UnknownNameError otherwise,
+    of `version_of`."""
     result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         return result.key

@@ -11,7 +11,8 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def flight_document(row: FlightRow) -> dict[str, Any]:
-    """Return a flight as the catalogue has it."""
+    """Return a flight as the catalogue has it (`FlightRow`): duration [s], start in UTC (ISO
+    8601)."""
     return {
         "flight": row.id,
         "name": row.name,
@@ -42,8 +43,8 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
 
 
 def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
-    """Return a flight with its log, findings, consistency, results, and the versions based on
-    it."""
+    """Return a flight with its log, findings, consistency, results, and the versions based on it:
+    times [s], figures in SI units. InputError where a stored file is damaged."""
     catalogue = access.catalogue
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
@@ -70,7 +71,8 @@ def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
 
 
 def damage_document(entry: Damage) -> dict[str, Any]:
-    """Return one damaged part of a log."""
+    """Return one damaged part of a log: times [s], sizes [bytes] (docs/reference/conventions.md,
+    section "Damage")."""
     return {
         "kind": entry.kind,
         "what": entry.what,

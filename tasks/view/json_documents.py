@@ -21,5 +21,6 @@ def finite(value: Any) -> Any:
 
 
 def as_json(document: Any, indent: int | None = None) -> str:
-    """Return a document as ASCII JSON."""
+    """Return a document as ASCII JSON (RFC 8259); numbers that are not `finite` become null, and
+    raise no error."""
     return json.dumps(finite(document), indent=indent, default=str, allow_nan=False)

@@ -24,7 +24,7 @@ FIGURE_KINDS: Final = ("png", "svg", "pdf")
 
 def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
     """Return what a version is based on: ancestors, reasons why it is stale, flights, inputs and
-    runs."""
+    runs (`Lineage`). Raises UnknownNameError for an unknown version."""
     lineage = catalogue.lineage(version.id)
     return {
         "version": lineage.version.id,
@@ -53,7 +53,8 @@ def origins_document(
 ) -> dict[str, Any]:
     """Return the increments behind a table node ``TABLE[i,j]`` or a point ``NAME=VALUE,...``.
 
-    The document has version, at and increments.
+    The document has version, at and increments. Values are in SI units; InputError for a node or a
+    point that cannot be read.
     """
     if node is not None:
         origins = origin_of_node(catalogue, version, *node_of(node))
@@ -80,7 +81,7 @@ def compare_versions(
     catalogue: Catalogue, before: VersionRow, after: VersionRow, picture: str = ""
 ) -> tuple[dict[str, Any], bytes | None]:
     """Return the differences between two versions, and a figure if `picture` (a suffix like
-    ``.png``)."""
+    ``.png``), in SI units. Raises InputError for another kind of figure."""
     old, new = database_of(catalogue, before), database_of(catalogue, after)
     document = {"before": before.id, "after": after.id, **diff_document(diff(old, new))}
     if not picture:
@@ -103,8 +104,8 @@ def compare_versions(
 def origin_of_node(
     catalogue: Catalogue, version: VersionRow, table: str, index: tuple[int, ...]
 ) -> list[dict[str, Any]]:
-    """Return the increments behind a table node, each with `_origin`; empty for an imported
-    value."""
+    """Return the increments behind a table node, each with `_origin`; empty for an imported value.
+    UnknownNameError for an unknown table, InputError for an index beyond its axes."""
     return _origins(catalogue, version, node_lineage(database_of(catalogue, version), table, index))
 
 
@@ -122,7 +123,8 @@ def origin_of_point(
 
 
 def prov_of(catalogue: Catalogue, version: VersionRow) -> bytes:
-    """Return the lineage of a version as PROV-JSON."""
+    """Return the lineage of a version as PROV-JSON (W3C, 2013; `prov_json`). Raises
+    UnknownNameError for an unknown version."""
     lineage = catalogue.lineage(version.id)
     line = [row.id for row in lineage.line]
     return prov_json(

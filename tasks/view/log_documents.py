@@ -97,9 +97,9 @@ def firmware_of(stated: Mapping[str, str | int | float]) -> str:
 
 
 def topics_document(access: WorkspaceAccess, row: FlightRow) -> list[dict[str, Any]]:
-    """Return every topic of a flight's log: samples, first and last time [s] on the log's clock,
-    and its fields with numbers, each with its unit ('' where neither log nor mapping states
-    one)."""
+    """Return every topic of a flight's log (`StoredSeries`): samples, first and last time [s] on
+    the log's clock, and its fields with numbers, each with its unit ('' where neither log nor
+    mapping states one)."""
     paths = topic_paths(access.topics_of(row.log_sha256))
     units = _mapped_units(access, row)
     return [_topic_document(StoredSeries.open(path, "topic"), units) for path in paths.values()]

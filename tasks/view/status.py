@@ -22,7 +22,8 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
     """Return the status document.
 
     Keys: serve, settings, waiting, running, failed, quarantined, vehicles, undelivered, free_bytes,
-    todo. ``todo`` lists in plain sentences what a person should do now; empty if nothing.
+    todo. ``todo`` lists in plain sentences what a person should do now; empty if nothing. Sizes are
+    in [bytes], times in UTC; a fault of the settings is reported, not raised as InputError.
     """
     settings, fault = _settings(access)
     serving = {

@@ -59,8 +59,8 @@ class Column:
 
 
 def read_together(columns: Sequence[Column], first: int, last: int) -> list[Array]:
-    """Return the values of each column at the flight's samples `first` to `last` (exclusive); each
-    file is read once."""
+    """Return the values (n,) of each column, in its unit, at the flight's samples `first` to `last`
+    (exclusive); each file is read once."""
     wanted: dict[tuple[int, int], list[Column]] = {}
     for column in columns:
         wanted.setdefault((id(column.series), column.first), []).append(column)
@@ -129,7 +129,8 @@ class StoredFlight:
         return (*self.channels, *self.axes, *(f"{_SIGMA}{name}" for name in self.sigmas))
 
     def columns(self, name: str) -> list[Column]:
-        """Columns with the values of a name, the best ones last; none for an unknown one."""
+        """Columns with the values of a name, the best ones last; none, and no error, for an unknown
+        one. Each has its SI unit, and factor and label for display (`channel_scale`)."""
         if name in self.axes:
             return self._of_axis(name)
         inner = name.removeprefix(_SIGMA)
@@ -181,7 +182,8 @@ class StoredFlight:
 
 
 def stored_flight(access: WorkspaceAccess, row: FlightRow) -> StoredFlight:
-    """Open what is stored of a flight; InputError if its channels are missing or damaged."""
+    """Open what is stored of a flight (docs/reference/conventions.md, section "Stored files");
+    InputError if its channels are missing or damaged."""
     results = access.catalogue.results_of(row.id)
     by_step = {step: [r for r in results if r.step == step] for step in _STEPS}
     if not by_step["ingest"]:

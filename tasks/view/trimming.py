@@ -81,7 +81,8 @@ class _Flown:
 
 
 def glides(catalogue: Catalogue, row: VersionRow) -> bool:
-    """Whether the version's vehicle has no thrust."""
+    """Return whether the version's vehicle has no thrust: `thrust.source` of its file.
+    UnknownNameError for an unknown vehicle."""
     text = catalogue.vehicle(row.vehicle).text
     return parse_vehicle(text, f"vehicle {row.vehicle}").thrust.source == "none"
 
@@ -240,7 +241,8 @@ def _control(text: str) -> tuple[str, dict[str, float]]:
 
 
 def sweep_value(text: str, variable: str) -> float:
-    """The value of a variable of a sweep, with a unit or in SI."""
+    """Return the value of a variable of a sweep, with a unit or in SI units ([rad], [m/s], [m]);
+    InputError for an unknown unit."""
     units = {"climb": "theta", "bank": "phi", "turn_rate": "r"}
     return value_of(units.get(variable, variable), text)
 

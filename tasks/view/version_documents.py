@@ -114,7 +114,8 @@ def findings_words(document: dict[str, Any]) -> str:
 
 
 def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
-    """Return a version with the reasons why it is stale, its report and its settings."""
+    """Return a version with the reasons why it is stale, its report (docs/reference/contract.md,
+    section "JSON", SI units) and its settings. UnknownNameError for an unknown one."""
     documents = catalogue.version_documents(row.id)
     stale = list(catalogue.stale(row.id))
     return {

@@ -27,8 +27,8 @@ _lock: Final = Lock()
 def cached(key: Hashable, make: Callable[[], Value]) -> Value:
     """Return the cached value of `key`; on a miss, compute it with `make` and cache it.
 
-    A value larger than a quarter of the bound is not cached. Two threads that miss at the same time
-    may both compute the value; the results are equal.
+    A value larger than a quarter of the bound (`_MAX_BYTES` [bytes]) is not cached. Two threads
+    that miss at the same time may both compute the value; the results are equal.
     """
     with _lock:
         entry = _cache.get(key)
@@ -52,7 +52,8 @@ def clear_cache() -> None:
 def file_key(path: Path, *more: Hashable) -> Hashable:
     """Return a cache key for what is read from a file in its present state.
 
-    A file that is rewritten or damaged gets another key.
+    A file that is rewritten or damaged gets another key: inode, size [bytes] and time [ns] are in
+    it. Raises FileNotFoundError.
     """
     status = path.stat()
     return (str(path), status.st_ino, status.st_size, status.st_mtime_ns, *more)

@@ -31,7 +31,7 @@ class Parsed:
 
     def keep(self, place: Path) -> None:
         """Move the topics to `place`; topics that another process has put there in the meantime
-        stay."""
+        stay. StoreError on a full disk."""
         put_in_place(self.folder, place, keep=True)
 
 

@@ -105,7 +105,8 @@ def confined(
 
 
 def done(job: Job) -> Any:
-    """Return what the function of a job returns, run in a worker.
+    """Return what the function of a job returns, run in a worker under its `Limits` (memory
+    [bytes], times [s]).
 
     Raises what the function raises, and OverLimitError when it breaks a limit or takes its process
     down; StoreBusyError when all workers end.
