@@ -71,12 +71,15 @@ class Client:
     def get(self, path: str, **asked: Any) -> Any:
         """Return the document at a path of the API, such as ``/api/status``.
 
-        asked : parameters of the query; those that are None are left out.
+        asked : parameters of the query; those that are None are left out. Documents:
+        docs/reference/contract.md, section "JSON". Raises UnknownNameError, InputError, GateRefusal
+        or StoreError as the class says.
         """
         return self._ask("GET", path, asked).json()
 
     def pages(self, path: str, **asked: Any) -> Iterator[dict[str, Any]]:
-        """Yield the entries of a list of the API, over all its pages."""
+        """Yield the entries of a list of the API, over all its pages (``Link`` of RFC 8288); raises
+        what `get` raises."""
         answer = self._ask("GET", path, asked)
         while True:
             yield from answer.json()
@@ -86,17 +89,20 @@ class Client:
             answer = self._ask("GET", following, {})
 
     def vehicles(self) -> list[dict[str, Any]]:
-        """Return the vehicles, each with the versions that its names point at."""
+        """Return the vehicles, each with the versions that its names point at; raises what `get`
+        raises."""
         return list(self.get("/api/vehicles"))
 
     def flights(
         self, vehicle: str | None = None, verdict: str | None = None, text: str = ""
     ) -> Iterator[dict[str, Any]]:
-        """Yield the flights, newest first: of a vehicle, of a verdict, or with a text."""
+        """Yield the flights, newest first: of a vehicle, of a verdict, or with a text.
+        UnknownNameError for an unknown vehicle; durations are in [s]."""
         return self.pages("/api/flights", vehicle=vehicle, verdict=verdict, text=text)
 
     def flight(self, flight: str, vehicle: str | None = None) -> dict[str, Any]:
-        """Return the document of a flight (name, or the beginning of its id)."""
+        """Return the document of a flight (name, or the beginning of its id): times [s], figures in
+        SI units. UnknownNameError where there is none."""
         return dict(self.get(f"/api/flights/{_part(flight)}", vehicle=vehicle))
 
     def channels(
@@ -137,11 +143,14 @@ class Client:
         return found
 
     def versions(self, vehicle: str | None = None) -> Iterator[dict[str, Any]]:
-        """Yield the versions of a vehicle, newest first."""
+        """Yield the versions of a vehicle, newest first. UnknownNameError for an unknown vehicle;
+        see `Client.get`."""
         return self.pages("/api/versions", vehicle=vehicle)
 
     def version(self, version: str = "released", vehicle: str | None = None) -> dict[str, Any]:
-        """Return the document of a version (name, label, or the beginning of its id)."""
+        """Return the document of a version (name, label, or the beginning of its id), with its
+        report (docs/reference/contract.md, section "JSON"). UnknownNameError where there is
+        none."""
         return dict(self.get(f"/api/versions/{_part(version)}", vehicle=vehicle))
 
     def evaluate(
@@ -149,7 +158,8 @@ class Client:
     ) -> dict[str, Any]:
         """Evaluate a version at a point: ``client.evaluate("released", alpha="5 deg", V=20.0)``.
 
-        inputs : numbers in SI, or texts with a unit; those not given count as zero.
+        inputs : numbers in SI, or texts with a unit; those not given count as zero. Coefficients
+        are dimensionless; InputError for an unknown input or unit.
         """
         at = ",".join(f"{name}={value}" for name, value in inputs.items())
         return dict(self.get(f"/api/versions/{_part(version)}/evaluate", at=at, vehicle=vehicle))
@@ -157,30 +167,34 @@ class Client:
     def export(self, version: str, form: str, vehicle: str | None = None) -> bytes:
         """Return the file that ``aerodb version export`` writes, checked by its check cases.
 
-        form : ``daveml``, ``jsbsim``, ``csv``, ``mat`` or ``netcdf``.
+        form : ``daveml``, ``jsbsim``, ``csv``, ``mat`` or ``netcdf``. InputError for another form,
+        or a database that it cannot hold.
         """
         path = f"/api/versions/{_part(version)}/export"
         return self._ask("GET", path, {"format": form, "vehicle": vehicle}).content
 
     def findings(self) -> Iterator[dict[str, Any]]:
-        """Yield updates and closed loops, newest first, each in one sentence."""
+        """Yield updates and closed loops, newest first, each in one sentence; raises what `get`
+        raises."""
         return self.pages("/api/findings")
 
     def finding(self, reference: str, vehicle: str | None = None) -> dict[str, Any]:
-        """Return the document of an update or a closed loop."""
+        """Return the document of an update or a closed loop (docs/reference/contract.md, section
+        "update and close-loop"), in SI units; UnknownNameError where there is none."""
         return dict(self.get(f"/api/findings/{_part(reference)}", vehicle=vehicle))
 
     def promote(
         self, version: str, reason: str, name: str = "released", vehicle: str | None = None
     ) -> dict[str, Any]:
-        """Point a name at a version, through the gate; GateRefusal with its reasons."""
+        """Point a name at a version, through the gate; GateRefusal with its reasons
+        (docs/method/updates.md, section "Gate")."""
         path = f"/api/versions/{_part(version)}/promote"
         return self._change(path, {"reason": reason, "name": name}, {"vehicle": vehicle})
 
     def roll_back(
         self, reason: str, name: str = "released", vehicle: str | None = None
     ) -> dict[str, Any]:
-        """Undo the last move of a name."""
+        """Undo the last move of a name; raises what `get` raises, InputError without a reason."""
         body = {"reason": reason, "name": name, "vehicle": vehicle}
         return self._change("/api/rollback", body, {})
 

@@ -50,7 +50,7 @@ class EvaluatedPoints(Result):
         return np.array([Place(int(code)).label for code in self.evaluation.place[axis]], object)
 
     def summary(self) -> Summary:
-        """Return the range of each axis."""
+        """Return the range of each axis (dimensionless) over the points (n,)."""
         rows = []
         for axis in AXES:
             value, error = self[axis], self.evaluation.standard_error[axis]
@@ -76,7 +76,7 @@ class EvaluatedPoints(Result):
         )
 
     def data(self) -> Data:
-        """Return value, standard error and place over axis and point."""
+        """Return value and standard error (dimensionless) and place over axis and point, (6, n)."""
         found = self.evaluation
         varied = [name for name, values in self.inputs.items() if np.ptp(values) > 0.0]
         index = varied[0] if len(varied) == 1 else "point"

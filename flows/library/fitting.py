@@ -35,7 +35,7 @@ class FittedModel(Result):
 
     @property
     def estimates(self) -> tuple[ParameterEstimate, ...]:
-        """All parameters, those that were fixed too."""
+        """All parameters (scalars in the unit of each), those that were fixed too."""
         return tuple(each for fit in self.fits for each in fit.estimates)
 
     def __getitem__(self, name: str) -> ParameterEstimate:
@@ -44,11 +44,11 @@ class FittedModel(Result):
 
     def report(self) -> str:
         """Return estimates with standard errors, intervals, correlations and whiteness of the
-        residuals as text."""
+        residuals as text, in the unit of each parameter; see `fit_report`."""
         return "\n".join(fit_report(fit) for fit in self.fits)
 
     def summary(self) -> Summary:
-        """Return the estimates."""
+        """Return the estimates with their standard errors, scalars in the unit of each."""
         rows = [
             (
                 e.name,

@@ -52,7 +52,8 @@ class ReconstructedFlight(Result):
 
     @property
     def verdict(self) -> str:
-        """``good``, ``limited`` or ``rejected``."""
+        """``good``, ``limited`` or ``rejected`` (docs/reference/conventions.md, section
+        "Consistency verdicts")."""
         return str(self.document["verdict"])
 
     @property
@@ -61,7 +62,7 @@ class ReconstructedFlight(Result):
         return tuple(self.document["reasons"])
 
     def summary(self) -> Summary:
-        """Return verdict and sensor errors."""
+        """Return verdict and sensor errors, scalars in the SI unit of each."""
         rows = [
             (
                 each["parameter"],
@@ -84,7 +85,8 @@ class ReconstructedFlight(Result):
         )
 
     def data(self) -> Data:
-        """Return the corrected channels and their standard errors, SI."""
+        """Return the corrected channels and their standard errors, (n,) over time [s], in SI
+        units."""
         quantities = channel_values(self.flight.channels)
         quantities |= channel_values(self.sigma, "sigma_")
         return Data(
@@ -107,7 +109,8 @@ class MeasuredCoefficients(Result):
     coefficients: Coefficients
 
     def summary(self) -> Summary:
-        """Return mean, spread and noise of each axis."""
+        """Return mean, spread and noise of each axis, dimensionless scalars; the bandwidth is in
+        [Hz]."""
         found = self.coefficients
         rows = []
         for axis, values in found.values.items():
@@ -132,7 +135,8 @@ class MeasuredCoefficients(Result):
         )
 
     def data(self) -> Data:
-        """Return values, standard deviations and usable samples over axis and time."""
+        """Return values and standard deviations (dimensionless) and usable samples over axis and
+        time [s], (m, n)."""
         found = self.coefficients
         axes = list(found.values)
         parts = {"measured": found.values, "sigma": found.sigma, "usable": found.usable}
@@ -156,11 +160,13 @@ class ComparedFlight(Result):
     comparison: Comparison
 
     def residual(self, axis: str) -> Array:
-        """Return measured - predicted on an axis (CX CY CZ Cl Cm Cn C_lift C_drag C_side), (n,)."""
+        """Return measured - predicted on an axis (CX CY CZ Cl Cm Cn C_lift C_drag C_side), (n,),
+        dimensionless."""
         return self.comparison.residual(axis)
 
     def summary(self) -> Summary:
-        """Return the rms of each axis."""
+        """Return the rms of each axis, measured, residual and noise floor: dimensionless
+        scalars."""
         found = self.comparison
         rows = []
         for axis in found.measured:
@@ -176,7 +182,8 @@ class ComparedFlight(Result):
         )
 
     def data(self) -> Data:
-        """Return measured, predicted, residual, sigma and usable over axis and time."""
+        """Return measured, predicted, residual and sigma (dimensionless) and usable over axis and
+        time [s], (m, n)."""
         found = self.comparison
         axes = list(found.measured)
         parts: dict[str, Mapping[str, Any]] = {
@@ -196,7 +203,8 @@ class ComparedFlight(Result):
 
 
 def reconstruct(log: Log) -> ReconstructedFlight:
-    """Make a flight consistent with its motion: sensor errors, corrected channels, a verdict.
+    """Make a flight (channels (n,), SI units) consistent with its motion: sensor errors, corrected
+    channels, a verdict.
 
     A flight without vanes gets alpha, beta and wind from its motion. A flight that cannot be
     checked has the verdict ``limited`` with the reason; nothing is raised

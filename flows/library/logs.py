@@ -73,7 +73,8 @@ class Log(Result):
         return frame
 
     def summary(self) -> Summary:
-        """Return what the log says of itself."""
+        """Return format, mapping, duration [s] and segments of the log, and least and greatest
+        value of each channel (n,) in SI units."""
         flight = self.flight
         start = "" if flight.start_utc is None else f", {flight.start_utc:%Y-%m-%d %H:%M} UTC"
         kinds = Counter(each.kind for each in self.conditioning.segments)
@@ -95,7 +96,7 @@ class Log(Result):
         return Summary(f"log {self.name}", facts, header, rows, said)
 
     def data(self) -> Data:
-        """Return its canonical channels, SI."""
+        """Return its canonical channels, (n,) over time [s], in SI units."""
         return Data(
             "time",
             {"time": time_coordinate(self.flight.time)},
@@ -165,7 +166,8 @@ def log_of(
 def load_vehicle(path: str | Path) -> Vehicle:
     """Return the vehicle of a vehicle file (TOML): geometry, masses, surfaces, sensors.
 
-    Raises InputError with the key and the reason.
+    Raises InputError with the key and the reason. Schema: docs/reference/conventions.md, section
+    "Vehicle file"; quantities become SI units.
     """
     return parse_vehicle(read_text(path), str(path))
 
@@ -177,7 +179,8 @@ def load_database(path: str | Path, bindings: Dictionary[str, str] | None = None
     ----------
     bindings : input of the file -> canonical channel, for those whose names do not say.
 
-    Raises InputError for a file that cannot be read, or has inputs that nothing is bound to.
+    Tables become SI units. Raises InputError for a file that cannot be read, or has inputs that
+    nothing is bound to.
     """
     from aerodb.storage.files import files_beside
     from aerodb.tasks.steps import read_database  # importers of all formats take time to import
@@ -187,7 +190,7 @@ def load_database(path: str | Path, bindings: Dictionary[str, str] | None = None
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file; InputError where it cannot be read."""
+    """Return the text (UTF-8, RFC 3629) of a file; InputError where it cannot be read."""
     try:
         return _bytes(Path(path)).decode("utf-8")
     except UnicodeDecodeError as error:

@@ -54,16 +54,19 @@ class TracedFlights(Result):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings, with verdict, value, interval and votes of the flights."""
+        """All findings, with verdict, value and interval (2,) in the unit of each, and votes of the
+        flights (docs/method/tracing.md, section 12)."""
         return self.loop.findings
 
     @property
     def candidate(self) -> AeroDatabase:
-        """The database with what was added; the baseline where nothing was."""
+        """The database with what was added; the baseline where nothing was. Values are in SI units,
+        covariances (k, k)."""
         return self.loop.candidate
 
     def summary(self) -> Summary:
-        """Return the findings and what they are worth."""
+        """Return the findings, values and intervals (low, high) in the unit of each, with the rms
+        errors (dimensionless scalars) before and after."""
         added = {finding.hypothesis for finding in self.loop.added}
         rows = [
             (
@@ -93,7 +96,8 @@ class TracedFlights(Result):
         )
 
     def data(self) -> Data:
-        """Return the findings: value, interval and adjusted p by hypothesis."""
+        """Return the findings, arrays (n,) by hypothesis: value and interval in the unit of each,
+        and adjusted p (dimensionless)."""
         found = self.findings
         interval = np.array([each.ci95 for each in found]).reshape(-1, 2)
 
@@ -135,7 +139,8 @@ def trace(
     measured : what was measured outside flight, ``NAME=SIGMA, BY`` each.
     accept : effects to add although their verdict alone does not admit them.
 
-    Raises InputError for flights of several vehicles, or compared with several databases.
+    Raises InputError for flights of several vehicles, or compared with several databases. Values
+    are in SI units.
     """
     source = flights_in_memory(flights)
     baseline, accept = flights[0].database, accept or Accept()
@@ -154,7 +159,7 @@ def trace(
 
 
 def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":
-    """Return compared flights as a source for the closed loop.
+    """Return compared flights as a `FlightSource` for the closed loop.
 
     Raises InputError where there are none, for flights of several vehicles or databases, and for
     one that is there twice.
@@ -185,19 +190,23 @@ class FlightsInMemory(WithoutStore):
     flown: Mapping[str, ComparedFlight]
 
     def flight(self, flight: str) -> Flight:
-        """Return the channels of a flight after reconstruction."""
+        """Return the channels of a flight after reconstruction, (n,) in SI units; KeyError for an
+        unknown id."""
         return self.flown[flight].measured.flight
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
-        """Return the results of the reconstruction of a flight."""
+        """Return the results of the reconstruction of a flight, errors in SI units; KeyError for an
+        unknown id."""
         return reconstruction_of(self.flown[flight].measured.reconstructed.document)
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
-        """Return manoeuvres and states of a flight, start and end in s from its first sample."""
+        """Return manoeuvres and states of a flight, start and end [s] from its first sample;
+        KeyError for an unknown id."""
         return segments_of(self.flown[flight])
 
     def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
-        """Return the comparison of a flight with any database."""
+        """Return the comparison of a flight with any database, coefficients (n,) dimensionless.
+        InputError where the flight lacks an input of it."""
         one = self.flown[flight]
         if database is one.database:
             return one.comparison
@@ -206,7 +215,7 @@ class FlightsInMemory(WithoutStore):
 
 
 def segments_of(flight: ComparedFlight) -> tuple[Segment, ...]:
-    """Return the segments of a flight, start and end [s] from its first sample."""
+    """Return the segments of a flight (`Segment`), start and end [s] from its first sample."""
     first = float(flight.measured.flight.time[0])
     return tuple(
         replace(each, start=each.start - first, end=each.end - first)

@@ -58,7 +58,7 @@ class Result:
 
     @abstractmethod
     def data(self) -> Data:
-        """Return its quantities with their units."""
+        """Return its quantities, arrays (n,) or over two axes, with their units."""
 
     def report(self) -> str:
         """Return the result as text, with its numbers and what to know of them."""
@@ -83,8 +83,8 @@ class Result:
         return html_of(self.summary())
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a DataFrame: one column per quantity, or per axis and quantity where a quantity
-        is given on axes. Units are in ``attrs["units"]``."""
+        """Return a DataFrame (n rows): one column (n,) per quantity, or per axis and quantity where
+        a quantity is given on axes. Units are in ``attrs["units"]``."""
         import pandas as pd  # slow to import
 
         data = self.data()
@@ -217,7 +217,8 @@ def shown_unit(unit: str) -> str:
 
 
 def span(values: NDArray[Any]) -> tuple[str, str]:
-    """Return the least and the greatest of finite values for people; dashes where there are none.
+    """Return the least and the greatest of finite values (n,), in their own unit, for people;
+    dashes where there are none.
 
     >>> span(np.array([1.0, np.nan, 2.5]))
     ('1', '2.5')

@@ -52,7 +52,8 @@ class Version:
     listed: dict[str, Any]
 
     def evaluate(self, units: dict[str, str] | None = None, **inputs: Any) -> EvaluatedPoints:
-        """Evaluate the version at points, as `evaluate` does a database."""
+        """Evaluate the version at points, as `evaluate` does a database: coefficients (n,),
+        dimensionless; InputError for an unknown input or unit."""
         return evaluate(self.database, units, **inputs)
 
     def __repr__(self) -> str:
@@ -83,7 +84,8 @@ class Workspace:
 
     def flights(self, vehicle: str | None = None) -> "pd.DataFrame":
         """Return the flights, of one vehicle or of all, one row each; the index is the flight. A
-        notebook shows the first columns."""
+        notebook shows the first columns. Durations are in [s], starts in UTC; UnknownNameError for
+        an unknown vehicle."""
         catalogue = self._access.catalogue
         rows = catalogue.flights(None if vehicle is None else catalogue.vehicle(vehicle).name)
         return _listing(flights_document(catalogue, rows), "flight", _OF_FLIGHTS)
@@ -110,7 +112,8 @@ class Workspace:
         """Return the versions of a vehicle, one row each; the index is the label. A notebook shows
         the first columns.
 
-        vehicle : its name; None where the workspace has only one.
+        vehicle : its name; None where the workspace has only one. UnknownNameError for an unknown
+        vehicle, or for None where there are several; see `vehicle_of`.
         """
         catalogue = self._access.catalogue
         name = vehicle_of(catalogue, vehicle)
@@ -170,6 +173,7 @@ def _listing(documents: list[dict[str, Any]], index: str, first: Sequence[str]) 
 def open_workspace(path: str | Path = "aerodb-workspace") -> Workspace:
     """Open a workspace folder to read it; the commands write to it.
 
-    Raises InputError where the folder is no workspace.
+    Raises InputError where the folder is no workspace; StoreError of its catalogue comes with the
+    first question.
     """
     return Workspace(Folder.open(Path(path), create=False).root)
