@@ -75,8 +75,8 @@ class Flight:
     def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
         """Return a mask (n,) of samples that are finite and not flagged in any of the channels.
 
-        names : channels to check, beside the flags of the flight as a whole. despite : flags (keys
-        of FLAGS) to ignore, such as ``captive`` where only the motion counts.
+        names : channels to check, in addition to the flags of the flight as a whole. despite :
+        flags (keys of FLAGS) to ignore, such as ``captive`` where only the motion counts.
         """
         count = ~np.uint16(sum(FLAGS[reason] for reason in despite))
         good = np.ones(len(self.time), dtype=bool)

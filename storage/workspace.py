@@ -39,7 +39,8 @@ _CHUNK = 1 << 20
 
 
 def write_atomically(path: Path, write: Callable[[Path], object], keep: bool = False) -> None:
-    """Call `write` with a temporary path beside `path`, then rename the file or folder to `path`.
+    """Call `write` with a temporary path in the folder of `path`, then rename the file or folder to
+    `path`.
 
     The bytes are on the disk (fsync) before the name appears, so an exception or a power cut never
     leaves half a file. An existing file at `path` is replaced. When `write` raises, `path` is
@@ -177,7 +178,7 @@ class Workspace:
 
     @property
     def access_log(self) -> Path:
-        """File of what was asked of the console; older lines are beside it."""
+        """File of what was asked of the console; older lines are in files next to it."""
         return self.root / "access.log"
 
     @property

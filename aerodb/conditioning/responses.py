@@ -40,7 +40,7 @@ class _Oscillation:
 
 @dataclass(frozen=True)
 class _DampedSine:
-    """The best damped sine beside a straight line.
+    """The best damped sine on a straight line.
 
     share : of the variance that it explains. period : s. amplitude : unit of the values.
     """
@@ -52,7 +52,7 @@ class _DampedSine:
 
 @dataclass(frozen=True)
 class _Sines:
-    """Damped sines of n samples, fitted beside a straight line.
+    """Damped sines of n samples, fitted together with a straight line.
 
     line : (n, 2), orthonormal. waves : (w, n, 2), sine and cosine of each. across : (w, n, 2),
     orthonormal, what of them no line explains. period : (w,) [s].
@@ -207,10 +207,10 @@ def slow_oscillations(
 ) -> list[Response]:
     """Return phugoid-like oscillations of airspeed [m/s] (n,) with the elevator [rad] fixed.
 
-    The period searched is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine
-    beside a straight line must explain four fifths of the motion over one and a quarter periods or
-    more. Where `altitude` [m] is known, it must rise as airspeed falls: the motion exchanges height
-    for speed.
+    The period searched is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine on
+    a straight line must explain four fifths of the motion over one and a quarter periods or more.
+    Where `altitude` [m] is known, it must rise as airspeed falls: the motion exchanges height for
+    speed.
     """
     alone = flying & (rolling_range(median_filter(elevator, 3), round(2.0 / step)) < ALONE)
     responses = []
@@ -243,7 +243,7 @@ def _left_alone(surface: Array, first: int, last: int) -> tuple[int, int]:
 
 
 def _exchanged(speed: Array, altitude: Array, first: int, last: int, step: float) -> bool:
-    """Whether speed and height, each beside its straight line, swing against each other."""
+    """Return whether speed and height, each about its straight line, swing against each other."""
     part = slice(first, last + 1, max(1, round(0.5 / step)))
     time = np.arange(len(speed[part]))
     swing = [

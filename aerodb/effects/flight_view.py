@@ -42,7 +42,7 @@ _ENOUGH = 0.95
 
 @dataclass(frozen=True, eq=False)
 class FlightView:
-    """One flight beside a database, the current model.
+    """One flight compared with a database, the current model.
 
     recorded : the flight as it was given. comparison : its coefficients, measured and predicted.
     channels : name -> (n,), SI, bridged over gaps: the flight's own, hat rates over the database's

@@ -97,7 +97,7 @@ def spline_over(
 
 
 def ramp_terms(hypothesis: Hypothesis, spline: Spline) -> tuple[Hypothesis, ...]:
-    """The hypotheses that stand beside `hypothesis` for its shape: one per interval, of one
+    """Return the hypotheses that refine the shape of `hypothesis`: one per interval, of one
     increment each."""
     ((axis, regressor),) = hypothesis.increment
     terms = []

@@ -45,7 +45,7 @@ class Parameter:
 class Parameters:
     """The parameters of a model, in order.
 
-    Raises InputError for a name that stands twice, a tie to an unknown, tied or own name, bounds
+    Raises InputError for a name that occurs twice, a tie to an unknown, tied or own name, bounds
     that exclude the start value, and a prior without a positive standard deviation.
     """
 
@@ -148,7 +148,7 @@ class Parameters:
         )
 
     def with_more(self, more: Iterable[Parameter]) -> "Parameters":
-        """The same parameters and `more` after them. Raises InputError for a name that stands
+        """The same parameters and `more` after them. Raises InputError for a name that occurs
         twice, as `Parameters`; values are in SI units."""
         return Parameters((*self.items, *more))
 

@@ -78,7 +78,7 @@ def chosen_knots(
     Parameters
     ----------
     values : variable of the spline (n,). response : (n,).
-    others : regressors (n, k) beside the spline; may have no column.
+    others : regressors (n, k) without the spline; may have no column.
     factor : (n,) that the spline multiplies; None: 1.
     lengths : samples of each record in order; None: one record.
 

@@ -174,7 +174,7 @@ def coefficient_derivatives(
     `dimensional_derivatives`.
 
     Raises InputError for a name that is no dimensional derivative, and for one that is not enough:
-    with a product of inertia, Lp needs Np beside it; Zw needs Zu where the trim has an angle of
+    with a product of inertia, Lp needs Np as well; Zw needs Zu where the trim has an angle of
     attack.
 
     Values (k,) and covariance (k, k).

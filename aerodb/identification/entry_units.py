@@ -23,8 +23,8 @@ def entry_units(
     matrices: Iterable[tuple[Sequence[Row], Sequence[str], Sequence[str], bool]],
 ) -> dict[str, str]:
     """SI units of the parameters in matrices, by name; `UNKNOWN` where a row or column is no
-    channel, where a parameter is multiplied by a number, which may have a unit, and where it stands
-    in entries of different units.
+    channel, where a parameter is multiplied by a number, which may have a unit, and where it is in
+    entries of different units.
 
     matrices : entries, the channels of the rows and of the columns (none: one column without unit),
     and whether the rows are rates of change of those channels.

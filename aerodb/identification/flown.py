@@ -244,7 +244,8 @@ def _as_flown(
 
 
 def _filled(values: Array) -> Array:
-    """Values (n,) with those between and beside finite ones interpolated; 0 where none is."""
+    """Values (n,) with those between, before and after finite ones interpolated; 0 where none
+    is."""
     good = np.flatnonzero(np.isfinite(values))
     if not len(good):
         return np.zeros(len(values))

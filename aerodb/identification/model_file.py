@@ -302,7 +302,7 @@ def file_records(
 
 
 def _checked(table: StateSpaceTable, described: Sequence[str]) -> None:
-    """Raise InputError for names that stand twice, and for matrices of another size than the names
+    """Raise InputError for names that occur twice, and for matrices of another size than the names
     of states, inputs and outputs ask for."""
     for what, names in (
         ("states", table.states),

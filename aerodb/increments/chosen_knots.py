@@ -26,7 +26,7 @@ def with_chosen_knots(
 ) -> ModelFile:
     """Return the model file with knots from the flights where it leaves them open.
 
-    They are chosen from what the axis lacks beside its other terms (`chosen_knots`); several open
+    They are chosen from what the axis lacks with its other terms (`chosen_knots`); several open
     splines of an axis one after the other, with the others as single terms until theirs come.
 
     Raises InputError where a variable does not move, and as `channels_of`.

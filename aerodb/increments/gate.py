@@ -33,7 +33,7 @@ _OPEN: Final = {
 
 @dataclass(frozen=True)
 class Standing:
-    """A version, and where it stands in its line of versions.
+    """A version, and its place in its line of versions.
 
     Parameters
     ----------

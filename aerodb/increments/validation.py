@@ -201,7 +201,7 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     error, such as that of a centre of gravity or of a surface's zero.
 
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
-    its components it is small beside each flight's constant, and a small growth there is chance.
+    its components it is small against each flight's constant, and a small growth there is chance.
     """
     whole, varying, excused = {}, {}, {}
     for axis in AXES:

@@ -15,8 +15,8 @@ GAP_RATIO = 3.0
 class Gap:
     """An interval without samples.
 
-    start, end : times of the samples beside it, s. samples : number of samples missing, from the
-    median interval.
+    start, end : times of the samples before and after it, s. samples : number of samples missing,
+    from the median interval.
     """
 
     start: float

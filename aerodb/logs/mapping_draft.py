@@ -324,7 +324,8 @@ def _relations(
     clocks: Mapping[str, tuple[str, str]],
     columns: Mapping[tuple[str, str], Array],
 ) -> list[str]:
-    """What derivatives say: of guessed angles beside rates, and of columns that nobody named."""
+    """Relations that derivatives show: of guessed angles with rates, and of columns that nobody
+    named."""
     said = []
     for angle, rate in _RATES:
         if angle in guesses and rate in guesses and guesses[angle].topic == guesses[rate].topic:

@@ -78,8 +78,8 @@ class AxisModel:
 
 @dataclass(frozen=True)
 class AxisModels:
-    """Increment models of some axes: the candidate with them, the tracing beside them with their
-    terms as findings, and the ids of what is significant beside them."""
+    """Increment models of some axes: the candidate with them, the tracing given them with their
+    terms as findings, and the ids of what is significant given them."""
 
     candidate: AeroDatabase
     traced: Traced
@@ -117,9 +117,8 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight. sensors : ids of sensors found to be wrong: where terms would
-    imitate one that is wrong beside the models as well, it is to be mended first, and nothing is
-    proposed.
+    predict each flight. sensors : ids of sensors found to be wrong: where terms would imitate one
+    that is wrong given the models as well, it is to be mended first, and nothing is proposed.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}

@@ -36,7 +36,8 @@ class ReconstructionErrors:
 
 
 class FlightSource(Protocol):
-    """Flights of one vehicle by their ids: measurements, and the flights beside any database.
+    """Flights of one vehicle by their ids: measurements, and the flights compared with any
+    database.
 
     A database need not be stored anywhere. Calls may come from several threads at once. Every
     method raises InputError where a flight lacks what is needed.

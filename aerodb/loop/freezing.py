@@ -39,9 +39,9 @@ def freeze_library(
 ) -> Library:
     """Return the library for a baseline and the channels of the flights (ids) that identify.
 
-    effects : text of a file of user templates. measured : what was measured outside flight, beside
-    the vehicle file, as `aerodb.vehicle.with_measured` reads it. Only channels' names and flight
-    conditions are read. Raises InputError when its hash is not the `expected` one.
+    effects : text of a file of user templates. measured : what was measured outside flight, in
+    addition to the vehicle file, as `aerodb.vehicle.with_measured` reads it. Only channels' names
+    and flight conditions are read. Raises InputError when its hash is not the `expected` one.
     """
     vehicle = with_measured(flights.vehicle, measured) if measured else flights.vehicle
     flown = [flights.flight(id) for id in identified]

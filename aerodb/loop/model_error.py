@@ -31,7 +31,7 @@ def with_model_error(
     give it narrow bands. Where the estimates of single flights scatter by more than their standard
     errors, the effect of a flight to come differs from the mean: the variance between flights is
     added to that of the estimate (DerSimonian & Laird, Control. Clin. Trials 7, 1986). What
-    functions of one or two variables still predict of the residual beside the candidate, on flights
+    functions of one or two variables still predict of the residual of the candidate, on flights
     left out, becomes the standard error of a constant whose value is zero. Values and verdicts
     stay. What a sensor could explain counts as error too.
 

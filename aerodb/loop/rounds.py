@@ -185,13 +185,13 @@ class _Given:
 
 @dataclass(frozen=True)
 class _State:
-    """Where a loop stands after some rounds.
+    """State of a loop after some rounds.
 
     database : with all that was added. findings : hypothesis -> finding of the round that added it,
     otherwise of the first round that had it. withheld : ids that make an axis worse without others
     that were not admitted. linear_beside : ids of linear terms that were added with what was
-    estimated beside them. ended : whether the last round found nothing new. remarks : of the last
-    round, and on increment models.
+    estimated together with them. ended : whether the last round found nothing new. remarks : of the
+    last round, and on increment models.
     """
 
     database: AeroDatabase
@@ -368,8 +368,8 @@ def _only_with_gain(
 def _with_linear_terms(
     new: Sequence[Finding], suspected: Sequence[FewFlightFindings], have: Set[str]
 ) -> tuple[list[Finding], list[str]]:
-    """The admitted findings with the linear terms beside which manoeuvres estimated them, and their
-    ids.
+    """The admitted findings with the linear terms together with which manoeuvres estimated them,
+    and their ids.
 
     have : ids that the database has already, or must not get.
     """
@@ -406,7 +406,7 @@ def _bearable(
     """The candidate with as many of the new findings as make no axis worse, and these findings.
 
     First without the constants of the axes concerned, then without anything on them. Estimated
-    beside terms that may not enter, a term can be right and still do harm.
+    together with terms that may not enter, a term can be right and still do harm.
     """
     kept = list(new)
     candidate = _added(source, database, library, kept, flights)

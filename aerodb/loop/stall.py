@@ -151,7 +151,7 @@ def added_stall(
 ) -> AeroDatabase:
     """Return `database` with the stall that all these flights (ids) agree with.
 
-    Its state model, its gains on all axes, and the corrections of the attached flow beside which it
+    Its state model, its gains on all axes, and the corrections of the attached flow with which it
     was estimated. One flow stalls, so that no axis takes it alone. Covariances are those of least
     squares with coloured residuals for the shape as it is: that the shape was searched for is not
     in them. Raises InputError where no shape separates the flow of these flights.
@@ -197,8 +197,8 @@ def added_stall(
 
 
 def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
-    """Corrections of the attached flow beside a stall: constant, alpha, pitch rate, pitch surfaces;
-    alpha^2 of drag.
+    """Corrections of the attached flow together with a stall: constant, alpha, pitch rate, pitch
+    surfaces; alpha^2 of drag.
 
     A surface that hardly moves in one of the flights stays out: it would be estimated from noise
     there, and applied elsewhere.

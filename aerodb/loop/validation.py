@@ -130,8 +130,8 @@ def _errors(entry: AxisValidation) -> list[tuple[float, float]]:
 def beside_larger_unnamed(
     loop: LoopResult, proof: Sequence[AxisValidation], left: Sequence[UnexplainedResidual]
 ) -> frozenset[str]:
-    """Return the confirmed findings that were added beside an unexplained residual larger than what
-    they explain.
+    """Return the confirmed findings that were added although an unexplained residual that is left
+    is larger than what they explain.
 
     A finding explains, on each axis, the fall of the mean square error of flights that did not
     identify, as it is or about each flight's mean; what is unexplained, the mean square that is

@@ -17,7 +17,8 @@ class WithoutStore:
     def view(
         self: FlightSource, flight: str, database: AeroDatabase, bandwidth: float | None = None
     ) -> FlightView:
-        """Return a flight beside a database, at the rate that tracing at `bandwidth` [Hz] needs."""
+        """Return a flight compared with a database, at the rate that tracing at `bandwidth` [Hz]
+        needs."""
         given = self.flight(flight), self.comparison(flight, database)
         if bandwidth is not None:
             given = thinned(*given, bandwidth)

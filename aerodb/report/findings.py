@@ -85,7 +85,7 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
 
 
 def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
-    """What a finding says, without the numbers that stand beside it."""
+    """Return what a finding says, without its numbers."""
     start, mark, rest = finding["because"].partition(f": {finding['parameter']} = ")
     end = rest.partition("; ")[2] if mark else ""
     return sentence_of(f"{start}; {end}" if end else start, labels)

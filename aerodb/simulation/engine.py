@@ -74,7 +74,7 @@ class FlightModel:
     database : the version.
     total : its coefficients as a machine.
     numbers : everything in the form of the compiled loops.
-    inputs : names of the series that a run needs beside `SURROUNDINGS`: deflections, free inputs.
+    inputs : names of the series that a run needs besides `SURROUNDINGS`: deflections, free inputs.
     actuated : those behind an actuator.
     earth : rotating earth with its origin; None: flat.
     """

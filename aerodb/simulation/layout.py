@@ -70,9 +70,9 @@ class _Channels(NamedTuple):
 
 
 class _Surroundings(NamedTuple):
-    """Rows of what acts on a run beside the inputs of its database, which follow, as do references
-    of feedback: mass properties (cg from the vehicle's datum), moving air (wind over the earth,
-    gust in body axes), density over that of the standard atmosphere, temperature above it, a
+    """Rows of what acts on a run in addition to the inputs of its database, which follow, as do
+    references of feedback: mass properties (cg from the vehicle's datum), moving air (wind over the
+    earth, gust in body axes), density over that of the standard atmosphere, temperature above it, a
     further force [N] and its moment about the CG [N m] in body axes, and the ground's altitude."""
 
     mass: int

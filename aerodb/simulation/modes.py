@@ -57,7 +57,7 @@ def modes(model: LinearModel) -> tuple[Mode, ...]:
     eigenvector: they do not depend on the units of the states (Perez-Arriaga, Verghese & Schweppe,
     IEEE Trans. PAS-101, 1982). Of an oscillation in the plane of symmetry, w and q make the short
     period, u and theta the phugoid; of a lateral one, v makes the Dutch roll and phi the lateral
-    phugoid (p and r take part in both). Of two lateral real roots beside a Dutch roll, the one with
+    phugoid (p and r take part in both). Of two lateral real roots with a Dutch roll, the one with
     more p is the roll mode, the other the spiral.
     """
     values, right = np.linalg.eig(model.A)

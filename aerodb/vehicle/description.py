@@ -213,9 +213,9 @@ class Thrust(ThrustLine):
 
 
 class NavigationSource(Strict):
-    """A navigation solution beside the one that the mapping takes (INS, DGPS, an on-board filter):
-    where its velocities and positions are in the log, and the point [m] they belong to, in body
-    axes from the datum (None: the CG)."""
+    """A navigation solution other than the one that the mapping takes (INS, DGPS, an on-board
+    filter): where its velocities and positions are in the log, and the point [m] they belong to, in
+    body axes from the datum (None: the CG)."""
 
     velocity_north: LogSource | None = None
     velocity_east: LogSource | None = None

@@ -203,7 +203,7 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
 
 
 def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
-    """One line per parameter and method: more methods than fit beside each other."""
+    """One line per parameter and method: more methods than fit side by side."""
     lines = []
     for row in rows:
         for k, name in enumerate(name for name in names if name in row["estimates"]):

@@ -116,7 +116,7 @@ def steady_flight(
 
 def _steady(command: Callable[..., None]) -> Callable[..., None]:
     """Return the command of a function of a session, a version and its steady flight: it has the
-    options of `_Stated` beside those of the function."""
+    options of `_Stated` and those of the function."""
     stated = inspect.signature(_Stated).parameters
     required = [option for option in stated.values() if option.default is option.empty]
     context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)

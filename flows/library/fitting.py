@@ -127,7 +127,7 @@ def _unit(estimate: ParameterEstimate) -> str:
 def _compared(
     flight: ComparedFlight | MeasuredCoefficients, first: ComparedFlight | MeasuredCoefficients
 ) -> ComparedFlight:
-    """Return a flight beside the database it was compared with, else beside zero on all axes."""
+    """Return a flight with the database it was compared with, else with zero on all axes."""
     if isinstance(flight, ComparedFlight):
         return flight
     reference = first.measured if isinstance(first, ComparedFlight) else first

@@ -150,7 +150,7 @@ class MeasuredCoefficients(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ComparedFlight(Result):
-    """A flight's coefficients beside those that a database predicts for the same inputs.
+    """A flight's coefficients compared with those that a database predicts for the same inputs.
 
     comparison : in the database's geometry and about its moment reference.
     """

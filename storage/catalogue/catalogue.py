@@ -70,7 +70,7 @@ class Catalogue(
 
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
-        """Open the catalogue at `path`, or in the PostgreSQL database that the settings beside it
+        """Open the catalogue at `path`, or in the PostgreSQL database that the settings next to it
         name (`aerodb.storage.catalogue.location`), and migrate it to the newest schema. If it does
         not exist, create it, or raise InputError without `create`."""
         place = catalogue_location(path)

@@ -97,7 +97,7 @@ def _database(url: sa.URL, path: Path) -> Database:
 
 
 def _is_settled(path: Path) -> bool:
-    """Whether the file is complete, without a write-ahead log beside it."""
+    """Return whether the file is complete, without a write-ahead log next to it."""
     log = path.with_name(f"{path.name}-wal")
     return (
         path.is_file()

@@ -66,7 +66,7 @@ def store_log(
     flight (full id or None), what, where, remedy (of a refusal), damage (also of clocks),
     suspicions (likely faults), repeats (stored flights that it shares samples with, and where).
     ``duplicate`` means the same bytes, or another file that repeats stored flights in full: that
-    file is stored as well, under its own id, but is never counted beside them.
+    file is stored as well, under its own id, but is never counted with them.
 
     Raises SettingsError if settings, vehicle or mapping cannot be used, and StoreError if the disk
     or the machine has no room for the log now: neither is the log's fault.

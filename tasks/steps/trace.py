@@ -48,7 +48,7 @@ def find_sensor_rivals(
 def trace_flight(
     flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
 ) -> NormalEquations:
-    """Return the normal equations of a flight (its id) beside a database; stored if new.
+    """Return the normal equations of a flight (its id) compared with a database; stored if new.
 
     Reads coefficients and vehicle. Matrices (k, k). Raises UnknownNameError for an unknown id.
     """

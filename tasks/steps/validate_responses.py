@@ -141,7 +141,7 @@ def _of_response(channel: str, stretches: Sequence[Document]) -> dict[str, Any]:
 
 
 def _swings(after: Sequence[Document], before: Sequence[Document]) -> list[dict[str, Any]]:
-    """Free oscillations of the flights beside those of the version and of its baseline."""
+    """Return free oscillations of the flights with those of the version and of its baseline."""
     earlier = {
         (d["flight"], s["since"], channel): swing["simulated"]
         for d in before

@@ -72,7 +72,7 @@ class Record:
     """What can be plotted of a flight: names by group, those shown first, its start and end [s].
 
     sigmas : names that have a standard error, as ``sigma_NAME``. version : label of the version
-    whose prediction is shown beside the coefficients. has_track : whether there is a position.
+    whose prediction is shown with the coefficients. has_track : whether there is a position.
     """
 
     groups: Mapping[str, tuple[str, ...]]

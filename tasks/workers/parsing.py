@@ -37,8 +37,8 @@ class Parsed:
 
 @contextmanager
 def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
-    """Parse the log at `path` in another process; its topics are written to a temporary folder
-    beside `place`.
+    """Parse the log at `path` in another process; its topics are written to a temporary folder next
+    to `place`.
 
     The temporary folder is removed at the end unless its topics were kept. Raises InputError for a
     log that is damaged beyond use or exceeds its `limits`; only the process that parsed it may have

@@ -311,8 +311,8 @@ def solve(
 
 
 def biases_that_may_be_air(found: FlightReconstruction, accuracy: Accuracy) -> tuple[str, ...]:
-    """Names of the biases whose error is mostly vertical air's, and not small beside the limit of a
-    flow angle [rad].
+    """Names of the biases whose error is mostly vertical air's, and not small against the limit of
+    a flow angle [rad].
 
     The vane's bias is the same in all flights of an installation, the air is each flight's own:
     such an estimate, applied, would make flights differ that agree as they were measured.

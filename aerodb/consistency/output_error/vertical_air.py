@@ -153,7 +153,7 @@ def pull_and_signs(
 
 
 def _independent_variance(error: Array, hats: Array) -> float:
-    """Variance of white noise with the information of the residual (n,) beside what it has at the
+    """Variance of white noise with the information of the residual (n,) without what it has at the
     knots (n, m)."""
     left = error - hats @ np.linalg.lstsq(hats, error)[0]
     return max(float(np.mean(left**2)) * samples_per_independent(left), 1e-30)

@@ -102,7 +102,7 @@ def defects(context: LibraryContext) -> list[Defect]:
 
 
 def _usable_factors(site: LinearTable) -> bool:
-    """Whether what stands in front of the table is even in sideslip and made of channels alone."""
+    """Return whether the factor of the table is even in sideslip and made of channels alone."""
     names = frozenset[str]().union(*(factor.names for factor in site.factors))
     channels = all(name in CHANNELS or is_surface(name) for name in names)
     return (

@@ -59,7 +59,7 @@ class DelayedStateSpace:
     ----------
     model : its parameters include ``delay_<name>`` [s] of every name in `late_inputs` and
         `late_outputs`, or ``delay_<name>[record]`` for a record of its own.
-    late_inputs, late_outputs : names. A name among both stands for one delay.
+    late_inputs, late_outputs : names. A name among both has one delay.
     """
 
     model: StateSpace

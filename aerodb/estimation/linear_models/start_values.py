@@ -34,7 +34,7 @@ def with_start_values(model: LinearModel, records: Sequence[TimeHistory]) -> Lin
 
     Where every state is an output of its name, the model's own equations are linear in the
     parameters along the smooth paths of the subspace model, and are solved by least squares; else
-    its structure is matched to the subspace model (`structure_matching`). Parameters that stand in
+    its structure is matched to the subspace model (`structure_matching`). Parameters that are in
     none of them, delays among them, or that bounds hold, keep their start values.
 
     Raises InputError as `identified_linear_model`.

@@ -132,7 +132,7 @@ class _Search:
         return normal, information, gradient
 
     def steps(self, vector: Array, information: Array) -> Array:
-        """Differences (f,): small beside what the noise hides."""
+        """Differences (f,): small against what the noise hides."""
         alone = np.diag(information)
         with np.errstate(divide="ignore"):
             steps = np.where(alone > 0, _DIFFERENCE / np.sqrt(alone), np.inf)

@@ -75,7 +75,7 @@ def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -
     ----------
     design : (r, f). response : (r,).
     sizes : (f,), norm of each regressor before anything was removed from it; a column that is
-        negligible beside it does not move.
+        negligible against it does not move.
     """
     f = design.shape[1]
     norm = np.linalg.norm(design, axis=0)

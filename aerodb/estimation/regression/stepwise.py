@@ -198,7 +198,8 @@ def _entering(problem: Reduced, chosen: Mask, response: Array) -> Array:
 
 
 def _leaving(problem: Reduced, chosen: Mask) -> Array:
-    """(f,) p-value of each chosen column beside the other chosen ones; 0 for the rest."""
+    """(f,) p-value of each chosen column with the other chosen ones in the model; 0 for the
+    rest."""
     p = np.zeros(len(chosen))
     for k in np.flatnonzero(chosen):
         without = chosen.copy()

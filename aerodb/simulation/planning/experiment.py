@@ -271,7 +271,7 @@ def _information(
     unknown: Mapping[str, str],
     noise: Mapping[str, float],
 ) -> Array:
-    """Information (p, p) of a flight on the parameters, beside unknown initial states."""
+    """Information (p, p) of a flight on the parameters, with initial states unknown."""
     p, q = len(unknown), len(_STARTS)
     steps = np.array(
         [_PARAMETER_STEP * max(1.0, abs(model.parameters[name])) for name in unknown]

@@ -188,7 +188,7 @@ class _Tested:
 
 @dataclass(frozen=True)
 class _Search:
-    """What is looked for: hypotheses `asked`, over the conditions `at`, beside terms and freed
+    """What is looked for: hypotheses `asked`, over the conditions `at`, given terms and freed
     sensors."""
 
     tests: CrossFlightTests
@@ -200,7 +200,7 @@ class _Search:
 
     def claims(self) -> list[FlightDependence]:
         """Return what is significant, one after the other; each flight then has its own value of
-        it, beside which the others are tested."""
+        it, given which the others are tested."""
         claims: list[FlightDependence] = []
         loose: tuple[int, ...] = ()
         while len(claims) < _MOST:
@@ -240,7 +240,7 @@ class _Search:
         return _with_p(slopes, estimates, test.sigma, self.tests.settings)
 
     def _rivals(self, claim: _Slope, near: set[int], loose: tuple[int, ...]) -> tuple[int, ...]:
-        """Hypotheses that change with the conditions too, beside which the claim does not hold."""
+        """Hypotheses that change with the conditions too, given which the claim does not hold."""
         rivals = []
         for index in sorted(near):
             tested = self._tested((*loose, index))

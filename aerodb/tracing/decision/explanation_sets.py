@@ -32,7 +32,7 @@ class Explanation:
     """The explanation set of one finding.
 
     index : of the finding. rivals : aerodynamic hypotheses that fit as well. sensors : sensors
-    beside which the finding does not hold, or that fit as well. fallen : index -> why that
+    given which the finding does not hold, or that fit as well. fallen : index -> why that
     hypothesis is no rival, in plain words.
     """
 
@@ -136,7 +136,7 @@ def _breaking(
 ) -> tuple[int, ...]:
     """Sensors that, freed, take the finding's separability, sign or significance away.
 
-    And sensors that are freed already and beside which little of the finding is left: the column of
+    And sensors that are freed already and given which little of the finding is left: the column of
     a sensor is exact for small errors only, and the rest of a larger error looks like a small
     effect of the same kind.
     """

@@ -99,7 +99,7 @@ def few_flight_findings(
     settings: TracingSettings,
     known: Collection[str] = (),
 ) -> FewFlightFindings:
-    """Fit the linear set, add the terms that gain most, and return those that hold beside all
+    """Fit the linear set, add the terms that gain most, and return those that hold given all
     others.
 
     evidence : of the units; settings : the frozen ones; known : ids that whole flights have found:
@@ -273,7 +273,7 @@ def accompanying_linear_terms(
     """Return the linear terms of the model that are written on the axes of `findings` and are no
     findings themselves.
 
-    The value of a finding holds only beside them. They are suspected like the findings; a term
+    The value of a finding holds only with them. They are suspected like the findings; a term
     without any unit in its test stays out.
     """
     hypotheses = joint.tests.campaign.hypotheses
@@ -362,7 +362,7 @@ def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, t
     On one manoeuvre all sensors are nearly collinear: freed, without bounds, they explain anything
     (docs/method/tracing.md, section 16). So each in turn is known no better than its believable
     range, the range's limit being kappa of its sigmas; the finding must keep its sign and p < level
-    beside it, the other sensors having their priors.
+    given it, the other sensors having their priors.
     """
     tests = joint.tests
     hypotheses, settings = tests.campaign.hypotheses, tests.settings

@@ -241,7 +241,8 @@ class FunctionProblem:
         return self.gain(flights, active, values)
 
     def chosen(self, flights: Indices, named: Sequence[int]) -> tuple[int, ...]:
-        """Return the functions that stand beside the named columns, chosen on these flights alone.
+        """Return the functions that join the named columns in the model, chosen on these flights
+        alone.
 
         Each time the one that predicts each of them from the others best, until none lowers their
         error by more than `WORTH`.

@@ -55,7 +55,7 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
     Parameters
     ----------
     value : size to be decided about, in the parameter's unit
-    known : I, information that all flights so far hold beside the rival, one over variance
+    known : I, information that all flights so far hold given the rival, one over variance
     per_flight : I_1, information of one flight on the column by itself
     level : of the one-sided test
 

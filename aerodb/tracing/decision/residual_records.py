@@ -27,7 +27,7 @@ class ResidualRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class FlightResidual:
-    """One flight's residual beside the candidate, and the variables that may predict it.
+    """One flight's residual, compared with the candidate, and the variables that may predict it.
 
     evidence : its residual has the accepted terms subtracted; its columns are those of the sensors:
     what any of them could explain, whatever its size, is not unexplained. variables : name -> (n,);

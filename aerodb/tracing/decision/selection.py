@@ -183,8 +183,8 @@ def _sensor_wins(
     """Test each given the other: the sensor wins if it remains, and the term does not or gains
     less.
 
-    The gains are compared fairly: the term's with the sensor taken as right, not beside a sensor
-    that has taken its share.
+    The gains are compared fairly: the term's with the sensor taken as right, not with a sensor that
+    has taken its share.
     """
     given_term = tests.tested((*accepted, term), freed, exact=(term,))
     if given_term.p_at([sensor])[0] >= tests.settings.level:
@@ -199,7 +199,7 @@ def _sensor_wins(
 def _kept(
     tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """The accepted terms that still hold beside each other.
+    """Return the accepted terms that still hold given each other.
 
     An early stand-in leaves when the true terms are in.
     """

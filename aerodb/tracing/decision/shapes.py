@@ -46,20 +46,20 @@ def with_checked_shapes(
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> tuple[Finding, ...]:
-    """Return the findings; names that another shape beats no longer stand alone.
+    """Return the findings; names that another shape beats are no longer confirmed alone.
 
     Parameters
     ----------
-    flights : residuals beside the current database, with the columns of all accepted terms and of
+    flights : residuals against the current database, with the columns of all accepted terms and of
         all sensors, and the variables that effects may depend on
-    findings : of tracing beside the same database
+    findings : of tracing with the same database
     hypotheses : the library
 
     Returns
     -------
     tuple : where a function of observed variables predicts flights that were left out better than a
         confirmed term, the finding has a `shape`. If it depends on what the term depends on, the
-        term stays confirmed; else it is suspected. A sensor beside which such a function on one
+        term stays confirmed; else it is suspected. A sensor with which such a function on one
         axis gains as much is ambiguous. Below four flights nothing changes.
 
     References
@@ -121,8 +121,8 @@ class _Shapes:
         return finding
 
     def constant(self, finding: Finding) -> Finding:
-        """A constant is suspected where a function beside the named terms predicts its axis: the
-        level of an effect is that of its shape."""
+        """A constant is suspected where a function in addition to the named terms predicts its
+        axis: the level of an effect is that of its shape."""
         (axis,) = finding.axis
         problem = self._problem(axis)
         named = range(problem.terms)
@@ -193,8 +193,8 @@ class _Shapes:
     def _stands(
         self, problem: FunctionProblem, own: int, rest: Sequence[int], picked: Sequence[int]
     ) -> bool:
-        """Whether a named column keeps its gain beside the functions, which then stand for other
-        defects of the axis; or beside all but one of them, where that one predicts no more than the
+        """Return whether a named column keeps its gain given the functions, which are then other
+        defects of the axis; or given all but one of them, where that one predicts no more than the
         named column does in its place."""
         alone = self._gain(problem, own, rest, ())
         if self._kept(problem, own, rest, picked, alone):
@@ -220,7 +220,7 @@ class _Shapes:
         functions: Sequence[int],
         alone: Array,
     ) -> bool:
-        """Whether a named column keeps its gain `alone` (g,) beside functions."""
+        """Return whether a named column keeps its gain `alone` (g,) given functions."""
         beside = self._gain(problem, own, rest, functions)
         kept = float(beside.sum()) >= LOST * float(alone.sum())
         return kept and paired_p(beside, np.zeros(len(beside))) < self.settings.level
@@ -229,7 +229,7 @@ class _Shapes:
     def _gain(
         problem: FunctionProblem, own: int, rest: Sequence[int], functions: Sequence[int]
     ) -> Array:
-        """What a named column gains on flights left out (g,), beside `rest` and functions."""
+        """Return what a named column gains on flights left out (g,), given `rest` and functions."""
         with_own, without = (
             problem.left_out(problem.flights, problem.with_functions(columns, functions))
             for columns in ([*rest, own], rest)
@@ -317,7 +317,7 @@ class _Shapes:
         return self._drivers(finding) <= _channels(self.flights[0].variables)
 
     def _named(self, axis: str) -> list[str]:
-        """Terms that stand on the axis: everything found but constants and sensors."""
+        """Return the terms on the axis: everything found but constants and sensors."""
         return [
             f.hypothesis
             for f in self.findings
@@ -329,7 +329,7 @@ class _Shapes:
 
     def _freed_gain(self, axis: str, sensor: str) -> Array:
         """Gain (g,) of a sensor's common value on one axis, each flight under that of the others,
-        beside the named terms and over what they gain with the sensor under its prior."""
+        given the named terms and over what they gain with the sensor under its prior."""
         named = self._named(axis)
         with_prior = self._made(axis, named, "")
         freed = self._made(axis, [*named, sensor], sensor)

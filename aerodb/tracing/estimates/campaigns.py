@@ -24,8 +24,8 @@ def campaign(
     """Return the campaign of flights on the order of `hypotheses`.
 
     A flight that lacks a column says nothing about that hypothesis. earlier : id -> value of the
-    terms that earlier rounds added: their shape-misfit terms stand beside everything. extrapolated
-    : as in `Campaign`.
+    terms that earlier rounds added: their shape-misfit terms are in every model. extrapolated : as
+    in `Campaign`.
 
     Raises InputError when a flight has columns that the library lacks (they were made with another
     library), when a flight is given twice under one name, or when a sensor has no prior.

@@ -136,12 +136,12 @@ class SensorElimination:
     """Products with the sensors eliminated: estimates without any term, and what terms need.
 
     sensors (s,) : their columns; precision (s,) : scaled, of their priors. inverse (g, s, s) :
-    ``(H_ss + P)^-1``; gain (g, s, k + 1) : that times ``H_s``. information_before (g, k) :
-    ``H_hh`` of the hypotheses, for offsets that of their intercepts. column (columns,) : where a
-    hypothesis, a sensor or an offset stands in the cache's `beside`, w columns. quadratic, linear
-    (g, w), given the sensors alone: ``A_hh`` and ``A_hy`` of a hypothesis; posterior variance and
-    mean of a sensor; of an offset the variance that the sensors add to its intercept, and the
-    intercept. shares (g, s, w) : what the sensors say of each.
+    ``(H_ss + P)^-1``; gain (g, s, k + 1) : that times ``H_s``. information_before (g, k) : ``H_hh``
+    of the hypotheses, for offsets that of their intercepts. column (columns,) : where a hypothesis,
+    a sensor or an offset is in the cache's `beside`, w columns. quadratic, linear (g, w), given the
+    sensors alone: ``A_hh`` and ``A_hy`` of a hypothesis; posterior variance and mean of a sensor;
+    of an offset the variance that the sensors add to its intercept, and the intercept. shares (g,
+    s, w) : what the sensors say of each.
     """
 
     def __init__(self, products: Products, sensors: Sequence[int], precision: Array) -> None:

@@ -58,12 +58,12 @@ class EstimateBiases(Protocol):
 
 @dataclass(frozen=True)
 class FlightEstimates:
-    """Estimates (flights, hypotheses) of every hypothesis beside the nuisance parameters, SI units.
+    """Estimates (flights, hypotheses) of every hypothesis given the nuisance parameters, SI units.
 
     estimate : ``gamma = A_hy / A_hh``; nan where the flight says nothing. information : ``A_hh``
     after the nuisance parameters, one over the variance that whitened noise gives, 0 where the
-    flight says nothing. information_before : ``H_hh``, the same with nothing beside the hypothesis
-    but the intercepts. biases : of all flights; chosen : which of them these are, in order, where
+    flight says nothing. information_before : ``H_hh``, the same with the hypothesis and the
+    intercepts alone. biases : of all flights; chosen : which of them these are, in order, where
     they are not all.
     """
 
@@ -177,12 +177,12 @@ class Campaign:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> FlightEstimates:
-        """Return the estimates of every hypothesis beside a model.
+        """Return the estimates of every hypothesis given a model.
 
         The model holds the `accepted` terms, their shape-misfit terms and all sensors with their
         priors; `freed` sensors have no prior, `fixed` ones are taken as right. exact : accepted
         terms whose shape is taken as right. A hypothesis that is itself a nuisance parameter is
-        estimated beside the others, with its own prior left out.
+        estimated given the others, with its own prior left out.
         """
         model = self._model(accepted, freed, fixed, exact)
         if model not in self.cached:

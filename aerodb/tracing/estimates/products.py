@@ -22,8 +22,8 @@ Indices = NDArray[np.intp]
 class Products:
     """Cross-products of g flights. Columns: k hypotheses, shape-misfit terms, residual; c in all.
 
-    matrices : each flight's matrix, in its own order; positions : (c,) where a column stands in it,
-    for each order that occurs; order (g,) : which of them a flight has. intercepts (g, axes, c) : a
+    matrices : each flight's matrix, in its own order; positions : (c,) where a column is in it, for
+    each order that occurs; order (g,) : which of them a flight has. intercepts (g, axes, c) : a
     column regressed on an axis' constant, whose weight (g, axes) is its product with itself; varies
     (g, c) : 0 for columns that a flight lacks or that do not vary, else 1. base (c,) : the column
     whose shape a shape-misfit term changes, itself for others; base_share (g, c) : the regression
