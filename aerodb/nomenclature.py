@@ -247,7 +247,7 @@ def axis_description(axis: str) -> str:
 
 
 def is_surface(name: str) -> bool:
-    """Whether `name` has the form of a control surface deflection, ``delta_<name>``."""
+    """Return whether `name` has the form of a control surface deflection, ``delta_<name>``."""
     return _SURFACE.fullmatch(name) is not None
 
 

@@ -76,7 +76,7 @@ def temporary_beside(path: Path) -> Path:
 
 
 def is_temporary(path: Path) -> bool:
-    """Whether a file or folder is an unfinished temporary one."""
+    """Return whether a file or folder is an unfinished temporary one."""
     return path.name.startswith(".") and path.name.endswith(".tmp")
 
 

@@ -118,8 +118,9 @@ def _kept(own: ChosenAcceleration, reason: str) -> ChosenAcceleration:
 def _same_record(
     difference: Array, rate: Array, noise: float, step: float, bandwidth: float
 ) -> bool:
-    """Whether a logged acceleration holds the noise of a rate: in some band, its difference from
-    the rate differentiated is smaller than the noise of the latter, which no other sensor's is.
+    """Return whether a logged acceleration holds the noise of a rate: in some band, its difference
+    from the rate differentiated is smaller than the noise of the latter, which no other sensor's
+    is.
 
     difference : (n,) [rad/s2]. rate : (n,) [rad/s] and its noise. The bands cover three quarters of
     `bandwidth` [Hz]: the log may end below it, and slow noise is little.

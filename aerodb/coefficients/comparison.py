@@ -182,7 +182,8 @@ def compare(
 
 
 def _predicted(flight: Flight, database: AeroDatabase) -> DatabaseSide:
-    """What the database predicts of a flight that has all inputs, and the channels it used."""
+    """Return what the database predicts of a flight that has all inputs, and the channels it
+    used."""
     used = dict.fromkeys((*database.inputs, *database.needs))
     return DatabaseSide(
         database,

@@ -250,7 +250,7 @@ def _without_rate(database: AeroDatabase, rate: str) -> AeroDatabase:
 
 
 def _is_one_sided(variable: Variable, compared: Sequence[tuple[Flight, Comparison]]) -> bool:
-    """Whether a variable is the size of one channel that all flights have."""
+    """Return whether a variable is the size of one channel that all flights have."""
     names = variable.expression.names
     return len(names) == 1 and bool(compared) and all(names <= set(f.channels) for f, _ in compared)
 

@@ -248,7 +248,7 @@ class _Agreement:
 
 
 def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> _Agreement | None:
-    """Where all channels of `a` equal those of `b` at ``time + offset``; None if nowhere."""
+    """Return where all channels of `a` equal those of `b` at ``time + offset``; None if nowhere."""
     pairs = [_Pair.of(a, b, name) for name in names]
     for near in (1.0, 4 * AGREEMENT, 2 * AGREEMENT, 2 * AGREEMENT):
         steps = [pair.step_of_offset(a.time + offset, near) for pair in pairs]
@@ -270,9 +270,9 @@ def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> _
 
 
 def _one_condition(a: Flight, b: Flight, part: slice, offset: float) -> bool:
-    """Whether the channels of the flight condition of a stretch of `a` are those of `b` at ``time +
-    offset``: half of the samples or more within AGREEMENT of the stretch's motion and the noise of
-    both records."""
+    """Return whether the channels of the flight condition of a stretch of `a` are those of `b` at
+    ``time + offset``: half of the samples or more within AGREEMENT of the stretch's motion and the
+    noise of both records."""
     at = a.time[part] + offset
     for name in (*ABSOLUTE_CHANNELS, *RELATIVE_CHANNELS):
         if name not in a or name not in b:

@@ -162,7 +162,7 @@ def _departure(values: Array, length: int, before: Array, after: Array) -> Array
 
 
 def _median_reaches(change: Array, level: float) -> bool:
-    """Whether the median of `change` is `level` or more, without sorting."""
+    """Return whether the median of `change` is `level` or more, without sorting."""
     return 2 * int(np.count_nonzero(change >= level)) > len(change)
 
 

@@ -420,7 +420,7 @@ def _choose_source(
 
 
 def _estimated_start(result: Reconstruction, name: str) -> bool:
-    """Whether the initial value of a heading was estimated; true for every other channel."""
+    """Return whether the initial value of a heading was estimated; true for every other channel."""
     return name != "psi" or any(entry.parameter.name == "initial_psi" for entry in result.estimates)
 
 

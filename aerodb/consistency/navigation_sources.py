@@ -155,7 +155,7 @@ class _Piece:
 
 
 def _piece(flight: Flight, path: ReconstructedPath, names: Mapping[str, str]) -> _Piece:
-    """What a solution showed along a record."""
+    """Return what a solution showed along a record."""
     record = path.record
     n = len(record.inputs)
     index = record.first + round(record.step / flight.step) * np.arange(n)
@@ -214,8 +214,8 @@ def _judged(
 
 
 def _motion_known(base: str, paths: Sequence[ReconstructedPath]) -> bool:
-    """Whether the reconstruction holds a channel by another solution: its own, or of a velocity its
-    position."""
+    """Return whether the reconstruction holds a channel by another solution: its own, or of a
+    velocity its position."""
     place = {velocity: position for position, velocity in _AXES}.get(base, base)
     return all({base, place} & path.record.outputs.keys() for path in paths)
 

@@ -299,7 +299,8 @@ def _sensor(vehicle: Vehicle, name: str) -> Sensor:
 
 
 def _turned(record: Record) -> bool:
-    """Whether the track turns far enough within a record to separate wind from airspeed error."""
+    """Return whether the track turns far enough within a record to separate wind from airspeed
+    error."""
     if {"velocity_north", "velocity_east"} <= set(record.outputs):
         track = np.arctan2(record.outputs["velocity_east"], record.outputs["velocity_north"])
     elif "psi" in record.outputs:

@@ -32,7 +32,8 @@ _SAME = 1e-6
 
 
 def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
-    """Whether alpha and beta of a flight were computed from logged five-hole probe pressures.
+    """Return whether alpha and beta of a flight were computed from logged five-hole probe
+    pressures.
 
     shown : channel -> (n,), V [m/s], alpha, beta [rad] at the air-data point. False when the
     vehicle file gives no calibration.

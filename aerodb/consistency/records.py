@@ -163,7 +163,7 @@ def air_data_from_probe(
 
 
 def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
-    """Whether qbar [Pa] and V [m/s] of a flight are one measurement.
+    """Return whether qbar [Pa] and V [m/s] of a flight are one measurement.
 
     They are if qbar = rho V^2 / 2 to the last digits, with V at the CG or at the air-data point
     (`shown`, channel -> (n,)).

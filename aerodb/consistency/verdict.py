@@ -182,8 +182,8 @@ def judge(
 
 
 def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = ()) -> ProcessNoise:
-    """Whether the air moved in at least a quarter of these records; the figures are those of the
-    worst one. `left_out`: channels that have left the estimate and prove nothing.
+    """Return whether the air moved in at least a quarter of these records; the figures are those of
+    the worst one. `left_out`: channels that have left the estimate and prove nothing.
 
     A record counts by its residuals (n,) of the air data, gusts [m/s]. Source:
     `docs/method/consistency.md`, section "Verdict".
@@ -215,8 +215,8 @@ def _without(path: ReconstructedPath, names: Collection[str]) -> ReconstructedPa
 
 
 def _moving(path: ReconstructedPath) -> ProcessNoise:
-    """Whether the air moved during one record; if the airspeed is the only air data, it is compared
-    with the velocity over the earth."""
+    """Return whether the air moved during one record; if the airspeed is the only air data, it is
+    compared with the velocity over the earth."""
     noise = process_noise(path.residuals, float(np.mean(path.V)), path.record.step)
     felt = noise.gusts.get("V", 0.0)
     if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM_GUST_SPEED:
@@ -358,7 +358,7 @@ def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:
 
 
 def _remark(kind: str, check: ChannelCheck) -> Remark:
-    """What is left of a channel's residual, and its limit."""
+    """Return what is left of a channel's residual, and its limit."""
     angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
     metres = dict.fromkeys(("north", "east", "altitude"), "m")
     unit = "rad" if angle else {"qbar": "Pa", **metres}.get(check.channel, "m/s")

@@ -92,9 +92,9 @@ class Hypothesis:
         return tuple(sorted(names)) or self.needs
 
     def has_shape(self, other: "Hypothesis") -> bool:
-        """Whether `other` is this effect with another shape: this one is linear in one variable,
-        and the other is not, or changes with alpha or Mach number, which limit the increment's
-        envelope.
+        """Return whether `other` is this effect with another shape: this one is linear in one
+        variable, and the other is not, or changes with alpha or Mach number, which limit the
+        increment's envelope.
 
         Where flights cannot tell the two apart, they are the same function there, and an increment
         acts only where flights have been.

@@ -89,7 +89,8 @@ class LibraryContext:
         return _ON_WIND.get(body, body) if self.on_wind_axes else body
 
     def knows(self, needs: Iterable[str]) -> bool:
-        """Whether flights have all of these channels, or the channels they are computed from."""
+        """Return whether flights have all of these channels, or the channels they are computed
+        from."""
         return all(
             _MADE_OF.get(name, name) in self.channels or name in self.channels for name in needs
         )

@@ -197,7 +197,8 @@ def coloured_sum(regressors: Array, residual: Array) -> Array:
 
 
 def samples_per_independent(residual: Array) -> float:
-    """How many samples of a coloured residual (n,) count as one independent sample, at least 1.
+    """Return how many samples of a coloured residual (n,) count as one independent sample, at least
+    1.
 
     ``1 + 2 sum of its autocorrelation``, here up to the first zero crossing (Bartlett 1946).
     """

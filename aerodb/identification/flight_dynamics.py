@@ -195,7 +195,7 @@ class FlightDynamics:
         )
 
     def _series(self, own: Mapping[str, Array], record: TimeHistory) -> dict[str, Array]:
-        """What acts on a run: (n,), or (n, k) where it is delayed."""
+        """Return what acts on a run: (n,), or (n, k) where it is delayed."""
         taken = {name: v for name, v in record.inputs.items() if name not in _PLACE}
         for name in self.flight.inputs:
             if f"delay_{name}" in own:

@@ -88,8 +88,8 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
 
 
 def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """What speaks against the method that is believed: inputs of which its residuals still hold a
-    response, and estimates at bounds."""
+    """Return what speaks against the method that is believed: inputs of which its residuals still
+    hold a response, and estimates at bounds."""
     inputs = dict.fromkeys(each.input for fit in fits for each in dependent(fit.input_correlations))
     bound = [e.name for fit in fits for e in fit.estimates if e.standing == "at bound"]
     bound = [name for name in bound if not name.startswith("process_noise_")]

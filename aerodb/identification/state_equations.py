@@ -223,7 +223,7 @@ def _output_of(model: StateSpace, state: int) -> str:
 
 
 def _same_row(model: StateSpace, state: int, output: int) -> bool:
-    """Whether an output is the rate of a state."""
+    """Return whether an output is the rate of a state."""
     pairs = (
         (model.a, model.c),
         (model.b, model.d),

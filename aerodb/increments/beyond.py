@@ -105,7 +105,7 @@ def beyond_envelopes(
 def _outside(
     database: AeroDatabase, axis: str, channels: Mapping[str, Array], good: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], tuple[Excursion, ...]]:
-    """Where (n,) a flight is outside any envelope on an axis, and in which variables."""
+    """Return where (n,) a flight is outside any envelope on an axis, and in which variables."""
     outside = np.zeros(len(good), dtype=np.bool_)
     excursions: dict[str, Excursion] = {}
     for increment in database.increments:

@@ -261,8 +261,8 @@ def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[s
 
 
 def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tuple[str, ...]:
-    """Whether the error beyond the noise floor falls: pooled over the body axes in units of each
-    axis's floor, and on one of them at least by more than the fraction `UNCHANGED`."""
+    """Return whether the error beyond the noise floor falls: pooled over the body axes in units of
+    each axis's floor, and on one of them at least by more than the fraction `UNCHANGED`."""
     entries = validated(axes)
     if not entries:
         return ("not held out: no flight was, so nothing shows that the error falls",)

@@ -275,7 +275,7 @@ def _axis_validation(
 
 
 def repeatability(residuals: Sequence[float]) -> float:
-    """How much one axis differs between flights under the same database.
+    """Return how much one axis differs between flights under the same database.
 
     The sample standard deviation of each flight's residual rms before the update; zero for fewer
     than two flights, where it is not known.

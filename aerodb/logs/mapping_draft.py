@@ -155,7 +155,7 @@ def draft_mapping(
 
 
 def _known(recording: Recording, built_in: LogMapping) -> Iterator[Guess]:
-    """What a built-in mapping finds."""
+    """Return what a built-in mapping finds."""
     for entry in built_in.channel:
         for source in entry.sources:
             for topic in matching_topics(source.topic, recording.topics):

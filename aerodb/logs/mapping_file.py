@@ -198,7 +198,7 @@ class Mapping(Strict):
         return None
 
     def _runs(self, topic: Topic) -> bool:
-        """Whether the field of the time increases, where the mapping names one."""
+        """Return whether the field of the time increases, where the mapping names one."""
         if self.time is None:
             return True
         stamps = topic.fields.get(self.time.field)

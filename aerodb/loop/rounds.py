@@ -392,7 +392,8 @@ def _with_linear_terms(
 
 
 def _separates(finding: Finding) -> bool:
-    """Whether it is a stall with separating flow, which is added with its own fit on all axes."""
+    """Return whether it is a stall with separating flow, which is added with its own fit on all
+    axes."""
     return finding.effect == EFFECT and not is_lift_hysteresis(finding.hypothesis)
 
 

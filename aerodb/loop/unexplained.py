@@ -77,9 +77,9 @@ def unexplained_residuals(
 def material(
     found: Sequence[UnexplainedResidual], residuals: Sequence[FlightResidual]
 ) -> tuple[UnexplainedResidual, ...]:
-    """What is found, less what is too small to matter: without it, the rms error of the axis, each
-    flight's constant apart, would fall by no more than the fraction `UNCHANGED`, as little as no
-    effect is confirmed for."""
+    """Return what is found, less what is too small to matter: without it, the rms error of the
+    axis, each flight's constant apart, would fall by no more than the fraction `UNCHANGED`, as
+    little as no effect is confirmed for."""
     judged = []
     for each in found:
         if each.found:

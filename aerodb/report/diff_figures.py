@@ -112,7 +112,7 @@ def _without_slices(
     names: tuple[str, str],
     increments: Sequence[Increment],
 ) -> str:
-    """What is said where no slice differs: the constants that do, or that nothing does."""
+    """Return what is said where no slice differs: the constants that do, or that nothing does."""
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     channels = {name: np.array([value]) for name, value in point.items()}
     old, new = (database.predict(channels).coefficients for database in (before, after))

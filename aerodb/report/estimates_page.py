@@ -88,7 +88,7 @@ def estimates_report(
 
 
 def _title(document: Mapping[str, Any]) -> str:
-    """What was estimated from what."""
+    """Return what was estimated from what."""
     records = [each["record"] for each in document.get("records", ())]
     if records:
         return f"Estimates of a linear model from {listed(records)}"
@@ -110,8 +110,8 @@ def _unit(parameter: str, unit: str) -> tuple[float, str]:
 
 
 def _stayed(document: Mapping[str, Any]) -> str:
-    """What the methods leave open: those without an estimate, parameters on which they disagree,
-    and parameters that are not simply estimated."""
+    """Return what the methods leave open: those without an estimate, parameters on which they
+    disagree, and parameters that are not simply estimated."""
     silent = [entry["method"] for entry in document["methods"] if "reason" in entry]
     apart = [row for row in document["parameters"] if row["agree"] is False]
     other = [

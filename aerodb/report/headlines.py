@@ -98,8 +98,8 @@ def what_stayed(document: Mapping[str, Any]) -> str:
 
 
 def excluded_sizes(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """What a hypothesis that was not found may still be, in display units: ``upper_bound`` and
-    ``minimum_detectable``, each None where it lies beyond every believable size and so says
+    """Return what a hypothesis that was not found may still be, in display units: ``upper_bound``
+    and ``minimum_detectable``, each None where it lies beyond every believable size and so says
     nothing, ``believable`` (None in older documents, of which undecided hypotheses have no bound)
     and ``unit``."""
     factor, unit = for_people(entry["unit"])
@@ -235,7 +235,7 @@ def on_which(document: Mapping[str, Any]) -> str:
 
 
 def by_parts(document: Mapping[str, Any]) -> bool:
-    """Whether validation was within flights: parts of them predicted from the rest."""
+    """Return whether validation was within flights: parts of them predicted from the rest."""
     stated = document["validation"].get("within_flights")
     return former_within_flights(document) if stated is None else bool(stated)
 

@@ -119,7 +119,7 @@ def sensor_error_unit(parameter: str) -> str:
 
 
 def _without_dimension(text: str) -> bool:
-    """Whether all channels of an expression have no dimension."""
+    """Return whether all channels of an expression have no dimension."""
     try:
         return all(channel(name).unit in ("", "1") for name in parse(text).names)
     except AeroError:

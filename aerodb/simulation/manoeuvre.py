@@ -85,7 +85,7 @@ class Manoeuvre:
     inputs: tuple[Event | Wave, ...]
 
     def series(self, time: Array) -> dict[str, Array]:
-        """What is added to each input, (n,) at `time` [s]."""
+        """Return what is added to each input, (n,) at `time` [s]."""
         moved: dict[str, Array] = {}
         for each in self.inputs:
             moved[each.target] = moved.get(each.target, np.zeros_like(time)) + each(time)

@@ -248,7 +248,7 @@ def _responses(
     whole: slice,
     series: Mapping[str, Array],
 ) -> dict[str, Array]:
-    """What the vehicle did; the specific force is that at the CG."""
+    """Return what the vehicle did; the specific force is that at the CG."""
     flown = {
         name: np.where(flight.usable([name])[whole], flight[name][whole], np.nan)
         for name in (*NEEDED, "psi", "altitude")

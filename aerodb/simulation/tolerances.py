@@ -46,7 +46,7 @@ class Band:
     of: str = ""
 
     def holds(self, simulated: Array, flown: Array) -> Array:
-        """Whether each sample is inside, (n,) of bool; NaN is outside.
+        """Return whether each sample is inside, (n,) of bool; NaN is outside.
 
         Both are (n,), in the unit of the width.
         """

@@ -194,8 +194,8 @@ def _solved(problem: Problem, begin: Trim | None) -> tuple[Array, Array]:
 
 
 def _balanced(problem: Problem, point: Array) -> tuple[Array, Array]:
-    """Where there is no trim: the moments balanced as far as the controls can, so that what is left
-    is what limits the flight."""
+    """Return where there is no trim: the moments balanced as far as the controls can, so that what
+    is left is what limits the flight."""
     k = [problem.unknowns.index(name) for name in problem.controls]
 
     def whole(controls: Array) -> Array:

@@ -192,7 +192,7 @@ class Problem:
 
 
 def is_force(name: str) -> bool:
-    """Whether a series is in newton: of force_x, or a thrust."""
+    """Return whether a series is in newton: of force_x, or a thrust."""
     return name.startswith(("force", "thrust"))
 
 

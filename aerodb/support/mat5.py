@@ -70,7 +70,7 @@ class Malformed(ValueError):
 
 
 def is_mat5(data: bytes) -> bool:
-    """Whether the bytes begin like a MAT-file of version 5 to 7."""
+    """Return whether the bytes begin like a MAT-file of version 5 to 7."""
     return len(data) >= 128 and data[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
 
 

@@ -40,7 +40,8 @@ class Interval:
             object.__setattr__(self, name, float(getattr(self, name)) + 0.0)
 
     def contains(self, x: Value) -> NDArray[np.bool_]:
-        """Whether x lies inside the interval. x : (n,) or a number, in the unit of the variable."""
+        """Return whether x lies inside the interval. x : (n,) or a number, in the unit of the
+        variable."""
         return np.asarray((np.asarray(x) >= self.low) & (np.asarray(x) <= self.high))
 
     def weight(self, x: Value) -> Array:

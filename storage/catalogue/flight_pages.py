@@ -139,7 +139,7 @@ def _matching(
 
 
 def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[bool]:
-    """Whether a flight has this newest verdict, or was retracted."""
+    """Return whether a flight has this newest verdict, or was retracted."""
     e = s.flight_events.c
     if verdict == RETRACTED:
         return sa.exists().where(e.flight == flight, e.kind == "retracted")

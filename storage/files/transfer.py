@@ -272,7 +272,7 @@ def _last_used(place: Path) -> float:
 
 
 def _is_put(workspace: Workspace, catalogue: Catalogue, objects: Objects, place: Path) -> bool:
-    """Whether a file, or all files of a recording, are in the object store."""
+    """Return whether a file, or all files of a recording, are in the object store."""
     stored = catalogue.stored_file(workspace.relative(place / INDEX if place.is_dir() else place))
     if stored is None:
         return False

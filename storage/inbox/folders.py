@@ -132,7 +132,7 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
 
 
 def may_settle(entry: InboxFile) -> bool:
-    """Whether the file can become ready by waiting."""
+    """Return whether the file can become ready by waiting."""
     return entry.state == "copying" and not named_unfinished(entry.path.name)
 
 
@@ -218,13 +218,13 @@ def _judged(entry: InboxFile, vehicles: Collection[str], settle: float, now: int
 
 
 def named_unfinished(name: str) -> bool:
-    """Whether a file's name says that it is not complete."""
+    """Return whether a file's name says that it is not complete."""
     return name.startswith(".") or name.endswith("~") or name.lower().endswith(UNFINISHED)
 
 
 def _closed(path: Path) -> bool:
-    """Whether no process has a file open for writing, where the system can tell (Linux grants a
-    read lease only then)."""
+    """Return whether no process has a file open for writing, where the system can tell (Linux
+    grants a read lease only then)."""
     if not hasattr(fcntl, "F_SETLEASE"):
         return True
     try:

@@ -52,7 +52,7 @@ def walk(
 
 @njit(cache=True)
 def _is_header(data: Bytes, at: int, n: int) -> bool:
-    """Whether a header begins at `at`, or the log ends there."""
+    """Return whether a header begins at `at`, or the log ends there."""
     if at == n:
         return True
     if at + 1 == n:
@@ -70,8 +70,8 @@ def _size(data: Bytes, at: int, length: Integers) -> int:
 
 @njit(cache=True)
 def _next(data: Bytes, at: int, length: Integers) -> int:
-    """Where the next record begins whose end meets a header or the end of the log; the end of the
-    log if none does."""
+    """Return where the next record begins whose end meets a header or the end of the log; the end
+    of the log if none does."""
     n = len(data)
     while at < n:
         size = _size(data, at, length)

@@ -91,7 +91,7 @@ def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
 
 
 def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
-    """Whether the length of a record fits its type; `content` is its first bytes."""
+    """Return whether the length of a record fits its type; `content` is its first bytes."""
     exact = {Opcode.FOOTER: 20, Opcode.DATA_END: 4, Opcode.SUMMARY_OFFSET: 17}
     if opcode in exact:
         return length == exact[Opcode(opcode)]

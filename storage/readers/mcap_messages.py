@@ -159,7 +159,7 @@ def _put(numbers: Numbers, name: str, value: float | int | bool, needs_finite: b
 
 
 def _is_text(name: str) -> bool:
-    """Whether a name can be encoded: JSON may contain unpaired surrogates."""
+    """Return whether a name can be encoded: JSON may contain unpaired surrogates."""
     return name.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 

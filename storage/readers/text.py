@@ -120,8 +120,8 @@ def _words(line: bytes, delimiter: str) -> list[str]:
 
 
 def _is_header(words: list[str]) -> bool:
-    """Whether more than half of the words in the line are not numbers: one damaged number does not
-    make a header."""
+    """Return whether more than half of the words in the line are not numbers: one damaged number
+    does not make a header."""
     filled = [word for word in words if word]
     return sum(not _is_number(word) for word in filled) > 0.5 * len(filled)
 

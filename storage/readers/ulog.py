@@ -241,7 +241,7 @@ def metadata_of(definitions: ULog) -> dict[str, str | int | float]:
 
 
 def messages_of(definitions: ULog) -> tuple[LoggedMessage, ...]:
-    """What the autopilot said, with and without a tag, by time; at most `_MOST_MESSAGES`.
+    """Return what the autopilot said, with and without a tag, by time; at most `_MOST_MESSAGES`.
 
     Times [s].
     """

@@ -80,12 +80,12 @@ class Formats:
 
 
 def is_format(body: bytes) -> bool:
-    """Whether `body` is the text of a format message."""
+    """Return whether `body` is the text of a format message."""
     return body.isascii() and _FORMAT.fullmatch(body.decode("ascii")) is not None
 
 
 def is_key_value(body: bytes) -> bool:
-    """Whether `body` consists of key length, ``type key``, and a value of exactly that type
+    """Return whether `body` consists of key length, ``type key``, and a value of exactly that type
     (information, parameter)."""
     if len(body) < 2 or not 0 < body[0] < len(body):
         return False
@@ -98,13 +98,13 @@ def is_key_value(body: bytes) -> bool:
 
 
 def is_logged_text(body: bytes, prefix: int) -> bool:
-    """Whether `body` consists of level, (tag,) time and a text without control characters; `prefix`
-    bytes precede the text."""
+    """Return whether `body` consists of level, (tag,) time and a text without control characters;
+    `prefix` bytes precede the text."""
     return len(body) >= prefix and body[0] in b"01234567" and min(body[prefix:], default=32) >= 8
 
 
 def is_subscription(body: bytes) -> bool:
-    """Whether `body` announces a topic: instance, id and a name."""
+    """Return whether `body` announces a topic: instance, id and a name."""
     return len(body) > 3 and re.fullmatch(rb"[\w\-/]+", body[3:]) is not None
 
 

@@ -142,8 +142,8 @@ class _Surveyor:
         return len(body) >= 2 and 0 <= self.low[identity] <= len(body) - 2 <= self.high[identity]
 
     def _chain(self, at: int, end: int) -> bool:
-        """Whether two valid messages follow from `at`, or one data message and then the (possibly
-        truncated) end."""
+        """Return whether two valid messages follow from `at`, or one data message and then the
+        (possibly truncated) end."""
         for links in range(2):
             message = self._message(at, end)
             if message is None:
@@ -228,8 +228,8 @@ class _Surveyor:
         return layout is not None
 
     def _is_unannounced(self, body: bytes, follows: int, end: int) -> bool:
-        """Whether this is valid data of a topic whose announcement was lost: its id is new, and it
-        is followed by valid messages or by more of its own."""
+        """Return whether this is valid data of a topic whose announcement was lost: its id is new,
+        and it is followed by valid messages or by more of its own."""
         identity = int.from_bytes(body[:2], "little")
         if len(body) < 10 or identity in self.subscriptions:
             return False

@@ -80,7 +80,8 @@ class UlogStream:
         del pending[:at]
 
     def _begins(self, at: int, end: int) -> bool:
-        """Whether a message may begin at `at` and reach to `end`, by its first five bytes."""
+        """Return whether a message may begin at `at` and reach to `end`, by its first five
+        bytes."""
         kind = self._pending[at + 2]
         if kind != _DATA:
             return kind in _KINDS and (self._in_step or end - at < _PATIENCE)

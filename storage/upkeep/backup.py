@@ -246,8 +246,8 @@ def _require_free(root: Path) -> None:
 
 
 def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -> bool:
-    """Whether a problem already existed when the backup was made: in the file, in its content, or
-    in the index of its recording."""
+    """Return whether a problem already existed when the backup was made: in the file, in its
+    content, or in the index of its recording."""
     if problem.kind == "catalogue":
         return False
     if problem.kind == "no hash":  # the catalogue and the index say so, and they are sound
@@ -396,8 +396,8 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
 
 
 def _is_copied(source: Path, place: Path) -> bool:
-    """Whether an earlier backup copied this file; a file that was written again is newer than its
-    copy."""
+    """Return whether an earlier backup copied this file; a file that was written again is newer
+    than its copy."""
     if not (source.is_file() and place.is_file()):
         return False
     one, other = source.stat(), place.stat()

@@ -128,7 +128,8 @@ def _orphan(workspace: Workspace, entry: Path, report: VerificationReport) -> No
 
 
 def _is_sound(path: Path, row: StoredFile, report: VerificationReport, remedy: str) -> bool:
-    """Whether a file has the bytes that its row says. Missing files are reported elsewhere."""
+    """Return whether a file has the bytes that its row says. Missing files are reported
+    elsewhere."""
     try:
         sha256, size = measured(path)
     except FileNotFoundError:

@@ -15,7 +15,7 @@ _NAME = "exported"
 
 
 def jsbsim_is_installed() -> bool:
-    """Whether JSBSim is installed, so that exports can be checked in it."""
+    """Return whether JSBSim is installed, so that exports can be checked in it."""
     return importlib.util.find_spec("jsbsim") is not None
 
 

@@ -152,8 +152,8 @@ def _release(access: WorkspaceAccess, version: VersionRow, released: str | None,
 
 
 def _is_untouched_import(access: WorkspaceAccess, vehicle: str, version: str, name: str) -> bool:
-    """Whether a version (its id) was imported from a file of this name, and nothing was made of
-    it."""
+    """Return whether a version (its id) was imported from a file of this name, and nothing was made
+    of it."""
     catalogue = access.catalogue
     report = catalogue.version_documents(version).report
     made = any(row.parent == version for row in catalogue.versions(vehicle))

@@ -183,7 +183,7 @@ def _no_database(access: WorkspaceAccess, flight: str, run: str) -> AeroDatabase
 
 
 def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
-    """What a document says of the fits of a method."""
+    """Return what a document says of the fits of a method."""
     return {
         "assumes": list(dict.fromkeys(text for fit in fits for text in fit.assumes)),
         "converged": all(fit.converged for fit in fits),

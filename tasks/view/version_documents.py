@@ -43,7 +43,7 @@ def versions_document(
 
 
 def _content(report: Mapping[str, Any]) -> dict[str, Any]:
-    """What a list says of the report that a version was made with."""
+    """Return what a list says of the report that a version was made with."""
     flights = report.get("flights", {})
     added = list(report.get("added", ()))
     increments = [] if added else [entry["axis"] for entry in report.get("increments", ())]

@@ -137,8 +137,9 @@ def vane_position(
 
 
 def _pulls(records: Sequence[Record], result: Reconstruction, plan: Plan) -> bool:
-    """Whether one step of the search from a reconstruction would move the vanes by more than `FAR`
-    standard errors, for white residuals: a score test, which costs one pass over the records."""
+    """Return whether one step of the search from a reconstruction would move the vanes by more than
+    `FAR` standard errors, for white residuals: a score test, which costs one pass over the
+    records."""
     problem = make_problem(
         records,
         [*plan.free, _POSITION],

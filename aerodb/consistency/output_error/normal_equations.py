@@ -65,7 +65,7 @@ class NormalEquations:
 
 
 def applies_to(item: Parameter, record: Record) -> bool:
-    """Whether a parameter acts on this record."""
+    """Return whether a parameter acts on this record."""
     return item.scope in ("", record.name if item.kind == "initial" else record.flight)
 
 
@@ -172,7 +172,7 @@ def accumulate(
 
 
 def _as_slice(good: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
-    """What chooses the same samples, without a copy where they are one stretch."""
+    """Return what chooses the same samples, without a copy where they are one stretch."""
     first, count = int(np.argmax(good)), int(np.count_nonzero(good))
     together = bool(good[first : first + count].all())
     return slice(first, first + count) if together else good

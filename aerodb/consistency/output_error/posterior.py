@@ -124,8 +124,8 @@ def _prior(name: str, stated: float, value: float, error: float) -> float:
 
 
 def _beyond(name: str, stated: float, value: float, error: float) -> bool:
-    """Whether the prior is only the natural size, and the estimate beyond it by more than its
-    standard error, which is itself below that size."""
+    """Return whether the prior is only the natural size, and the estimate beyond it by more than
+    its standard error, which is itself below that size."""
     size = parameter(name).size
     return stated == size and error < size and abs(value) > size + error
 
@@ -173,7 +173,8 @@ def never_early(estimates: SensorEstimates) -> SensorEstimates:
 def pooled(
     flights: Sequence[SensorEstimates], names: Collection[str], stated: Mapping[str, float]
 ) -> SensorEstimates:
-    """What several flights say together of some parameters, the others integrated out in each.
+    """Return what several flights say together of some parameters, the others integrated out in
+    each.
 
     flights : independent estimates, without priors. names : parameters; those that no flight has
     are left out. stated : priors, name -> one sigma about zero, SI.
@@ -227,8 +228,8 @@ def significant_parameters(
 
 
 def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> bool:
-    """Whether a correction changes its channel by more than `MATTERS` of its limit (rms); always
-    true for channels without a limit."""
+    """Return whether a correction changes its channel by more than `MATTERS` of its limit (rms);
+    always true for channels without a limit."""
     item = entry.parameter
     if item.kind == "probe":
         return abs(entry.value) * _probe_effect(item.name, result) > MATTERS * accuracy.flow_angle

@@ -93,7 +93,7 @@ class AirSigns:
 def air_columns(
     record: Record, values: Mapping[str, float], initial: Array, air: VerticalAir
 ) -> AirColumns:
-    """What vertical air does to the outputs of a record.
+    """Return what vertical air does to the outputs of a record.
 
     record : n samples. values : parameter name -> value, SI. initial : (9,), initial state.
     air : prior, whose time constant spaces the knots.
@@ -119,7 +119,8 @@ def pull_and_signs(
     drift: Array,
     index: Sequence[int],
 ) -> tuple[Pull, AirSigns]:
-    """What vertical air does to the k parameters of one record, and what its residuals say of it.
+    """Return what vertical air does to the k parameters of one record, and what its residuals say
+    of it.
 
     Parameters
     ----------

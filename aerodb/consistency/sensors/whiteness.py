@@ -71,7 +71,7 @@ class ProcessNoise:
 
 
 def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> ProcessNoise:
-    """Whether the air moved, from the residuals of V, alpha and beta in the gust band.
+    """Return whether the air moved, from the residuals of V, alpha and beta in the gust band.
 
     Gusts matter when at least two of these channels exceed `CALM_GUST_SPEED` and twice the effect
     of an attitude error of the observed size.

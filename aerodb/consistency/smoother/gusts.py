@@ -77,8 +77,8 @@ _FEWEST_STEPS = 40
 
 
 def worth_a_coarse_search(durations: Sequence[float], coarse: float) -> bool:
-    """Whether the intensities of records of these durations [s] are first searched on a grid of
-    `SEARCH_STEP` instead of `coarse` [s]."""
+    """Return whether the intensities of records of these durations [s] are first searched on a grid
+    of `SEARCH_STEP` instead of `coarse` [s]."""
     return 2.0 * coarse < SEARCH_STEP and min(durations) >= _FEWEST_STEPS * SEARCH_STEP
 
 

@@ -64,7 +64,7 @@ def pairs(context: LibraryContext) -> dict[tuple[str, str], list[Surface]]:
 
 
 def pair_name(right: str, left: str) -> str:
-    """What two surfaces are called together.
+    """Return what two surfaces are called together.
 
     >>> pair_name("elevon_inboard_right", "elevon_inboard_left"), pair_name("a", "b")
     ('elevon_inboard', 'a_b')

@@ -106,7 +106,7 @@ def filter_error(
 def _forms(
     model: DynamicModel, gain: Gain | None, covariance: Covariance | None
 ) -> list[tuple[Covariance, bool]]:
-    """What is estimated of the noise, each with whether the gain is steady."""
+    """Return what is estimated of the noise, each with whether the gain is steady."""
     if covariance == "innovations" and gain == "extended":
         raise InputError(
             "the covariance of innovations is constant only with a steady gain",
@@ -204,7 +204,7 @@ def first_noise(
 
 
 def _determined(found: Optimum) -> bool:
-    """Whether the information tells all parameters that act from each other."""
+    """Return whether the information tells all parameters that act from each other."""
     f = len(found.point.vector)
     information = found.information[:f, :f]
     live = np.diag(information) > 0.0
@@ -224,7 +224,7 @@ def _searched(problem: FilterProblem, start: Point, most_iterations: int) -> Opt
 
 
 def _exact(found: Optimum) -> bool:
-    """Whether an output has no noise but the least that keeps the filter regular.
+    """Return whether an output has no noise but the least that keeps the filter regular.
 
     That is the spike of a likelihood, not a measurement: an attitude that a smoother made from the
     rates fits any filter exactly, and says nothing of the aerodynamics.

@@ -124,7 +124,7 @@ def _turbulence(test: ProcessNoiseTest) -> str:
 
 
 def _divergence(optimum: Optimum) -> str:
-    """Why there is no estimate; empty where there is one."""
+    """Return why there is no estimate; empty where there is one."""
     if not np.isfinite(optimum.log_likelihood):
         return "the filter loses the motion at the start values: start closer"
     if not optimum.converged:

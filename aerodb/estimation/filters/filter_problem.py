@@ -191,8 +191,8 @@ class FilterProblem:
         )
 
     def penalty(self, vectors: Array) -> Array:
-        """What the priors take from the log-likelihood at vectors (f, k), (k,), without unit; 0 for
-        a parameter without a prior, whose error is inf."""
+        """Return what the priors take from the log-likelihood at vectors (f, k), (k,), without
+        unit; 0 for a parameter without a prior, whose error is inf."""
         prior, error = priors_of(self.model.parameters.unknown)
         return np.asarray(0.5 * (((vectors - prior[:, None]) / error[:, None]) ** 2).sum(axis=0))
 

@@ -158,7 +158,8 @@ def _act(
     columns: Integers,
     states: Array,
 ) -> Array:
-    """Which of the unknowns `columns` change rates or outputs anywhere; others are first states."""
+    """Return which of the unknowns `columns` change rates or outputs anywhere; others are first
+    states."""
     lanes = len(columns) + 1 if len(columns) else 0
     vectors = np.repeat(vector[:, None], lanes, axis=1)
     vectors[columns, np.arange(1, lanes)] += steps[columns]

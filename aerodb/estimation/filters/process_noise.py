@@ -123,7 +123,7 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
 
 
 def _memories(fit: Fit) -> dict[str, float]:
-    """How many residuals of each output count as one independent sample."""
+    """Return how many residuals of each output count as one independent sample."""
     found: dict[str, float] = {}
     for name in dict.fromkeys(name for record in fit.residuals.values() for name in record):
         _, correlation = ljung_box([record[name] for record in fit.residuals.values()])

@@ -93,7 +93,7 @@ class _Matching:
         values: dict[str, Array],
         tied: dict[str, tuple[str, float]],
     ) -> tuple[Array, Array]:
-        """What is known of a matrix (r, c), and its derivatives (g, r, c)."""
+        """Return what is known of a matrix (r, c), and its derivatives (g, r, c)."""
         known = matrix.constant.copy()
         slopes = np.zeros((len(self.names), *known.shape))
         for name, slope in matrix.slopes.items():
@@ -129,7 +129,7 @@ class _Matching:
         return solved, response - matrix @ solved
 
     def residual(self, vector: Array) -> Array:
-        """What the best entries leave of the equations."""
+        """Return what the best entries leave of the equations."""
         return self._solved(vector)[1]
 
     def entries(self, vector: Array) -> dict[str, float]:

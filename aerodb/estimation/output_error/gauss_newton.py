@@ -91,8 +91,8 @@ class _Search:
         return self._state(vector, tuple(each))
 
     def worse(self, vector: Array, cost: float) -> bool:
-        """Whether the outputs alone show that a step to `vector` raises the cost: derivatives that
-        would be thrown away are not computed."""
+        """Return whether the outputs alone show that a step to `vector` raises the cost:
+        derivatives that would be thrown away are not computed."""
         if not self.quick:
             return False
         return self.outputs_only(vector).cost > cost + 1e-9 * abs(cost)

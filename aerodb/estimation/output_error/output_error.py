@@ -196,7 +196,7 @@ def fit_of(
 
 
 def _divergence(model: DynamicModel, records: Sequence[TimeHistory], solution: Solution) -> str:
-    """Why there is no estimate; empty where there is one."""
+    """Return why there is no estimate; empty where there is one."""
     remedy = "start closer; an unstable motion needs stabilised output error or multiple shooting"
     for record, response in zip(records, solution.responses, strict=True):
         lost = ~np.isfinite(response.outputs).all(axis=1)

@@ -79,7 +79,7 @@ def _constrained(model: object) -> TypeGuard[Constrained]:
 
 
 def acts_on(name: str, record: str) -> bool:
-    """Whether a parameter acts on a record: those of single records end with its name.
+    """Return whether a parameter acts on a record: those of single records end with its name.
 
     >>> acts_on("bias_p[one]", "one"), acts_on("bias_p[one]", "two"), acts_on("Lp", "two")
     (True, False, True)
@@ -135,7 +135,7 @@ def acting(parameters: Parameters, record: str) -> Integers:
 
 
 def _agree(outputs: Array, accurate: Array) -> bool:
-    """Whether outputs (n, o) are close enough for derivatives."""
+    """Return whether outputs (n, o) are close enough for derivatives."""
     apart = np.sqrt(np.mean((outputs - accurate) ** 2, axis=0))
     return bool(np.all(apart <= _CLOSE * accurate.std(axis=0)))
 

@@ -181,7 +181,7 @@ def _spectra(
 
 
 def _independent(window: Array, hop: int, count: int) -> float:
-    """How many independent windows `count` overlapping ones are worth (Welch 1967)."""
+    """Return how many independent windows `count` overlapping ones are worth (Welch 1967)."""
     energy, shared = float(np.sum(window**2)), 0.0
     for lag in range(1, min(count, int(np.ceil(len(window) / hop)))):
         common = float(np.sum(window[: -lag * hop] * window[lag * hop :])) / energy

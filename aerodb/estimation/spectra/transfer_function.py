@@ -161,8 +161,8 @@ def _through_windows(
     values: Array,
     omega: Array,
 ) -> Complex | None:
-    """What windows make of the response of a transfer function to the measured input, relative to
-    the transfer function (m,); None where it does not die away within a record."""
+    """Return what windows make of the response of a transfer function to the measured input,
+    relative to the transfer function (m,); None where it does not die away within a record."""
     shortest = min(len(record.time) * record.step for record in records)
     if structure.slowest(values) * shortest < _DIES_AWAY:
         return None

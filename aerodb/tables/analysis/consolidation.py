@@ -232,7 +232,7 @@ def _share_at(
 
 
 def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]]:
-    """Where every regressor is folded in, and the new grids of the tables concerned."""
+    """Return where every regressor is folded in, and the new grids of the tables concerned."""
     open_sites, grids, folds = linear_tables(database), dict[str, _Grid](), []
     for i, increment in enumerate(database.increments):
         for k, table in enumerate(increment.folded):

@@ -82,7 +82,7 @@ def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
 
 
 def _foldable(database: AeroDatabase, name: str) -> bool:
-    """Whether increments can be folded into a table.
+    """Return whether increments can be folded into a table.
 
     It must be linear between breakpoints and held outside them, and its declared uncertainty, if
     any, must be additive: an uncertainty in proportion to the value would change its meaning.

@@ -121,5 +121,5 @@ def _dependent(database: AeroDatabase, variable: str) -> AeroDatabase | None:
 
 
 def _made_of(hat: str, variable: str) -> bool:
-    """Whether `hat` is a rate without dimension that `variable` changes."""
+    """Return whether `hat` is a rate without dimension that `variable` changes."""
     return hat in HAT_RATES and variable in (HAT_RATES[hat][0], "V")

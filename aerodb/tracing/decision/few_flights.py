@@ -209,7 +209,7 @@ def _silent(estimates: FlightEstimates, test: Tested, index: int) -> tuple[float
 
 
 def _agree(value: float, right: float, total: float) -> bool:
-    """Whether a part with these sums supports the `value` of another part.
+    """Return whether a part with these sums supports the `value` of another part.
 
     It rejects on its own that there is nothing (one-sided, 5 %), and its error is lower with the
     `value` than with none.
@@ -223,8 +223,8 @@ def _agree(value: float, right: float, total: float) -> bool:
 def _contradicted(
     estimates: FlightEstimates, test: Tested, index: int, silent: tuple[float, float]
 ) -> bool:
-    """Whether the other units reject that the effect is as large as the one unit says (one-sided, 5
-    %).
+    """Return whether the other units reject that the effect is as large as the one unit says
+    (one-sided, 5 %).
     """
     right, total = silent
     if total <= 0.0:
@@ -241,7 +241,7 @@ def _contradicted(
 def _halves_agree(
     joint: JointModel, test: Tested, index: int, evidence: Sequence[Evidence]
 ) -> bool:
-    """Whether the halves of the one unit support each other, as other units would.
+    """Return whether the halves of the one unit support each other, as other units would.
 
     Blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010.
     """
@@ -334,7 +334,7 @@ def _because(
 def _twins(
     joint: JointModel, index: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
 ) -> str:
-    """Which rivals are the same column up to a factor, and in which units.
+    """Return which rivals are the same column up to a factor, and in which units.
 
     No flight of this kind can tell them apart.
     """

@@ -77,7 +77,7 @@ def _separation(
     rival: int,
     normal_equations: Sequence[NormalEquations],
 ) -> str:
-    """How much the one has to move without the other."""
+    """Return how much the one has to move without the other."""
     names, sensors = tests.campaign.hypotheses, set(tests.campaign.sensors)
     terms, freed = (
         tuple(i for i in group if i != index) for group in (decision.terms, decision.freed)
@@ -136,8 +136,8 @@ def _amount(
 
 
 def _calibration(tests: CrossFlightTests, decision: Decision, index: int, sensor: int) -> str:
-    """How well the sensor must be known by other means: to a third of the error that would replace
-    the finding.
+    """Return how well the sensor must be known by other means: to a third of the error that would
+    replace the finding.
     """
     names = tests.campaign.hypotheses
     terms = tuple(i for i in decision.terms if i != index)

@@ -225,7 +225,7 @@ def _problem(flights: Campaign, of: Sequence[int], settings: TracingSettings) ->
 
 
 def _better_gains(problem: ShapeProblem, terms: int, settings: TracingSettings) -> bool:
-    """Whether the gains that the other folds give predict a fold better than those of the
+    """Return whether the gains that the other folds give predict a fold better than those of the
     candidate.
     """
     folds = np.arange(len(problem.total))

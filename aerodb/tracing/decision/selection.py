@@ -159,7 +159,7 @@ def _candidates(
 
 
 def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:
-    """Whether a sensor would have to be wrong by more than is known of it.
+    """Return whether a sensor would have to be wrong by more than is known of it.
 
     What is known of it is its prior already: beyond that, the estimate itself must be believable,
     not only the nearer end of its interval.

@@ -312,8 +312,8 @@ class _Shapes:
         return _channels(self.known[finding.hypothesis].drivers)
 
     def observed(self, finding: Finding) -> bool:
-        """Whether functions may depend on all that a term depends on: not on the state of a stall,
-        which no variable shows."""
+        """Return whether functions may depend on all that a term depends on: not on the state of a
+        stall, which no variable shows."""
         return self._drivers(finding) <= _channels(self.flights[0].variables)
 
     def _named(self, axis: str) -> list[str]:

@@ -282,13 +282,13 @@ class ModelElimination:
         return after, after * value / (quadratic * rest)
 
     def _sensors(self, indices: Indices) -> tuple[Indices, Indices]:
-        """Which of the indices are sensors, and which sensors these are."""
+        """Return which of the indices are sensors, and which sensors these are."""
         number = self.base.number[indices]
         which = np.flatnonzero(number >= 0)
         return which, number[which]
 
     def _among(self, indices: Indices) -> Indices:
-        """Which of the indices are members."""
+        """Return which of the indices are members."""
         member = np.zeros(len(self.base.column), dtype=bool)
         member[self.members] = True
         return np.flatnonzero(member[indices])

@@ -110,8 +110,8 @@ def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
 
 
 def _is(other: Expression, regressor: Expression, name: str) -> bool:
-    """Whether `other` equals the shape-misfit term `name` of `regressor`, up to a share of the
-    regressor.
+    """Return whether `other` equals the shape-misfit term `name` of `regressor`, up to a share of
+    the regressor.
     """
     over_alpha = name.endswith("~alpha")
     if other.names != (regressor.names | {"alpha"} if over_alpha else regressor.names):
