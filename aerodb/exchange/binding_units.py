@@ -23,7 +23,7 @@ def binding_fault(name: str, expression: Expression, unit: str) -> tuple[str, st
     there is none); None where nothing is.
 
     name : of the input. expression : of channels, in SI. unit : of the input, in pint's spelling;
-    one that pint does not know is not checked.
+    one that pint does not know is not checked. An unknown unit raises no error here.
 
     >>> from aerodb.tables import parse
     >>> binding_fault("ALP", parse("alpha"), "deg")
@@ -65,7 +65,8 @@ def binding_question(name: str, fault: tuple[str, str], where: str) -> OpenQuest
 
 
 def raise_together(questions: Sequence[OpenQuestionsError], where: str) -> None:
-    """Raise all questions about a file as one, where there are any."""
+    """Raise all questions about a file as one OpenQuestionsError, where there are any; see
+    `binding_fault`."""
     if not questions:
         return
     what = questions[0].what if len(questions) == 1 else f"{len(questions)} inputs leave a question"
@@ -78,7 +79,8 @@ def raise_together(questions: Sequence[OpenQuestionsError], where: str) -> None:
 
 
 def in_unit(expression: Expression, scale: float) -> Expression:
-    """Return an expression times the scale of a conversion. scale : of a unit, a number."""
+    """Return an expression times the scale of a conversion. scale : of a unit, a scalar
+    (`conversion`)."""
     return expression if scale == 1.0 else Operation("*", expression, Number(scale))
 
 

@@ -55,9 +55,11 @@ class FileChecks:
 
 
 def check_file(data: bytes, name: str, database: AeroDatabase) -> FileChecks:
-    """Compare a database with the check cases of the XML file it was imported from.
+    """Compare a database with the check cases of the XML file (DAVE-ML or JSBSim, in its own units)
+    it was imported from.
 
-    data : content of the file. name : of the file. Cases that cannot be read count as one failure.
+    data : content of the file. name : of the file. Cases that cannot be read (an `AeroError`) count
+    as one failure, and raise nothing.
     """
     try:
         return _daveml(data, name, database) if is_daveml(data) else _jsbsim(data, name, database)

@@ -41,7 +41,7 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
     """Return `database` with a term, and its variables, in place of each increment, and their sum
     in place of `LIFT_INCREMENTS`.
 
-    `predict` gives the same values.
+    `predict` gives the same values, dimensionless.
     """
     if not database.increments and not database.depends_on_lift_increments:
         return database

@@ -33,6 +33,7 @@ def propose_bindings(name: str, description: str, channels: Collection[str]) -> 
     whose words its name contains, the closest first, and zero.
 
     description : of the free input, with the unit that its file states. channels : to choose from.
+    A unit that is not known raises no error: it gives no scale.
 
     >>> propose_bindings("gear", "landing gear [deg, positive ext]", ["delta_landing_gear"])
     ('gear=0',)

@@ -56,7 +56,8 @@ DOCUMENT_FORMAT: Final = 1
 
 
 def read_native(text: str, where: str = "database file") -> AeroDatabase:
-    """Return the database of a TOML text.
+    """Return the database of a TOML text (docs/reference/conventions.md, section "Database file"),
+    in SI units.
 
     Raises InputError that names the key and, for a mistyped name, the nearest valid one.
     Breakpoints that do not increase and shapes that do not match are refused.
@@ -217,7 +218,8 @@ def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
 def to_document(database: AeroDatabase) -> dict[str, Any]:
     """Return `database`, increments included, as JSON-serialisable values.
 
-    `from_document` gives back an equal database.
+    `from_document` gives back an equal database. Values are in SI units; arrays keep their shape as
+    nested lists.
     """
     reference = database.reference
     return {
@@ -337,7 +339,8 @@ def _refit_document(refit: Refit) -> dict[str, Any]:
 
 
 def database_document_sha256(database: AeroDatabase) -> str:
-    """Return the sha256 of everything in a database, expressions included.
+    """Return the sha256 of everything in a database (`to_document`, sorted keys), expressions
+    included.
 
     Results computed with a database are stored under this hash. It leaves out the fields that the
     notes of increments repeat in words, so that the hashes of documents that have only notes do not
@@ -398,7 +401,8 @@ def _refit(file: RefitFile | None) -> Refit | None:
 
 
 def database_content_sha256(database: AeroDatabase) -> str:
-    """Return the sha256 of the numbers of a database (float64, little-endian).
+    """Return the sha256 of the numbers of a database (float64, little-endian, SI units;
+    `content_sha256` of their arrays).
 
     The numbers are the reference, the tables by name, the increments and the states in order. The
     hash protects the stored numbers; the key of the version's document protects expressions and

@@ -62,7 +62,8 @@ def _note(state: StateModel) -> str:
 
 
 def with_state_replaced(database: AeroDatabase, name: str, by: Expression) -> AeroDatabase:
-    """Return the database with `by` in place of the state `name` in terms and variables."""
+    """Return the database with `by` in place of the state `name` in terms and variables; `by` is
+    dimensionless as the state is."""
     if by == Name(name):
         return database
     terms = tuple(

@@ -61,7 +61,7 @@ def find(element: Any, *tags: str) -> Any:
 def unsupported(element: Any, parent: str, where: str) -> InputError:
     """Return the error for an unknown element.
 
-    An element that is not understood is never left out silently.
+    An element that is not understood is never left out silently: its caller raises this InputError.
     """
     return InputError(
         f"unsupported element <{tag(element)}> in {parent}",

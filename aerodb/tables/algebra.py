@@ -14,7 +14,8 @@ def plus(left: Expression, right: Expression) -> Expression:
 
 
 def cancel(expression: Expression, factor: Name) -> Expression | None:
-    """Divide `expression` by `factor` exactly; None where it is not a multiple of it.
+    """Divide `expression` by `factor` exactly; None, and no error, where it is not a multiple of
+    it.
 
     >>> from aerodb.tables.expression import parse
     >>> str(cancel(parse("qbar*(2*S) - CL(alpha)*S/4*qbar"), Name("S")))

@@ -194,7 +194,7 @@ class AeroDatabase:
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
-        """Names that evaluation uses, sorted, dimensionless rates among them."""
+        """Names that evaluation uses, sorted, dimensionless rates (`HAT_RATES`) among them."""
         names = set(self._program.inputs).union(*(increment.names for increment in self.increments))
         if self.on_wind_axes:
             names |= {"alpha", "beta"}
@@ -228,7 +228,7 @@ class AeroDatabase:
     @cached_property
     def flight_inputs(self) -> tuple[str, ...]:
         """Channels and free inputs that a flight must have, sorted: `inputs`, with each state
-        replaced by the channels that it is integrated from."""
+        replaced by the channels, (n,) in SI units, that it is integrated from."""
         used = [self._states[name] for name in self.inputs if name in self._states]
         return tuple(
             sorted(

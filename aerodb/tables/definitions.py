@@ -28,8 +28,8 @@ def check_uncertainties(
     """Raise InputError where a bound names a variable that does not exist, or where a variable has
     bounds per node.
 
-    database : its name, for messages. variables : name -> declared uncertainty, None where there
-    is none. tables : all tables, on grids and on scattered points.
+    database : its name, for messages. variables : name -> declared uncertainty, None where there is
+    none. tables : all tables, on grids and on scattered points (n, k).
     """
     carriers = [*variables.items(), *((table.name, table.uncertainty) for table in tables)]
     for name, uncertainty in carriers:
@@ -55,6 +55,7 @@ def check_definitions(
     neither channels nor constants.
 
     database : its name, for messages. tables : key and table, on grids and on scattered points.
+    Names: `check_identifier`.
     """
     defined: dict[str, str] = {}
     tables = list(tables)
@@ -102,7 +103,8 @@ def check_states(database: str, states: Iterable[StateModel], free_inputs: Conta
 
 
 def check_axis(axis: str, database: str) -> None:
-    """Raise InputError, with the nearest valid name, for an unknown coefficient axis."""
+    """Raise InputError, with the nearest valid name, for an unknown coefficient axis
+    (`axis_description`)."""
     try:
         axis_description(axis)
     except UnknownNameError as error:
@@ -113,7 +115,7 @@ def check_input(
     name: str, database: str, variables: Iterable[str], free_inputs: Iterable[str]
 ) -> None:
     """Raise InputError, with the nearest valid name, for a name that is neither a free input nor a
-    channel."""
+    channel (`CHANNELS`)."""
     if name in free_inputs or name == LIFT_INCREMENTS:
         return
     try:

@@ -171,7 +171,7 @@ class Increment:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """Channels of its regressors and of its envelope."""
+        """Channels, (n,) in SI units, of its regressors and of its envelope."""
         return frozenset(self._program.inputs) | frozenset(self.envelope)
 
     @cached_property
@@ -188,7 +188,8 @@ class Increment:
         return bool(np.any(self.layered))
 
     def fading(self, regressor: int) -> frozenset[str]:
-        """Variables over whose envelope a regressor fades: its own and `BASE_VARIABLES`."""
+        """Return the variables over whose envelope (SI units) a regressor, by its number, fades:
+        its own and `BASE_VARIABLES`."""
         return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
 
     def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:

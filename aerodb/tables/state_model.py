@@ -195,7 +195,8 @@ class StateModel:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Channels of a flight that it is computed from."""
+        """Channels of a flight, (n,) each, that it is computed from: alpha [rad], and V [m/s] where
+        it lags."""
         moving = not isinstance(self.law, Relay) and (
             self.law.lag > 0.0 or self.law.relaxation > 0.0
         )

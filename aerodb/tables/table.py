@@ -150,8 +150,8 @@ class Table:
 
     @cached_property
     def modes(self) -> NDArray[np.int64]:
-        """(N,) code of each axis for the compiled loop: index of its interpolation plus 4 times the
-        index of its extrapolation."""
+        """Code (N,) of each axis for the compiled loop (`execute`): index of its interpolation plus
+        4 times the index of its extrapolation."""
         modes = np.zeros(len(self.breakpoints), dtype=np.int64)
         for words, known, factor in (
             (self.interpolation, INTERPOLATIONS, 1),

@@ -61,7 +61,8 @@ def total_coefficients(
     further: Iterable[Expression] = (),
     factors: Mapping[str, str] | None = None,
 ) -> TotalCoefficients:
-    """Return the whole database as one machine.
+    """Return the whole database as one machine: body-axis coefficients (6, k), dimensionless, of
+    inputs in SI units.
 
     Parameters
     ----------

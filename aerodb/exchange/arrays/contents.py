@@ -183,7 +183,8 @@ def from_contents(contents: Contents, kind: str, where: str) -> AeroDatabase:
 
 
 def parse_manifest(text: str, where: str) -> dict[str, Any]:
-    """Return the manifest of a file. Raises InputError if it is not a JSON object."""
+    """Return the manifest of a file (JSON, RFC 8259). Raises InputError if it is not a JSON
+    object."""
     try:
         manifest = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -202,7 +203,8 @@ def check_size(data: bytes, where: str) -> None:
 
 
 def conventions(database: AeroDatabase) -> dict[str, Any]:
-    """Return what a reader needs to use the numbers.
+    """Return what a reader needs to use the numbers (docs/reference/conventions.md, section "Axes,
+    signs, units").
 
     Axes and signs, units of the inputs, reference lengths and the moment reference point.
     """
@@ -234,7 +236,8 @@ def conventions(database: AeroDatabase) -> dict[str, Any]:
 def argument_units(database: AeroDatabase) -> dict[str, list[str]]:
     """Return the SI units of the arguments of each table.
 
-    A unit is known only for an argument that is a channel itself; for a formula it is empty.
+    A unit is known only for an argument that is a channel itself; for a formula it is empty
+    (`channel_of`).
     """
     units: dict[str, list[str]] = {
         name: [""] * len(table.arguments) for name, table in database.tables.items()

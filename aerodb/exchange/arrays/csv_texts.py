@@ -19,7 +19,8 @@ _NEGATIVE: Final = re.compile(r"-\d+(\.\d+)?(e[-+]?\d+)?", re.ASCII)
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """CSV text; floats in their shortest form that reads back exactly; no text is a formula."""
+    """Return CSV text (RFC 4180, lines ended by LF); floats in their shortest form that reads back
+    exactly; no text is a formula."""
     written = io.StringIO(newline="")
     writer = csv.writer(written, lineterminator="\n")
     for row in (header, *rows):
@@ -44,7 +45,8 @@ def from_text(cell: str) -> str:
 
 
 def csv_rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of equal width. Raises InputError otherwise."""
+    """Return header and rows (n, k) of equal width, as text (RFC 4180). Raises InputError
+    otherwise."""
     try:
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
     except csv.Error as error:

@@ -263,7 +263,8 @@ class SignalEvaluator:
         return rebuilt(variable.expression, lambda node: given if node == channels else node)
 
     def at(self, inputs: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of all variables and inputs by id.
+        """Return the values of all variables and inputs by id, scalars in the units that the file
+        declares.
 
         Raises InputError that names missing inputs.
         """
@@ -278,7 +279,8 @@ class SignalEvaluator:
         }
 
     def values_of(self, inputs: Mapping[str, float]) -> list[float]:
-        """Return the values of the further expressions at an input, as `at` takes it."""
+        """Return the values (scalars) of the further expressions at an input, as `at` takes it;
+        raises what `at` raises."""
         return self._run(inputs)[1][len(self._database.variables) :]
 
     def _run(self, inputs: Mapping[str, float]) -> tuple[dict[str, Any], list[float]]:

@@ -84,7 +84,8 @@ class Document:
         return self._ids.get(name, name)
 
     def add_input(self, name: str) -> None:
-        """Add an input: a channel in SI, or a free input of the database."""
+        """Add an input: a channel in SI units with the standard name and sign of AIAA S-119
+        (`STANDARD_INPUTS`), or a free input of the database."""
         known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
         unit = (
             write_unit(channel(name).unit) if known else _unit_of(self._database.free_inputs[name])
@@ -112,6 +113,7 @@ class Document:
         """Add a ``variableDef``.
 
         It is a constant, a calculation, the result of a table or, without `expression`, an input.
+        unit : in DAVE-ML's spelling, ``nd`` for none.
         """
         element = etree.Element(f"{{{NAMESPACE}}}variableDef")
         self._variables[identity] = element
@@ -166,7 +168,8 @@ class Document:
     ) -> str:
         """Add a variable that only the file has; return its name.
 
-        axis : the coefficient that this variable is, if any.
+        axis : the coefficient that this variable is, if any; unit : in DAVE-ML's spelling, as
+        `write_unit` gives it.
         """
         identity = self._unused(re.sub(r"\W", "_", wanted), self._taken)
         self._taken.add(identity)
@@ -180,7 +183,8 @@ class Document:
     def add_declared(self, name: str, variable: Variable, output: bool) -> None:
         """Add a variable of the database with its declaration.
 
-        On an axis, only a total of the database remains an output.
+        On an axis, only a total of the database remains an output (`output_axis`). Units are those
+        declared; raises InputError for an unknown sign.
         """
         declared, identity = variable.declared, self._ids[name]
         shown = declared.get("name", identity)
@@ -239,7 +243,7 @@ class Document:
                     self._signal(parent, signal, part == "internalValues")
 
     def to_bytes(self) -> bytes:
-        """Return the content of the file."""
+        """Return the content of the file: DAVE-ML 2.0 (AIAA S-119), XML in UTF-8."""
         etree.indent(self._root)
         data: bytes = etree.tostring(
             self._root, encoding="UTF-8", xml_declaration=True, doctype=_DOCTYPE

@@ -53,7 +53,8 @@ _CSYMBOLS: Final = {"atan2": "atan2"}
 def read_math(element: Any, resolve: Resolve, where: str) -> Expression:
     """Return the expression of a ``<math>`` element or of an element inside one.
 
-    resolve : returns the expression that a ``<ci>`` stands for.
+    resolve : returns the expression that a ``<ci>`` refers to. Language: content MathML 2 (W3C
+    2003).
 
     Raises InputError that names an unknown element, function or operand count.
     """

@@ -95,11 +95,13 @@ class Model:
         return self._identifiers[identity]
 
     def identifier(self, identity: str) -> str:
-        """Return the name of a signal among the database's variables."""
+        """Return the name of a signal among the database's variables (`declare`); KeyError for an
+        unknown one."""
         return self._identifiers[identity]
 
     def value(self, identity: str) -> Expression:
-        """Return the expression that refers to a signal."""
+        """Return the expression that refers to a signal (`identifier`), in its declared unit;
+        KeyError for an unknown one."""
         return Name(self._identifiers[identity])
 
     def defined(self, identity: str) -> bool:
@@ -107,7 +109,8 @@ class Model:
         return identity in self._defined
 
     def define(self, identity: str, expression: Expression, where: str) -> None:
-        """Set the expression of a signal.
+        """Set the expression of a signal (``calculation`` or ``function``, in the unit that it
+        declares).
 
         Raises InputError for an unknown signal or a second definition.
         """
@@ -135,7 +138,8 @@ class Model:
         return name
 
     def database(self, reference: Reference | None) -> AeroDatabase:
-        """Return the database of everything that was read.
+        """Return the database of everything that was read, in SI units. Raises InputError, or
+        OpenQuestionsError for inputs without a meaning.
 
         reference : replaces the reference geometry of the file.
         """

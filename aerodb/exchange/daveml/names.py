@@ -85,7 +85,8 @@ class Declaration:
 
 
 def read_unit(unit: str) -> str:
-    """Return a DAVE-ML unit in this product's spelling; units after an underscore divide.
+    """Return a DAVE-ML unit in this product's spelling; units after an underscore divide (AIAA
+    S-119).
 
     >>> read_unit("rad_s"), read_unit("f2"), read_unit("kg_m3"), read_unit("nd")
     ('rad/s', 'ft^2', 'kg/m^3', '')
@@ -108,7 +109,7 @@ def _factor(text: str) -> str:
 
 
 def write_unit(unit: str) -> str:
-    """Return an SI unit of the glossary in DAVE-ML's spelling.
+    """Return an SI unit of `CHANNELS` in DAVE-ML's spelling (AIAA S-119).
 
     >>> write_unit("rad/s"), write_unit("kg/m^3"), write_unit("1"), write_unit("m/s^2")
     ('rad_s', 'kg_m3', 'nd', 'm_s2')
@@ -130,7 +131,8 @@ def unit_conversion(unit: str, to: str) -> tuple[float, float] | None:
 
 
 def sign_factor(sign: str, same: str, opposite: str) -> int:
-    """Return 1 or -1 for a known sign convention, 0 for an unknown one.
+    """Return 1 or -1 (dimensionless) for a known sign convention, 0, and no error, for an unknown
+    one.
 
     A file that states none uses the standard's own: 1.
     """
@@ -230,7 +232,8 @@ def channel_in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expr
 def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
     """Return the axis of an output and its sign; None if the output is not a coefficient.
 
-    An output is identified by its standard name or by the name of an axis.
+    An output is identified by its standard name (AIAA S-119, `STANDARD_SIGNS`) or by the name of an
+    axis.
 
     Raises InputError for an unknown sign.
     """

@@ -21,7 +21,7 @@ _ROOT: Final = "DAVEfunc"
 
 
 def read_root(xml: bytes, where: str) -> Any:
-    """Return the element ``<DAVEfunc>``.
+    """Return the element ``<DAVEfunc>`` (DAVE-ML 2.0, AIAA S-119; at most `_MAX_BYTES` [bytes]).
 
     Raises InputError for content that is not DAVE-ML, declared entities, and sizes beyond the
     limits above.

@@ -74,7 +74,8 @@ class Argument:
 
 
 def limited(value: Expression, low: float, high: float) -> Expression:
-    """Return `value` limited to `low` and `high`, either of which may be infinite."""
+    """Return `value` limited to `low` and `high`, either of which may be infinite; scalars in the
+    unit of `value`."""
     if math.isfinite(low) and math.isfinite(high):
         return Call("clip", (value, constant(low), constant(high)))
     if math.isfinite(low):
@@ -168,7 +169,8 @@ class TableReader:
     def ungridded(self, element: Any, where: str) -> Points:
         """Return the table of an ``ungriddedTableDef`` or ``ungriddedTable``.
 
-        Each data point is its coordinates, then the value.
+        Each data point is its coordinates, then the value: points (n, k), values (n,). Raises
+        InputError for points of different lengths.
         """
         rows = []
         for child in children(element):
@@ -246,7 +248,8 @@ class PointLists:
 
 
 def read_point_lists(element: Any, where: str) -> PointLists:
-    """Read a function that is written as lists of points."""
+    """Read a function that is written as lists of points: axes (n,) each, values in their product's
+    shape. Raises InputError where the numbers do not fit."""
     arguments, axes = [], []
     dependent = None
     for child in children(element):

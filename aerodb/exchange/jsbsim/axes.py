@@ -90,7 +90,8 @@ def axis_frame(element: Any, where: str) -> tuple[str, str]:
 def axis_shares(axis: str, frame: str) -> Shares:
     """Return the axes that a function on `axis` in `frame` contributes to.
 
-    Each axis comes with its factor as an expression.
+    Each axis comes with its factor as an expression, dimensionless. KeyError for an unknown frame
+    or axis (`check_systems`).
     """
     return _FRAMES[frame][axis]
 
@@ -100,7 +101,7 @@ def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
 
     The force axes must also belong to one system.
 
-    acting : axis, frame and function of each function.
+    acting : axis, frame and function of each function (`_SYSTEMS`).
     """
     systems = list(acting)
     forces = {axis for axis, _, _ in systems if axis not in _MOMENTS}

@@ -86,7 +86,7 @@ class Agreement:
 
     @property
     def passed(self) -> bool:
-        """Whether every axis agrees within `TOLERANCE`."""
+        """Whether every axis agrees within `TOLERANCE`, of dimensionless coefficients."""
         return all(error <= TOLERANCE for error in self.errors.values())
 
 
@@ -95,7 +95,7 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
 
     They cover the breakpoints of the tables and a margin beyond. Speed, density, dynamic pressure
     and Mach number are consistent in each case. Points where a coefficient is not finite are left
-    out, so that there may be fewer.
+    out, so that there may be fewer. Inputs are scalars in SI units.
     """
     rng = np.random.default_rng(seed)
     ranges = _ranges(database)
@@ -118,7 +118,8 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
 
 
 def read_jsbsim_cases(xml: bytes, name: str) -> tuple[CheckCase, ...]:
-    """Return the check cases that an export wrote to a JSBSim file; empty if it has none.
+    """Return the check cases that an export wrote to a JSBSim file; empty if it has none. Inputs
+    are in SI units, outputs dimensionless (`CheckCase`).
 
     name : shown in errors. Raises InputError for XML that cannot be read, or a case without one
     number per axis.

@@ -31,7 +31,7 @@ def node(tag: str, *children: Element, text: str = "", **attributes: str) -> Ele
 
 
 def value(x: float) -> Element:
-    """Return a ``<value>`` that reads back as exactly `x`."""
+    """Return a ``<value>`` that reads back as exactly the scalar `x`, in JSBSim's unit."""
     return node("value", text=repr(float(x)))
 
 
@@ -72,7 +72,8 @@ class Axis:
 
 
 def snapped_argument(axis: Axis) -> Element:
-    """Return the breakpoint that represents an argument on an axis that is not linear."""
+    """Return the breakpoint that represents an argument on an axis (n,) that is not linear:
+    ``discrete``, ``floor`` or ``ceiling``; KeyError for another."""
     points = axis.breakpoints
     test, thresholds = {
         "discrete": ("ge", (points[:-1] + points[1:]) / 2),
@@ -87,7 +88,8 @@ def snapped_argument(axis: Axis) -> Element:
 
 
 def table(axes: list[Axis], values: Array) -> Element:
-    """Return a table over `axes`, all linear and with two or more breakpoints each."""
+    """Return a table over `axes`, all linear and with two or more breakpoints each. values : in the
+    axes' shape, dimensionless or in JSBSim's units."""
     for k, axis in enumerate(axes):
         if axis.extrapolation != "neither":
             held = [*axes[:k], replace(axis, extrapolation="neither"), *axes[k + 1 :]]

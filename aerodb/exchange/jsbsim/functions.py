@@ -51,7 +51,7 @@ class Functions:
         self._numbers = 0
 
     def refuse(self, element: Any, parent: str) -> NoReturn:
-        """Raise the error for an unsupported element."""
+        """Raise the InputError for an element that is not supported."""
         raise InputError(
             f"unsupported element <{element.tag}> in {parent}",
             self.where,
@@ -66,12 +66,14 @@ class Functions:
                 self.identifier(name)
 
     def constant(self, element: Any) -> None:
-        """Read ``<property value="...">name</property>``."""
+        """Read ``<property value="...">name</property>``, a scalar in JSBSim's units. Raises
+        InputError for no number."""
         value = read_number(element.get("value", "0"), f"{self.where}: <property>")
         self.defined[(element.text or "").strip()] = (number(value), "constant of the file")
 
     def function(self, element: Any) -> str:
-        """Read a function; return the property that it defines."""
+        """Read a function; return the property that it defines, in JSBSim's units. Raises
+        InputError for what is not supported and for a name that is there already."""
         name = (element.get("name") or f"function-{len(self.defined) + 1}").strip()
         if set(element.attrib) - {"name", "type"} or element.get("type", "pre") != "pre":
             raise InputError(
@@ -99,7 +101,8 @@ class Functions:
         return name
 
     def identifier(self, name: str) -> str:
-        """Return the identifier of a property, always the same."""
+        """Return the identifier of a property (`property_identifier`), always the same. Raises
+        InputError for an empty or too long name."""
         if not name or len(name) > MAX_NAME:
             raise InputError(
                 f"a property name of {len(name)} characters",

@@ -31,8 +31,8 @@ class MassBalance:
 
 
 def mass_balance_of(properties: MassProperties, source: str) -> MassBalance | None:
-    """Return the loading that a vehicle file states: at half the range of its fuel table, if it has
-    one; None where the mass is logged instead.
+    """Return the loading (mass [kg], CG [m], inertia [kg m²], CG (3,)) that a vehicle file states:
+    at half the range of its fuel table, if it has one; None where the mass is logged instead.
 
     source : names the vehicle file.
     """
@@ -76,7 +76,7 @@ def mass_balance(
     """Return ``<mass_balance>``: that of `balance`, or placeholders about `moment_reference`.
 
     JSBSim's <ixz> is an element of the inertia tensor, minus the integral of x z dm
-    (``negated_crossproduct_inertia``).
+    (``negated_crossproduct_inertia``). Written are [slug ft²] and [lbs].
     """
     if balance is None:
         note, cg = _UNKNOWN, moment_reference

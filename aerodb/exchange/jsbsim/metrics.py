@@ -102,7 +102,7 @@ def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes]
 
 
 def read_number(text: str | None, where: str) -> float:
-    """Return a finite number. Raises InputError for any other text."""
+    """Return a finite scalar, in the unit of the element. Raises InputError for any other text."""
     try:
         value = float(text or "")
     except ValueError:
@@ -120,9 +120,10 @@ def _convert(element: Any, text: str | None, default: str, to: str, where: str) 
 
 
 def read_reference(metrics: Any, where: str) -> Reference:
-    """Return area, chord, span and moment reference (AERORP) in SI.
+    """Return area, chord, span and moment reference (AERORP) in SI units.
 
-    Positions are in body axes from the structural origin.
+    Positions are in body axes from the structural origin, (3,). Raises InputError where one is
+    missing.
     """
     area, span, chord = (
         only_child(metrics, tag, where) for tag in ("wingarea", "wingspan", "chord")
@@ -150,7 +151,7 @@ def read_reference(metrics: Any, where: str) -> Reference:
 def read_constants(metrics: Any, where: str) -> dict[str, float]:
     """Return further numbers of ``<metrics>`` by JSBSim property, in JSBSim's units.
 
-    A number that the file leaves out is 0.
+    A number that the file leaves out is 0. Raises InputError for an unknown unit.
     """
     values = {}
     for tag, (name, to, default) in _CONSTANTS.items():
@@ -162,7 +163,8 @@ def read_constants(metrics: Any, where: str) -> dict[str, float]:
 
 
 def read_limits(element: Any, where: str) -> tuple[float, float]:
-    """Return ``<min>`` and ``<max>`` [rad] of an element; without a unit they are in radians."""
+    """Return ``<min>`` and ``<max>`` [rad] of an element; without a unit they are in radians.
+    Raises InputError where one is missing."""
     low, high = (
         _convert(element, only_child(element, tag, where).text, "RAD", "rad", where)
         for tag in ("min", "max")

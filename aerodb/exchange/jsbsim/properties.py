@@ -131,7 +131,8 @@ CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
 
 
 def height_of_reference_point(x: float, y: float, z: float) -> str:
-    """Return ``aero/h_b-mac-ft``: height of the moment reference above ground over the span.
+    """Return ``aero/h_b-mac-ft``: height of the moment reference above ground over the span, a
+    dimensionless expression of `CHANNELS`.
 
     x, y, z : moment reference [m], body axes.
     """
@@ -145,7 +146,8 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
 def hysteresis_description(low: float, high: float) -> str:
     """Return the description of a free input that is JSBSim's stall hysteresis.
 
-    low, high : angles of attack [rad] between which the relay keeps its state.
+    low, high : angles of attack [rad] between which the relay keeps its state (`hysteresis_limits`
+    reads them back).
     """
     return (
         f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above {high!r} rad,"
@@ -172,7 +174,7 @@ def hysteresis_limits(text: str) -> tuple[float, float] | None:
 
 def property_expression(name: str) -> Expression | None:
     """Return what a property means in channels; None where that depends on the aircraft's file, or
-    is not known.
+    is not known (`PROPERTIES`, JSBSim's units of each).
 
     >>> str(property_expression("aero/mag-beta-rad"))
     'abs(beta)'
@@ -182,7 +184,7 @@ def property_expression(name: str) -> Expression | None:
 
 def property_unit(name: str) -> str:
     """Return the unit that the end of a property's name states, in pint's spelling; '' where it
-    states none.
+    states none (`_UNIT_ENDINGS`).
 
     >>> property_unit("fcs/flap-pos-deg"), property_unit("velocities/vt-fps")
     ('deg', 'ft/s')

@@ -29,7 +29,8 @@ class InlineTable:
 
 
 def read_table(element: Any, where: str) -> InlineTable:
-    """Return a ``<table>`` of one to four dimensions.
+    """Return a ``<table>`` of one to four dimensions: breakpoints (n,) each, values in their
+    product's shape.
 
     Raises InputError for anything that is not in JSBSim's form.
     """

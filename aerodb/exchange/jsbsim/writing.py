@@ -120,7 +120,8 @@ class FunctionWriter:
         self.definitions.append(function(path, operation, description))
 
     def write(self, expression: Expression) -> Element:
-        """Return `expression` as an element inside a function."""
+        """Return `expression` as an element inside a function; raises InputError for what JSBSim
+        cannot hold."""
         if isinstance(expression, Number):
             return value(expression.value)
         if isinstance(expression, Name):
@@ -267,7 +268,7 @@ class FunctionWriter:
 
 
 def channel_property(name: str) -> tuple[str, float]:
-    """Return the property of a channel and the scale to the channel's unit.
+    """Return the property of a channel and the scale (a scalar) to the channel's unit.
 
     A channel without a JSBSim property has one below ``aerodb/``.
     """

@@ -37,8 +37,8 @@ class ScaledChannel:
 
 
 def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChannel | None:
-    """The channel or free input that an argument depends on linearly, directly or through
-    variables; None for any other formula."""
+    """Return the channel or free input (a scalar scale and offset, SI units) that an argument
+    depends on linearly, directly or through variables; None for any other formula."""
     name, scale, offset = _linear(argument, database, {}) or ("", 0.0, 0.0)
     return (
         ScaledChannel(name, scale, offset)
@@ -48,8 +48,8 @@ def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChanne
 
 
 def channel_of(argument: Expression, database: AeroDatabase) -> str | None:
-    """Name of the channel or free input that an argument is, directly or through variables that
-    rename it; None for any other formula."""
+    """Return the name of the channel or free input that an argument is, directly or through
+    variables that rename it; None, and no error, for any other formula (`scaled_channel`)."""
     scaled = scaled_channel(argument, database)
     return scaled.name if scaled is not None and scaled == ScaledChannel(scaled.name) else None
 
@@ -94,7 +94,7 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
 
 
 def table_calls(database: AeroDatabase) -> list[TableCall]:
-    """All table calls in terms and variables, in their order."""
+    """Return all table calls in terms and variables, in their order."""
     calls: list[TableCall] = []
     pending = [term.expression for term in database.terms] + [
         v.expression for v in database.variables.values()

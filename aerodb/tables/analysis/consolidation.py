@@ -99,8 +99,8 @@ class _Grid:
 
 
 def plan_consolidation(database: AeroDatabase) -> tuple[Fold, ...]:
-    """For every regressor that acts as a layer: the table that `consolidate` folds it into, or the
-    reason why it remains a layer."""
+    """Return for every regressor that acts as a layer: the table that `consolidate` folds it into,
+    or the reason why it remains a layer."""
     return _planned(database)[0]
 
 
@@ -111,7 +111,7 @@ def consolidate(database: AeroDatabase) -> AeroDatabase:
     database to rounding. Where an increment fades in a variable that the table lacks (the envelope
     in beta, say), the table gets that variable as an axis. Increments remain listed with estimates,
     covariance, envelope and flights; `Increment.folded` marks what is folded, so that standard
-    errors and lineage are kept.
+    errors and lineage are kept. Coefficients stay dimensionless.
     """
     folds, grids = _planned(database)
     tables = dict(database.tables)

@@ -65,7 +65,8 @@ class NodeChanges:
     sources: tuple[tuple[str, ...], ...]
 
     def flights(self, node: int) -> tuple[str, ...]:
-        """Flights behind the change at a node, given by its index in the flattened table."""
+        """Return the flights behind the change at a node, given by its index in the flattened
+        table."""
         acting = [
             flights
             for flights, acts in zip(self.sources, self.acting[:, node], strict=True)

@@ -34,7 +34,8 @@ class LinearTable:
 
 
 def linear_tables(database: AeroDatabase) -> list[LinearTable]:
-    """Tables into which increments can be folded: they enter one coefficient, once and linearly."""
+    """Return the tables into which increments can be folded (`consolidate`), with dimensionless
+    constant factors: they enter one coefficient, once and linearly."""
     reached = table_uses([term.expression for term in database.terms], database)
     written = Counter(call.table for call in table_calls(database))
     once = {
@@ -96,7 +97,8 @@ def _added(uncertainty: Uncertainty | None) -> bool:
 
 
 def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Counter[str]:
-    """Number of calls of each table in `expressions`, including calls through variables."""
+    """Return the number of calls of each table in `expressions`, including calls through
+    variables."""
     known: dict[str, Counter[str]] = {}
 
     def count(expression: Expression) -> Counter[str]:
@@ -120,8 +122,8 @@ def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Cou
 
 
 def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]:
-    """Names of all tables and variables of the database that `expression` uses, directly or through
-    variables."""
+    """Return the names of all tables and variables of the database that `expression` uses, directly
+    or through variables."""
     dependencies: set[str] = set()
     pending = [expression]
     while pending:

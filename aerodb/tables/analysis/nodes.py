@@ -59,8 +59,8 @@ class TableGrid:
 
 
 def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
-    """Table name -> nodes over channels, for tables whose arguments are different channels, scaled
-    and offset."""
+    """Return table name -> nodes over channels, arrays (n,) in SI units, for tables whose arguments
+    are different channels, scaled and offset."""
     grids: dict[str, TableGrid] = {}
     for call in table_calls(database):
         if call.table not in grids:
@@ -71,7 +71,7 @@ def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
 
 
 def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
-    """Table name -> axes of the terms that use it, directly or through variables."""
+    """Return table name -> axes of the terms that use it, directly or through variables."""
     axes: dict[str, set[str]] = {name: set() for name in (*database.tables, *database.scattered)}
     for term in database.terms:
         pending, visited = [term.expression], set[str]()

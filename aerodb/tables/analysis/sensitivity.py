@@ -92,7 +92,8 @@ def step_of(variable: str, values: Array) -> float:
 
 
 def uses(database: AeroDatabase, expression: Expression) -> frozenset[str]:
-    """Channels on which the value of `expression` depends, through variables and hat rates too."""
+    """Return the channels on which the value of `expression` depends, through variables and hat
+    rates too (rate [rad/s] and V [m/s], `HAT_RATES`)."""
     definitions = {name: variable.expression for name, variable in database.variables.items()}
     inputs = database.compiled(
         [expression], definitions, {**database.tables, **database.scattered}

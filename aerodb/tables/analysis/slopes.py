@@ -52,8 +52,8 @@ class SignChange:
 
 
 def new_increments(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[Increment, ...]:
-    """Increments of `candidate` that `baseline` lacks; an increment that was only folded into a
-    table is not new."""
+    """Return the increments of `candidate` that `baseline` lacks; an increment that was only folded
+    into a table is not new."""
     known = [_identity(increment) for increment in baseline.increments]
     return tuple(
         increment for increment in candidate.increments if _identity(increment) not in known
