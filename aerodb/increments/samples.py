@@ -35,7 +35,7 @@ class AxisSamples:
 
     @property
     def count(self) -> int:
-        """Number of samples that are used: of `good` (n,), a scalar without unit."""
+        """Number of samples that are used: the true ones of `good` (n,)."""
         return int(self.good.sum())
 
 

@@ -85,7 +85,7 @@ class FlightSource(Protocol):
         library.
 
         `aerodb.tracing.normal_equations_of` of what `aerodb.loop.evidence_beside` returns. The
-        matrix is (k + 1, k + 1), as a flight's whitened products.
+        matrix is (k, k), dimensionless or per unit of the parameters.
         """
         ...
 

@@ -118,7 +118,7 @@ def with_laws(
     vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
     """Return the library with the columns of each flight's own law; ids, formulas and hash
-    unchanged. Columns are (n,), per unit of the dimensionless gain.
+    unchanged. Columns (n,) are per unit of each gain.
     """
     fitted_stalls = {
         each.id: each

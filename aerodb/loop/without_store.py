@@ -27,8 +27,8 @@ class WithoutStore:
     def normal_equations(
         self: FlightSource, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
-        """Return the normal equations of a flight compared with a database: `matrix` (k + 1, k +
-        1), whitened. Raises InputError where no axis is usable."""
+        """Return the normal equations of a flight compared with a database: `matrix` (k, k),
+        whitened. Raises InputError where no axis is usable."""
         return normal_equations_of(
             evidence_beside(self, flight, database, library), library.settings
         )

@@ -233,7 +233,7 @@ class Simulation:
 
     def notes(self, run: int = 0) -> list[str]:
         """Return what the user must know of a run: divergence and tables that were left, with times
-        [s], angles [deg]; arrays are those of `channels` (n, k)."""
+        [s], angles [deg], from its `channels` (n, k)."""
         said = []
         if self.ended[run] < len(self.time):
             last = int(self.ended[run]) - 1

@@ -31,8 +31,8 @@ class MassBalance:
 
 
 def mass_balance_of(properties: MassProperties, source: str) -> MassBalance | None:
-    """Return the loading (mass [kg], CG [m], inertia [kg m²], CG (3,)) that a vehicle file states:
-    at half the range of its fuel table, if it has one; None where the mass is logged instead.
+    """Return the loading (mass [kg], CG (3,) [m], inertia [kg m²]) that a vehicle file states: at
+    half the range of its fuel table, if it has one; None where the mass is logged instead.
 
     source : names the vehicle file.
     """

@@ -58,7 +58,7 @@ class JointModel:
 def joint_bands(
     evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: TracingSettings
 ) -> tuple[list[Band], TracingSettings]:
-    """Return the units (flights or parts) in the band of manoeuvres, records (m, k + 1), with a
+    """Return the units (flights or parts) in the band of manoeuvres, records (m, k + 2), with a
     column for each of k hypotheses, and their settings. Units without a usable stretch are left
     out.
     """
@@ -122,7 +122,7 @@ def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
     """Return the tests of other units (parts of the same flights) under the same model.
 
     Whitened by the noise that it leaves in them; units too short to be traced stay out. Records are
-    (m, k + 1), k hypotheses and the residual.
+    (m, k + 2): intercept, k hypotheses, residual.
     """
     hypotheses, settings = joint.tests.campaign.hypotheses, joint.tests.settings
     bands = [

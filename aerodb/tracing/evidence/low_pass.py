@@ -184,8 +184,8 @@ class Band:
 
 
 def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
-    """Return the evidence in the band (records (m, k + 1), residual last; bandwidth [Hz]); axes
-    without a usable stretch stay out."""
+    """Return the evidence in the band (records (m, k + 2): intercept, k columns, residual;
+    bandwidth [Hz]); axes without a usable stretch stay out."""
     names = tuple(evidence.columns)
     parts = {
         axis: stretches(evidence.usable[axis], evidence.step, settings.bandwidth, settings.order)

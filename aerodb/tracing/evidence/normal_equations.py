@@ -107,7 +107,8 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
     columns, the noisy copies and the instruments: filtering is linear, so that linear relations
     between columns remain true.
 
-    Raises InputError when no axis is left. The matrix is (k + 1, k + 1), residual last, whitened.
+    Raises InputError when no axis is left. The matrix is (k, k): intercepts, hypotheses and the
+    residual, whitened.
     """
     fitted: dict[str, tuple[Array, float]] = {}
     times, counts = [], []
