@@ -111,7 +111,8 @@ def with_accelerations(flight: Flight) -> dict[str, Array]:
 
     ax, ay, az are those at the IMU if those at the CG are missing.
 
-    Channel -> (n,), SI. One with less than two usable samples is left out.
+    Channel -> (n,): accelerations [m/s²], rates [rad/s], angles [rad]. One with less than two
+    usable samples is left out.
     """
     channels = {}
     for name in flight.channels:

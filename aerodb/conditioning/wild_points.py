@@ -240,7 +240,8 @@ def flag_wild_points(flight: Flight) -> Flight:
     The flags are ``wild_point``, ``stuck`` and ``implausible``. Every channel is examined on its
     samples without a flag; values do not change. A note counts what was found.
 
-    Values and flags are (n,), SI; the ranges are those of `physical_range`.
+    Values are (n,), in the unit of their channel, flags (n,) of bits; the ranges are those of
+    `physical_range`.
     """
     notes: list[str] = []
     result = flight

@@ -79,7 +79,7 @@ class Plan:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of scales and delays, SI; a value beyond them stands for some other error."""
+        """Bounds of scales [-] and delays [s]; a value beyond them means some other error."""
         bounded = [
             parameter(name) for name in self.free if parameter(name).kind in ("scale", "delay")
         ]
@@ -174,7 +174,8 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
     Which parameters are free follows from the channels that any record has and from whether a
     record turns; priors and noise come from the vehicle file.
 
-    Priors and noise floors are in SI units. Source: `docs/method/consistency.md`, section "Model".
+    Priors and noise floors are in the unit of their channel ([rad/s], [m/s²], [rad], [m/s], [Pa]),
+    delays in [s]. Source: `docs/method/consistency.md`, section "Model".
     """
     logged = {name for record in records for name in record.outputs}
     earth = any(name in logged for name in _EARTH)

@@ -20,7 +20,8 @@ def fits_of(
     """Return the fits of a method over all declared increments: one per axis of equation error, or
     one of the flights flown.
 
-    Raises InputError where the method cannot give any. Values are in SI units, covariance (k, k).
+    Raises InputError where the method cannot give any. Values are in the unit of each parameter,
+    covariance (k, k).
     """
     function = method.load()
     if method.kind == "dynamic":

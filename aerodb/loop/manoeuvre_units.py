@@ -52,7 +52,7 @@ def by_manoeuvres(
     Known findings of whole flights are in the model. Empty where there are enough flights, fewer
     than two manoeuvres, or where the air moved. Two passes: how far apart manoeuvres must be
     depends on the correlation time of the remaining residual, and that on what has been found. See
-    docs/method/tracing.md, section 16; values are in SI units, times in seconds.
+    docs/method/tracing.md, section 16; values are in the unit of each hypothesis, times in [s].
     """
     hypotheses, settings = library.hypotheses, library.settings
     if not too_few_took_part(traced, settings):

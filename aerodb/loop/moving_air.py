@@ -76,7 +76,7 @@ def beside_rotating_air(
     traced : as found without it; earlier : as in `trace`. Where the air evidently moved, every
     finding is tested with its rotation; if one is lost, the search is repeated with it, and only
     what both find is claimed. Elsewhere a finding of a rate that is lost is suspected. Values are
-    in SI units. Raises InputError where a flight lacks what is needed.
+    in the unit of each hypothesis. Raises InputError where a flight lacks what is needed.
     """
     if not traced.findings:
         return traced

@@ -83,7 +83,7 @@ def estimated_without(
     masks: Mapping[str, Mask],
 ) -> AeroDatabase:
     """Return the baseline with the named hypotheses, estimated together with the linear set without
-    masked samples; masks (n,), values in SI units.
+    masked samples; masks (n,), values in the unit of each hypothesis.
 
     There each flight has a constant of its own on each axis: constant parts are then the mean of
     what the other terms leave. Raises InputError where a flight lacks what is needed.

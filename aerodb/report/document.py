@@ -28,8 +28,8 @@ def update_document(
 
     looks : held-out flight -> number of versions that it has validated before.
 
-    ``candidate`` is None; whoever stores the version fills it in. Values are in SI units; see
-    docs/reference/contract.md, section JSON.
+    ``candidate`` is None; whoever stores the version fills it in. Values are dimensionless or per
+    SI unit of the term; see docs/reference/contract.md, section JSON.
     """
     return {
         **opening(vehicle, baseline, hold_out, excluded, looks),

@@ -69,7 +69,7 @@ class LinearModel:
     def standard_errors(self) -> tuple[Array, Array]:
         """Standard errors of A and B, 0 where no estimate has any.
 
-        They are (n, n) and (n, m), in SI units.
+        They are (n, n) and (n, m), in the units of A and B.
         """
         errors = []
         for matrix, slopes in ((self.A, self.A_slopes), (self.B, self.B_slopes)):

@@ -299,7 +299,7 @@ def moved_points(problem: Problem, point: Array, steps: Array) -> Array:
     """The unknowns (u, 2 p) of the trims at `varied` parameters, to first order (implicit
     function).
 
-    Unknowns are in SI units.
+    Unknowns are angles and deflections [rad], rates [rad/s], and thrust [N].
     """
     _, parameters = varied(problem.model)
     lanes = np.repeat(point[:, None], 2 * len(steps), axis=1)

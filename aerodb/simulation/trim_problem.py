@@ -117,7 +117,7 @@ class Problem:
     def placed(self, z: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """Start and series of runs at the unknowns z (u, k); rates of the start are (k,).
 
-        Unknowns are in SI units.
+        Unknowns are angles and deflections [rad], rates [rad/s], and thrust [N].
         """
         condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
         at = {name: np.full(z.shape[1], value) for name, value in condition.fixed.items()} | found

@@ -217,7 +217,7 @@ class Increment:
         """(n,) weight of the flights' evidence: 1 inside the envelope and one cell beyond, 0 where
         it has faded.
 
-        Channels are in SI units.
+        Channels are (n,): angles [rad], speeds [m/s], Mach number [-].
         """
         weight = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
         for name, interval in self.envelope.items():
@@ -241,7 +241,7 @@ class Increment:
         """(n, k) regressors with variables held at the envelope's edge, and (n, k) their
         weights.
 
-        Channels are in SI units.
+        Channels are (n,): angles [rad], speeds [m/s], Mach number [-].
         """
         n = max((np.size(channels[name]) for name in self.names), default=1)
         held: dict[str, Any] = {name: channels[name] for name in self._program.inputs}

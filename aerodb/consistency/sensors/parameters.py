@@ -128,7 +128,8 @@ class Parameter:
 def parameter(name: str, scope: str = "") -> Parameter:
     """The parameter of that name; raises UnknownNameError with the nearest name otherwise.
 
-    Its natural size is in SI units.
+    Its natural size is in the unit of its channel ([rad], [m/s²], ...), that of a scale [-], of a
+    delay [s].
 
     >>> parameter("alpha_scale").kind
     'scale'

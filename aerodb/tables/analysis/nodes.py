@@ -43,7 +43,7 @@ class TableGrid:
     def node(self, index: tuple[int, ...]) -> dict[str, float]:
         """Channel -> value at a node. Raises InputError for an index outside the table.
 
-        Values are in SI units.
+        Values are in the channel's unit ([rad], [m/s], [-]).
         """
         if len(index) != len(self.shape) or any(
             not 0 <= k < n for k, n in zip(index, self.shape, strict=True)

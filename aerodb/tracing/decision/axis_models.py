@@ -59,7 +59,7 @@ def increment_models(
     over flights, less what state noise would leave, exceeds its standard error. Sensors are in the
     model with their priors, but do not decide: what predicts other flights of the same installation
     need not be known apart. freed : sensors without prior, which do decide: what they explain
-    leaves. See docs/method/tracing.md, section 27; parameters are scalars in SI units.
+    leaves. See docs/method/tracing.md, section 27.
     """
     hypotheses = tests.campaign.hypotheses
     kept = [
@@ -147,8 +147,8 @@ def trace_increment_models(
     """Return the findings of the terms of increment models, each judged given the others.
 
     normal_equations : those of `tests`; the rest as in `increment_models`, which is repeated
-    without some of the flights to see which terms return. Values and intervals are in SI units; see
-    docs/method/tracing.md, section 27.
+    without some of the flights to see which terms return. Values and intervals (2,) are in the unit
+    of each term; see docs/method/tracing.md, section 27.
     """
     axes = {axis for index in terms for axis in tests.campaign.hypotheses[index].written_on}
 
@@ -172,7 +172,7 @@ def trace_increment_models(
 
 def significant_beside(tests: CrossFlightTests, terms: Sequence[int]) -> frozenset[str]:
     """Return the ids of hypotheses significant over the whole library given the terms (Holm;
-    docs/method/tracing.md, section 8); terms : indices, a scalar parameter each."""
+    docs/method/tracing.md, section 8); terms : indices."""
     significant = tests.tested(terms, ()).significant
     return frozenset(
         h.id for h, is_it in zip(tests.campaign.hypotheses, significant, strict=True) if is_it

@@ -82,7 +82,8 @@ def joint_fit(
 
     Each unit has a constant of its own per axis, and each axis of a unit the weight of what remains
     of it. The whitening filters are fitted to the remaining residual; the normal equations are
-    those of the whole residual, ``y = y' + X theta``, by algebra. Values (t,) are in SI units.
+    those of the whole residual, ``y = y' + X theta``, by algebra. Values (t,) are in the unit of
+    each term.
     """
     columns = [index + 1 for index in terms]
     rows = {

@@ -78,7 +78,7 @@ class CrossFlightTests:
 
         fewest : flights that a test needs; of the settings, unless given. freed : sensors without
         prior; fixed : sensors taken as right. exact : accepted terms whose shape is taken as right.
-        Means are in SI units; docs/method/tracing.md, section 8.
+        Means are in the unit of each hypothesis; docs/method/tracing.md, section 8.
         """
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))

@@ -60,7 +60,8 @@ def judged(
     """Return the findings of a decision with their rivals, and bounds for everything else.
 
     decide : from tests to the terms of the model; it is repeated without one fold of the flights
-    after another. Values are in SI units, intervals (2,); docs/method/tracing.md, section 12.
+    after another. Values and intervals (2,) are in the unit of each hypothesis;
+    docs/method/tracing.md, section 12.
     """
     decision, hypotheses, settings = decide(tests), tests.campaign.hypotheses, tests.settings
     indices = (*decision.terms, *decision.freed)

@@ -104,7 +104,7 @@ class FlightEstimates:
         included : (flights, hypotheses) the flights over which each mean is taken. At least one
         hypothesis.
 
-        Both are in SI units.
+        Both are in the unit of each hypothesis, the first per unit of each sensor error.
         """
         on = np.ascontiguousarray(included[:, list(indices)].T, dtype=np.float64)
         on /= np.maximum(on.sum(axis=1, keepdims=True), 1.0)
