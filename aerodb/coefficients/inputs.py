@@ -40,7 +40,7 @@ from aerodb.tables import (
 from aerodb.vehicle import Vehicle
 
 #: Beginning of the description of a variable that holds an input at zero.
-HELD: Final = "held at zero: "
+_HELD: Final = "held at zero: "
 #: Inputs that no constant can stand for.
 UNHOLDABLE: Final = frozenset({"V", "alpha", "beta", "qbar", "rho"})
 #: Least change of a coefficient, as a share of its axis' residual, that is worth a sentence.
@@ -79,11 +79,12 @@ class AxisResidual(NamedTuple):
 class InputUse:
     """An input of a database that flights do not log as it is, and what hangs on it.
 
-    name : of the input, or of the variable that holds it. source : what it is. binding : ``zero``
-    or ``motion``. accepted : whether the database or the comparison already does so. range : over
-    which the effects were computed. effects : per axis that depends on it, the largest share first;
-    None without a flight along which to compute them. residuals : for an input from motion, of
-    the axes whose residual zero would change by more than a tenth.
+    name : of the input, or of the variable that holds it. source : what it is. description : that
+    of the database, empty without one. channel : that is held, empty for another input. binding :
+    ``zero`` or ``motion``. accepted : whether the database or the comparison already does so.
+    range : over which the effects were computed. effects : per axis that depends on it, the largest
+    share first; None without a flight along which to compute them. residuals : for an input from
+    motion, of the axes whose residual zero would change by more than a tenth.
     """
 
     name: str
@@ -93,6 +94,8 @@ class InputUse:
     range: Range
     effects: tuple[AxisEffect, ...] | None
     residuals: tuple[AxisResidual, ...] = ()
+    description: str = ""
+    channel: str = ""
 
     def __str__(self) -> str:
         what = "from motion" if self.binding == "motion" else "held at zero"
@@ -142,9 +145,9 @@ def with_held_inputs(database: AeroDatabase, names: Iterable[str]) -> AeroDataba
             raise InputError(
                 f"'{name}' cannot be held", f"database {database.name}", "name an input of a term"
             )
-        meaning = free.pop(name, "") or f"channel {name}"
+        meaning = free.pop(name, "") or _channel_meaning(name)
         swap[name] = held = name if name in database.free_inputs else f"{name}_held"
-        variables[held] = Variable(Number(0.0), "", f"{HELD}{meaning}")
+        variables[held] = Variable(Number(0.0), "", f"{_HELD}{meaning}")
         for hat, (rate, length) in HAT_RATES.items():
             if rate == name and hat in database.needs:
                 per = "b_ref" if length == "span" else "c_ref"
@@ -195,19 +198,34 @@ def input_uses(
         if rate in database.flight_inputs and made:
             named = [v for v in database.variables.values() if v.expression == Name(rate)]
             source = f"{named[0].description} = {rate}" if named else rate
-            uses.append(_motion_use(database, made, rate, source, _without_rate(database, rate)))
+            use = _motion_use(database, made, rate, source, _without_rate(database, rate))
+            uses.append(replace(use, description=named[0].description if named else ""))
     for name, variable in database.variables.items():
         if str(variable.expression).startswith("abs(") and _is_one_sided(variable, compared):
             still = _with(database, name, Number(0.0))
             source = f"{variable.description or name} = {variable.expression}"
-            uses.append(_motion_use(database, compared, name, source, still))
+            use = _motion_use(database, compared, name, source, still)
+            uses.append(replace(use, description=variable.description))
     return tuple(uses)
 
 
 def held_inputs(database: AeroDatabase) -> tuple[str, ...]:
     """Variables of `with_held_inputs`, sorted."""
     variables = database.variables.items()
-    return tuple(sorted(name for name, v in variables if v.description.startswith(HELD)))
+    return tuple(sorted(name for name, v in variables if _held(v) is not None))
+
+
+def _held(variable: Variable) -> str | None:
+    """What a variable of `with_held_inputs` holds at zero; None for another variable.
+
+    Stored databases say so in its description alone.
+    """
+    held = variable.description.startswith(_HELD)
+    return variable.description.removeprefix(_HELD) if held else None
+
+
+def _channel_meaning(name: str) -> str:
+    return f"channel {name}"
 
 
 def _held_use(
@@ -219,7 +237,9 @@ def _held_use(
     accepted: bool,
 ) -> InputUse:
     variable = database.variables[name]
-    source = variable.description.removeprefix(HELD)
+    held = _held(variable)
+    source = variable.description if held is None else held
+    channel = name.removesuffix("_held")
     if otherwise is not None:
         freed = _with(database, name, otherwise)
         values = [np.zeros(1)]
@@ -235,7 +255,16 @@ def _held_use(
         reach = _plausible(name, source, database, vehicle)
         others = [_with(database, name, number(end)) for end in (reach.low, reach.high)]
     effects = _effects(database, others, compared)
-    return InputUse(name, source, "zero", accepted, reach, effects)
+    return InputUse(
+        name,
+        source,
+        "zero",
+        accepted,
+        reach,
+        effects,
+        description=source,
+        channel=channel if source == _channel_meaning(channel) else "",
+    )
 
 
 def _without_rate(database: AeroDatabase, rate: str) -> AeroDatabase:

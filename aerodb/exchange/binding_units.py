@@ -18,19 +18,19 @@ _KEEP_UNIT: Final = ("abs", "min", "max", "clip")
 _NO_UNIT: Final = "dimensionless"
 
 
-def binding_fault(name: str, expression: Expression, unit: str) -> tuple[str, str] | None:
-    """Return what is wrong with the unit of a binding, and the binding to write instead ('' where
-    there is none); None where nothing is.
+def binding_fault(expression: Expression, unit: str) -> tuple[str, str] | None:
+    """Return what is wrong with the unit of a binding, and the expression to bind instead (''
+    where there is none); None where nothing is.
 
-    name : of the input. expression : of channels, in SI. unit : of the input, in pint's spelling;
-    one that pint does not know is not checked. An unknown unit raises no error here.
+    expression : of channels, in SI. unit : of the input, in pint's spelling; one that pint does not
+    know is not checked. An unknown unit raises no error here.
 
     >>> from aerodb.tables import parse
-    >>> binding_fault("ALP", parse("alpha"), "deg")
-    ('alpha is in rad, the input in deg', 'ALP=alpha*57.29577951308232')
-    >>> binding_fault("ALP", parse("alpha*57.3"), "deg") is None
+    >>> binding_fault(parse("alpha"), "deg")
+    ('alpha is in rad, the input in deg', 'alpha*57.29577951308232')
+    >>> binding_fault(parse("alpha*57.3"), "deg") is None
     True
-    >>> binding_fault("ALP", parse("V"), "deg")
+    >>> binding_fault(parse("V"), "deg")
     ('V is in m/s, the input in deg', '')
     """
     found = _unit_of(expression)
@@ -49,7 +49,7 @@ def binding_fault(name: str, expression: Expression, unit: str) -> tuple[str, st
     if not exact or (abs(scale - 1.0) < 1e-12 and not offset):
         return None
     without = (given == _NO_UNIT) != (unit in ("", "1"))  # a share of the travel is no angle
-    return said, "" if offset or without else f"{name}={in_unit(expression, scale)}"
+    return said, "" if offset or without else str(in_unit(expression, scale))
 
 
 def binding_question(name: str, fault: tuple[str, str], where: str) -> OpenQuestionsError:
@@ -59,7 +59,7 @@ def binding_question(name: str, fault: tuple[str, str], where: str) -> OpenQuest
     """
     what, instead = fault
     what = f"the binding of {name} is in another unit: {what}"
-    proposal = instead.partition("=")[2] or "EXPRESSION in the unit of the file"
+    proposal = instead or "EXPRESSION in the unit of the file"
     question = Question(what, name, ((proposal, ""),))
     return OpenQuestionsError(what, where, "bind it in the unit of the file", [question])
 

@@ -6,14 +6,12 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.binding_units import in_unit
-from aerodb.exchange.daveml import read_unit
-from aerodb.exchange.jsbsim import property_unit
+from aerodb.exchange.daveml import described_unit, read_unit
+from aerodb.exchange.jsbsim import described_property, property_unit
 from aerodb.nomenclature import channel
 from aerodb.tables import Name
 from aerodb.units import conversion
 
-_PROPERTY: Final = re.compile(r"JSBSim property (\S+?)(?::|$)")
-_DAVEML_UNIT: Final = re.compile(r"\[([^\],]*)(?:, positive ([^\]]*))?\]$")
 #: Words of names that say nothing about which quantity it is.
 _EMPTY: Final = {"delta", "deflection", "position", "pos", "norm", "rad", "deg", "fcs", "cmd"}
 
@@ -24,25 +22,24 @@ def written_name(name: str, description: str) -> str:
     >>> written_name("fcs_flap_pos_norm", "JSBSim property fcs/flap-pos-norm")
     'fcs/flap-pos-norm'
     """
-    found = _PROPERTY.match(description)
-    return found[1] if found else name
+    return described_property(description) or name
 
 
 def propose_bindings(name: str, description: str, channels: Collection[str]) -> tuple[str, ...]:
-    """Return bindings ``NAME=EXPRESSION`` that may be meant for a free input: those of channels
-    whose words its name contains, the closest first, and zero.
+    """Return expressions that may be meant for a free input: those of channels whose words its
+    name contains, the closest first, and zero.
 
     description : of the free input, with the unit that its file states. channels : to choose from.
     A unit that is not known raises no error: it gives no scale.
 
     >>> propose_bindings("gear", "landing gear [deg, positive ext]", ["delta_landing_gear"])
-    ('gear=0',)
+    ('0',)
     >>> propose_bindings("rudderPosition", "rudder [deg, positive tel]", ["delta_rudder", "beta"])
-    ('rudderPosition=delta_rudder*57.29577951308232', 'rudderPosition=0')
+    ('delta_rudder*57.29577951308232', '0')
     """
     written = written_name(name, description)
-    stated = _DAVEML_UNIT.search(description)
-    unit = read_unit(stated[1]) if stated else property_unit(written)
+    stated = described_unit(description)
+    unit = property_unit(written) if stated is None else read_unit(stated)
     words = _words(written)
     fitting = []
     for each in channels:
@@ -50,8 +47,8 @@ def propose_bindings(name: str, description: str, channels: Collection[str]) -> 
         if own and own <= words:
             scale = _scale(each, unit)
             if scale is not None:
-                fitting.append((len(words - own), each, f"{written}={in_unit(Name(each), scale)}"))
-    return (*(text for _, _, text in sorted(fitting)), f"{written}=0")
+                fitting.append((len(words - own), each, str(in_unit(Name(each), scale))))
+    return (*(text for _, _, text in sorted(fitting)), "0")
 
 
 def _words(name: str) -> set[str]:

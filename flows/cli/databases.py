@@ -174,27 +174,24 @@ def _say_inputs(session: Session, document: dict[str, Any]) -> None:
         proposed = "" if use["accepted"] else "no flight has "
         session.say(f"- {proposed}{use['sentence']}")
         if not use["accepted"]:
-            session.say(f"  proposed: {proposal(use)}")
+            session.say(f"  proposed: zero: {_zero(use)}")
             for text in document["proposals"].get(use["name"], ())[:-1]:
                 session.say(f"  or, if that is meant: --bind {text}")
         for each in use["residuals"]:
             if each["with_zero"] < each["now"]:
-                session.say(f"  on {each['axis']} the flights speak for zero: {proposal(use)[6:]}")
+                session.say(f"  on {each['axis']} the flights speak for zero: {_zero(use)}")
 
 
-def proposal(use: dict[str, Any]) -> str:
-    """The lines with which a user takes a proposal.
+def _zero(use: dict[str, Any]) -> str:
+    """What a user writes to hold an input at zero.
 
-    >>> proposal({"name": "flap", "source": "JSBSim property fcs/flap-pos-norm"})
-    'zero: --bind fcs/flap-pos-norm=0'
+    >>> _zero({"written": "fcs/flap-pos-norm", "channel": ""})
+    '--bind fcs/flap-pos-norm=0'
     """
-    _, _, name = use["source"].partition(" = ")[0].partition("property ")
-    if name:
-        return f"zero: --bind {name}=0"
-    if use["source"].startswith("channel "):
-        name = use["source"].removeprefix("channel ")
-        return f'zero: "{name} = 0.0" in [configuration] of the vehicle file before ingestion'
-    return f"zero: --bind {use['name']}=0"
+    if use["channel"]:
+        channel = use["channel"]
+        return f'"{channel} = 0.0" in [configuration] of the vehicle file before ingestion'
+    return f"--bind {use['written']}=0"
 
 
 def _binding(text: str) -> tuple[str, str]:

@@ -131,15 +131,14 @@ def import_database(
 
 def _questions(known: Mapping[str, Any]) -> list[Question]:
     """The inputs of an `inputs_document` that the file alone knows, as questions."""
-    sentences = {use["name"].removesuffix("_held"): use["sentence"] for use in known["uses"]}
+    sentences = {use["channel"] or use["name"]: use["sentence"] for use in known["uses"]}
     return [
         Question(
             f"no flight has {sentences.get(name, known['written'][name])}",
-            texts[0].partition("=")[0],
-            tuple((text.partition("=")[2], "") for text in texts),
+            known["written"][name],
+            tuple((expression, "") for expression in expressions),
         )
-        for name, texts in known["proposals"].items()
-        if texts
+        for name, expressions in known["expressions"].items()
     ]
 
 

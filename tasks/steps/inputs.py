@@ -28,7 +28,6 @@ from aerodb.vehicle import Vehicle
 
 #: Most flights along which effects are computed: the newest.
 _MOST_FLIGHTS: Final = 10
-_JSBSIM: Final = "JSBSim property "
 
 
 def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> dict[str, Any]:
@@ -36,10 +35,11 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
 
     Returns a document: inputs (names), flights (number looked at), lacking (inputs that no flight
     has and that zero is proposed for), required (those that flights must give), written (input ->
-    its name in the file), proposals (input that the file alone knows -> bindings that may be meant;
-    the last is zero) and uses (per input that is held or made from motion: name, source, binding,
-    accepted, range, effects, residuals, sentence). Ranges are in SI units, effects and residuals
-    dimensionless; InputError where the database cannot be evaluated.
+    its name in the file), expressions (input that the file alone knows -> those that may be meant;
+    the last is zero), proposals (the same as bindings) and uses (per input that is held or made
+    from motion: name, source, written (its name in the file), channel (that is held; empty for
+    another input), binding, accepted, range, effects, residuals, sentence). Ranges are in SI units,
+    effects and residuals dimensionless; InputError where the database cannot be evaluated.
     """
     access = access_workspace(workspace)
     flights = flights_of(access, vehicle, run)
@@ -101,6 +101,11 @@ def inputs_document(
             continue  # it lacks what other flights have
         pairs.append((loaded.flight, comparison))
     new = {name if name in held.variables else f"{name}_held" for name in lacking}
+    free, channels = database.free_inputs, _known(described, flights)
+    written = {name: written_name(name, free.get(name, "")) for name in database.inputs}
+    expressions = {
+        name: list(propose_bindings(name, free[name], channels)) for name in lacking if name in free
+    }
     uses = input_uses(held, described, pairs, new, _bound(held, bindings, pairs))
     return {
         "inputs": list(database.inputs),
@@ -108,15 +113,11 @@ def inputs_document(
         "lacking": list(lacking),
         "required": required,
         "uses": [_use(use) for use in uses],
-        "written": {
-            name: written_name(name, database.free_inputs.get(name, "")) for name in database.inputs
-        },
+        "written": written,
+        "expressions": expressions,
         "proposals": {
-            name: list(
-                propose_bindings(name, database.free_inputs[name], _known(described, flights))
-            )
-            for name in lacking
-            if name in database.free_inputs
+            name: [f"{written[name]}={expression}" for expression in proposed]
+            for name, proposed in expressions.items()
         },
     }
 
@@ -162,7 +163,7 @@ def _bound(
     known |= {f"{angle}dot" for angle in ("alpha", "beta") if angle in known}
     bound: dict[str, Expression | None] = {}
     for name, variable in database.variables.items():
-        names = {name, variable.description.removeprefix(_JSBSIM), *variable.declared.values()}
+        names = {name, written_name(name, variable.description), *variable.declared.values()}
         key = next((key for key in bindings if key in names), None)
         if key is not None and isinstance(variable.expression, Number):
             otherwise = property_expression(key)
@@ -175,6 +176,8 @@ def _use(use: InputUse) -> dict[str, Any]:
     return {
         "name": use.name,
         "source": use.source,
+        "written": written_name(use.name, use.description),
+        "channel": use.channel,
         "binding": use.binding,
         "accepted": use.accepted,
         "range": {"low": use.range.low, "high": use.range.high, "origin": use.range.origin},

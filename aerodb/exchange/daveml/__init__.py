@@ -18,7 +18,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .check_cases import SignalEvaluator, read_check_cases, verify_cases
     from .export import export_daveml
-    from .names import read_unit
+    from .names import described_unit, read_unit
     from .reader import import_daveml
     from .root_element import is_daveml
 

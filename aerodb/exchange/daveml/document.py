@@ -15,6 +15,7 @@ from aerodb.exchange.daveml.names import (
     STANDARD_INPUTS,
     STANDARD_SIGNS,
     Declaration,
+    described_unit,
     output_axis,
     write_unit,
 )
@@ -88,7 +89,9 @@ class Document:
         (`STANDARD_INPUTS`), or a free input of the database."""
         known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
         unit = (
-            write_unit(channel(name).unit) if known else _unit_of(self._database.free_inputs[name])
+            write_unit(channel(name).unit)
+            if known
+            else (described_unit(self._database.free_inputs[name]) or "nd")
         )
         note = channel(name).description if known else self._database.free_inputs[name]
         sign = STANDARD_SIGNS.get(name, "")
@@ -416,15 +419,6 @@ def _child(parent: Any, name: str, text: str | None = None) -> Any:
 def _clean(text: str) -> str:
     """`text` with a space for every character that XML cannot hold."""
     return _CONTROL.sub(" ", text)
-
-
-def _unit_of(description: str) -> str:
-    """Unit of a free input.
-
-    It is read from the description that the import wrote: ``meaning [unit, positive sign]``.
-    """
-    match = re.search(r"\[([^\],]*)", description)
-    return match[1].strip() if match else "nd"
 
 
 def _number(expression: Expression) -> float | None:

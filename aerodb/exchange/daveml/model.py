@@ -17,6 +17,7 @@ from aerodb.exchange.daveml.names import (
     REFERENCES,
     Declaration,
     channel_in_unit,
+    described,
     input_channel,
     output_axis,
     read_unit,
@@ -256,7 +257,7 @@ class Model:
         channels = (name for name in bound.names if name in CHANNELS or is_surface(name))
         if not any(channels) and bound in (Name(self._identifiers[identity]), Name(key)):
             return None
-        fault = binding_fault(key, bound, read_unit(self.signals[identity].declared.unit))
+        fault = binding_fault(bound, read_unit(self.signals[identity].declared.unit))
         if fault is not None:
             self._questions.append(binding_question(key, fault, self.where))
         return bound
@@ -276,8 +277,7 @@ class Model:
         plain_id = declared.name == declared.identity == self._identifiers[declared.identity]
         limited = declared.identity in self.limits or declared.identity in self.uncertainties
         name = declared.identity if plain_id and not limited else self.unique(declared.name)
-        sign = f", positive {declared.sign}" if declared.sign else ""
-        free[name] = f"{signal.description or declared.name} [{declared.unit}{sign}]"
+        free[name] = described(signal.description or declared.name, declared)
         return name
 
     def _refuse_unused(self, used: set[str]) -> None:

@@ -84,6 +84,27 @@ class Declaration:
     sign: str = ""
 
 
+def described(meaning: str, declared: Declaration) -> str:
+    """Return the description of a free input, with the unit and the sign that its file declares."""
+    sign = f", positive {declared.sign}" if declared.sign else ""
+    return f"{meaning} [{declared.unit}{sign}]"
+
+
+def described_unit(description: str) -> str | None:
+    """Return the unit of a `described` input, as its file writes it; None for another description.
+
+    Stored databases hold the unit there alone.
+
+    >>> described_unit("rudder [deg, positive tel]")
+    'deg'
+    """
+    found = _DESCRIBED.search(description)
+    return found[1].strip() if found else None
+
+
+_DESCRIBED: Final = re.compile(r"\[([^\],]*)(?:, positive [^\]]*)?\]$")
+
+
 def read_unit(unit: str) -> str:
     """Return a DAVE-ML unit in this product's spelling; units after an underscore divide (AIAA
     S-119).

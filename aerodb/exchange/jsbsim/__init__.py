@@ -24,10 +24,7 @@ if TYPE_CHECKING:
     from .export import export_jsbsim, input_properties
     from .mass_balance import MassBalance, mass_balance_of
     from .merge import Merged, merge_jsbsim
-    from .properties import (
-        property_expression,
-        property_unit,
-    )
+    from .properties import described_property, property_expression, property_unit
     from .reader import import_jsbsim
     from .relays import states_for_jsbsim
 

@@ -23,6 +23,7 @@ from aerodb.exchange.jsbsim.properties import (
     OWN_FREE,
     PROPERTIES,
     STALL_HYSTERESIS,
+    described_property,
     hysteresis_limits,
 )
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
@@ -33,7 +34,6 @@ from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, Reference, Term, p
 _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
 _MOMENTS: Final = {"Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
-_SOURCE_PROPERTY: Final = re.compile(r"JSBSim property ([^\s:]+)")
 #: Controls that every JSBSim aircraft has, in addition to the properties in `properties`.
 _NATIVE_CONTROL: Final = re.compile(
     r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+"
@@ -118,13 +118,9 @@ def free_properties(database: AeroDatabase) -> dict[str, str]:
     """Return the JSBSim property of each free input: that of its source, or one of its own."""
     properties = {}
     for name, description in database.free_inputs.items():
-        match = _SOURCE_PROPERTY.match(description)
-        limits_missing = (
-            match is not None
-            and match[1] == STALL_HYSTERESIS
-            and hysteresis_limits(description) is None
-        )
-        properties[name] = match[1] if match and not limits_missing else f"{OWN_FREE}{name}"
+        found = described_property(description)
+        limits_missing = found == STALL_HYSTERESIS and hysteresis_limits(description) is None
+        properties[name] = found if found and not limits_missing else f"{OWN_FREE}{name}"
     return properties
 
 

@@ -143,21 +143,39 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
     return f"(height_above_ground - ({below_cg}))/b_ref"
 
 
+def property_description(name: str, note: str = "") -> str:
+    """Return the description of the input or variable that a property becomes."""
+    return f"{_PROPERTY}{name}{note and f': {note}'}"
+
+
+def described_property(description: str) -> str:
+    """Return the property of a `property_description`; empty for another description.
+
+    Stored databases hold the property there alone.
+
+    >>> described_property(property_description("fcs/flap-pos-norm", "a flap"))
+    'fcs/flap-pos-norm'
+    """
+    found = _DESCRIBED.match(description)
+    return found[1] if found else ""
+
+
+_PROPERTY: Final = "JSBSim property "
+_DESCRIBED: Final = re.compile(rf"{_PROPERTY}(\S+?)(?::|$)")
+
+
 def hysteresis_description(low: float, high: float) -> str:
     """Return the description of a free input that is JSBSim's stall hysteresis.
 
     low, high : angles of attack [rad] between which the relay keeps its state (`hysteresis_limits`
     reads them back).
     """
-    return (
-        f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above {high!r} rad,"
-        f" 0 below {low!r} rad,"
-        " in between as it was"
-    )
+    relay = f"relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad, in between as it was"
+    return property_description(STALL_HYSTERESIS, relay)
 
 
 _HYSTERESIS_TEXT = re.compile(
-    re.escape(f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above ")
+    re.escape(property_description(STALL_HYSTERESIS, "relay on alpha, 1 above "))
     + r"(\S+) rad, 0 below (\S+) rad,.*"
 )
 

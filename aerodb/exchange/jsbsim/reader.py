@@ -31,6 +31,7 @@ from aerodb.exchange.jsbsim.properties import (
     height_of_reference_point,
     hysteresis_description,
     hysteresis_limits,
+    property_description,
     property_unit,
 )
 from aerodb.nomenclature import channel
@@ -213,7 +214,7 @@ class _AircraftReader:
                 meaning = self._meaning(name, reference, terms)
                 if meaning is None:
                     free[identifier] = (
-                        self._hysteresis if name == STALL_HYSTERESIS else f"JSBSim property {name}"
+                        self._hysteresis if name == STALL_HYSTERESIS else property_description(name)
                     )
                 else:
                     variables[identifier] = meaning
@@ -289,7 +290,7 @@ class _AircraftReader:
 
     def _meaning(self, name: str, reference: Reference, terms: list[Term]) -> Variable | None:
         """The variable that a property stands for; None for a free input."""
-        note = f"JSBSim property {name}"
+        note = property_description(name)
         if name in self._bindings:
             try:
                 bound = parse(self._bindings[name])
@@ -300,15 +301,19 @@ class _AircraftReader:
             if bound == Name(self._functions.identifiers[name]):
                 return None
             unit = property_unit(name)
-            fault = binding_fault(name, bound, unit) if unit else None
+            fault = binding_fault(bound, unit) if unit else None
             if fault is not None:
                 self._questions.append(binding_question(name, fault, self._where))
             return Variable(bound, "", note)
         if name in self._functions.defined:
             expression, description = self._functions.defined[name]
-            return Variable(expression, "", f"{note}: {description}" if description else note)
+            return Variable(expression, "", property_description(name, description))
         if name in self._constants:
-            return Variable(number(self._constants[name]), "", f"{note}: constant of the file")
+            return Variable(
+                number(self._constants[name]),
+                "",
+                property_description(name, "constant of the file"),
+            )
         if name == LIFT_SQUARED:
             lift = [term.expression for term in terms if term.axis == "C_lift"]
             total = reduce(plus, [*lift, Name(LIFT_INCREMENTS)])
