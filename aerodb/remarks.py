@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from aerodb.errors import AeroError
+
 #: What flight-path reconstruction finds of a flight; subjects: channels.
 RESIDUAL: Final = "residual_beyond_limit"
 DEPARTURE: Final = "channel_left_estimate"
@@ -32,6 +34,10 @@ SUSPECTED: Final = "suspected_beside_version"
 REFUSED: Final = "gate_will_refuse"
 #: A flight that leaves the flown envelope, whose numbers a report has in a table.
 LEAVES_ENVELOPE: Final = "leaves_flown_envelope"
+#: A size that a rival would need; subjects: by what the believable range is known, or empty.
+NOT_BELIEVABLE: Final = "size_not_believable"
+#: An error by which a flight cannot be used; subjects: where, and what to do; either may be empty.
+UNUSABLE: Final = "flight_unusable"
 #: What has no words of its own here: the text is the sentence.
 SAID: Final = "said"
 
@@ -54,15 +60,14 @@ class Remark:
     @property
     def sentence(self) -> str:
         """The remark in words, as clauses without a full stop; values with their units."""
-        words = WORDS.get(self.kind)
-        return self.text if words is None else words(self)
+        return ": ".join(WORDS[self.kind](self) if self.kind in WORDS else (self.text,))
 
     @property
     def clause(self) -> str:
-        """The remark as a clause of the summary of a flight's verdict."""
-        if self.kind == CONTRADICTS:
-            return f"it contradicts version {self.subjects[0]}"
-        return self.sentence.partition(":")[0]
+        """The remark without details, as a clause of the summary of a flight's verdict."""
+        if self.kind in CLAUSES:
+            return CLAUSES[self.kind](self)
+        return WORDS[self.kind](self)[0] if self.kind in WORDS else self.text
 
     def document(self) -> dict[str, Any]:
         """As a JSON document: kind, subjects, values (None where not finite) and text.
@@ -99,8 +104,13 @@ def sentences(remarks: Iterable[Remark]) -> list[str]:
 
 
 def said(text: str) -> Remark:
-    """Return the remark that a text is, such as the message of an error."""
+    """Return the remark that a text is."""
     return Remark(SAID, text=text)
+
+
+def of_error(error: AeroError) -> Remark:
+    """Return the remark that an error is."""
+    return Remark(UNUSABLE, (error.where, error.remedy), text=error.what)
 
 
 def _shown(remark: Remark, name: str) -> str:
@@ -110,27 +120,28 @@ def _shown(remark: Remark, name: str) -> str:
     return f"{shown:.2g} {unit}"
 
 
-def _residual(remark: Remark) -> str:
+def _residual(remark: Remark) -> tuple[str, ...]:
     size, limit = _shown(remark, "rms"), _shown(remark, "limit")
-    return f"{remark.subjects[0]} remains {size} from the reconstructed motion; limit {limit}"
+    return (f"{remark.subjects[0]} remains {size} from the reconstructed motion; limit {limit}",)
 
 
-def _departure(remark: Remark) -> str:
+def _departure(remark: Remark) -> tuple[str, ...]:
     size, limit = _shown(remark, "rms"), _shown(remark, "limit")
     return (
-        f"{remark.subjects[0]} has left the estimate: it disagrees with the motion that the other"
-        f" channels show by {size} (rms; limit {limit}); the rest is judged without it"
+        f"{remark.subjects[0]} has left the estimate",
+        f"it disagrees with the motion that the other channels show by {size} (rms; limit {limit});"
+        " the rest is judged without it",
     )
 
 
-def _rates(remark: Remark) -> str:
+def _rates(remark: Remark) -> tuple[str, ...]:
     return (
-        f"the rates do not belong to the attitude: {' and '.join(remark.subjects)} disagree with"
-        " them together"
+        "the rates do not belong to the attitude",
+        f"{' and '.join(remark.subjects)} disagree with them together",
     )
 
 
-def _sensor_error(remark: Remark) -> str:
+def _sensor_error(remark: Remark) -> tuple[str, ...]:
     (label, *bound), (value, _), (size, _) = (
         remark.subjects,
         remark.values["value"],
@@ -138,42 +149,62 @@ def _sensor_error(remark: Remark) -> str:
     )
     beside = f", with {' and '.join(bound)} at a bound" if bound else ""
     beside += ", and known from its calibration" if remark.kind == KNOWN_SENSOR_ERROR else ""
-    return f"{label} of {value:.3g} is beyond any serviceable sensor ({size:g}){beside}"
+    return (f"{label} of {value:.3g} is beyond any serviceable sensor ({size:g}){beside}",)
 
 
-def _position(remark: Remark) -> str:
+def _position(remark: Remark) -> tuple[str, ...]:
     figures = ", ".join(f"{remark.values[name][0]:.1f}" for name in remark.subjects)
     jump, limit = remark.values["jump"][0], remark.values["limit"][0]
     return (
-        f"position is not the integral of velocity: off by {figures} m/s rms (north, east, down),"
-        f" jumps to {jump:.0f} m/s; limit {limit:g} m/s"
+        "position is not the integral of velocity",
+        f"off by {figures} m/s rms (north, east, down), jumps to {jump:.0f} m/s; limit {limit:g}"
+        " m/s",
     )
 
 
-def _flow(remark: Remark) -> str:
+def _flow(remark: Remark) -> tuple[str, ...]:
     mean, deviation, limit = (
         math.degrees(remark.values[name][0]) for name in ("mean", "deviation", "limit")
     )
     return (
         f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean,"
-        f" {deviation:.1f} deg std; limit {limit:.1f} deg"
+        f" {deviation:.1f} deg std; limit {limit:.1f} deg",
     )
 
 
-#: Kind -> its words.
-WORDS: Final[Mapping[str, Callable[[Remark], str]]] = {
+def _not_believable(remark: Remark) -> tuple[str, ...]:
+    (value, unit), (low, _), (high, _) = (remark.values[n] for n in ("value", "low", "high"))
+    needed = f"{value:.3g}" + ("" if unit in ("", "1") else f" {unit}")
+    by = f" by {remark.subjects[0]}" if remark.subjects[0] else ""
+    return (f"would need {needed}, believable{by} is {low:.3g} to {high:.3g}",)
+
+
+#: Kind -> its words: a clause, and after a colon the details, if any.
+WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
     RESIDUAL: _residual,
     DEPARTURE: _departure,
     RATES_AGAINST_ATTITUDE: _rates,
     SENSOR_ERROR: _sensor_error,
     KNOWN_SENSOR_ERROR: _sensor_error,
     NOT_CONVERGED: lambda _: (
-        "the reconstruction did not converge: the channels do not quite belong to one motion"
+        "the reconstruction did not converge",
+        "the channels do not quite belong to one motion",
     ),
-    NOT_CHECKED: lambda r: f"kinematics not checked: {r.text}",
+    NOT_CHECKED: lambda r: ("kinematics not checked", r.text),
     POSITION_AGAINST_VELOCITY: _position,
     FLOW_AGAINST_VELOCITY: _flow,
-    CONTRADICTS: lambda r: f"beside version {r.subjects[0]}: {r.text}",
-    REFUSED: lambda r: f"The gate will refuse this version: {r.text}.",
-    SUSPECTED: lambda r: f"suspected beside version {r.subjects[0]}: {r.text}",
+    CONTRADICTS: lambda r: (f"beside version {r.subjects[0]}", r.text),
+    NOT_BELIEVABLE: _not_believable,
+    UNUSABLE: lambda r: (str(AeroError(r.text, *r.subjects)),),
+    REFUSED: lambda r: ("The gate will refuse this version", f"{r.text}."),
+    SUSPECTED: lambda r: (f"suspected beside version {r.subjects[0]}", r.text),
+}
+
+#: Kind -> its clause, where that is not how its words begin.
+CLAUSES: Final[Mapping[str, Callable[[Remark], str]]] = {
+    MISPLACED: lambda _: "the vane seems to be elsewhere than the vehicle file says",
+    MOVING_AIR: lambda _: "the air moved",
+    SOLUTION: lambda _: "a navigation solution is not consistent",
+    CONTRADICTS: lambda r: f"it contradicts version {r.subjects[0]}",
+    UNUSABLE: lambda r: str(AeroError(r.text, r.subjects[0])),
 }

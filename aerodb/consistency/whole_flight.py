@@ -37,7 +37,7 @@ from aerodb.consistency.sensors import (
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
-from aerodb.remarks import MISPLACED, Remark, said
+from aerodb.remarks import MISPLACED, Remark, of_error
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -85,8 +85,8 @@ def make_consistent(
         with failing_alone("the reconstruction", f"flight {flight.id[:12]}"):
             return _checked(flight, vehicle, calibration)
     except CalculationError as error:
-        document = unreadable_document(str(error))
-        return Consistent(flight, {}, (), document, Verdict("rejected", (said(str(error)),), ()))
+        verdict = Verdict("rejected", (of_error(error),), ())
+        return Consistent(flight, {}, (), unreadable_document(error), verdict)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
 
@@ -148,10 +148,10 @@ def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
     return tuple(entries[0] for entries in by_channels.values() if 2 * len(entries) > len(records))
 
 
-def unreadable_document(because: str) -> dict[str, Any]:
+def unreadable_document(error: InputError) -> dict[str, Any]:
     """The document of a flight that cannot be read: rejected, with the reason."""
-    verdict = Verdict("rejected", (said(because),), ())
-    return {**as_document(verdict), "checked": False, "because": because, "notes": []}
+    verdict = Verdict("rejected", (of_error(error),), ())
+    return {**as_document(verdict), "checked": False, "because": str(error), "notes": []}
 
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:

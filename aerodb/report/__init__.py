@@ -34,7 +34,14 @@ if TYPE_CHECKING:
     from .findings import meaning
     from .fit_report import fit_report
     from .flight_page import FlightStory, flight_report
-    from .glossary import advice_words, channel_words, effect_words, hypothesis_words, in_words
+    from .glossary import (
+        advice_words,
+        channel_words,
+        effect_words,
+        hypothesis_words,
+        in_words,
+        rejected,
+    )
     from .head import Head
     from .headlines import error_rows, excluded_sizes, headline, what_stayed
     from .lineage_figure import Relative, lineage_graph

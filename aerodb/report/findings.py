@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.report.glossary import effect_words, in_words, with_true_signs
+from aerodb.report.glossary import effect_words, in_words, rejected, with_true_signs
 from aerodb.report.numbers import for_people
 from aerodb.report.page import capital
 from aerodb.report.style import picture
@@ -16,7 +16,7 @@ _MEANS: Final[Mapping[str, str]] = {
     "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
     "suspected": "the best explanation, but too few independent flights for the stated error rate",
     "alias_group": "several explanations fit these flights equally well",
-    "ambiguous_sensor": "a sensor error cannot be excluded, so it is not added",
+    "ambiguous_sensor": "a sensor error cannot be excluded",
     "sensor": "a sensor error; to be corrected in flight-path reconstruction",
     "unnamed": "reproducible, but no template of the library fits",
     "not_detected": "not found; sizes above the bound are excluded",
@@ -38,16 +38,16 @@ def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     """Return what the verdict of a finding of a closed loop means (docs/reference/contract.md,
     section Verdict names), and why it was added although it is not confirmed."""
     verdict, added = finding["verdict"], document.get("added", ())
+    means = _MEANS.get(verdict, "")
     if finding["hypothesis"] not in added or verdict == "confirmed":
-        return _MEANS.get(verdict, "")
+        return f"{means}, so it is not added" if verdict == "ambiguous_sensor" else means
     asked = finding["hypothesis"] in document.get("asked_for", added)  # not in older documents
     why = (
         "because you asked for it"
         if asked
         else "with others of its axis, whose sum is known better"
     )
-    start = _MEANS.get(verdict, "").removesuffix(", so it is not added")
-    return f"{start}; it was added {why}"
+    return f"{means}; it was added {why}"
 
 
 def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
         "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / (2.0 * _TWO_SIDED),
         "mean": _mean_test(finding, factor),
         "rivals": list(finding["explanation_set"][1:]),
-        "fallen": dict(finding.get("fallen", {})),
+        "fallen": rejected(finding),
         "refound": finding.get("refound", (0, 0)),
         "held_out_share": finding.get("held_out_share"),
         "picture": shown,
@@ -85,10 +85,12 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
 
 
 def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
-    """Return what a finding says, without its numbers."""
-    start, mark, rest = finding["because"].partition(f": {finding['parameter']} = ")
-    end = rest.partition("; ")[2] if mark else ""
-    return sentence_of(f"{start}; {end}" if end else start, labels)
+    """Return what a finding says, without its numbers.
+
+    Documents of earlier releases hold the whole sentence alone.
+    """
+    without = (finding["what"], *finding["reasons"]) if "what" in finding else [finding["because"]]
+    return sentence_of("; ".join(without), labels)
 
 
 def sentence_of(text: str, labels: Mapping[str, str]) -> str:

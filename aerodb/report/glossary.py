@@ -8,8 +8,10 @@ Documents keep identifiers (docs/reference/conventions.md, "Names and identities
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
+from aerodb.remarks import Remark, from_document
 from aerodb.report.numbers import for_people, power_of_ten
 
 #: Effect -> its name; {axis} and {subject} are those of the hypothesis.
@@ -43,7 +45,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "mach_effect": "change of the slope of {axis} with Mach number",
     "dynamic_pressure_effect": "change of the slope of {axis} with dynamic pressure",
     "stall_hysteresis": "hysteresis of {axis} in the stall",
-    "stall_loop": "closed loop of {axis} in the stall",
+    "lift_hysteresis": "closed loop of {axis} in the stall",
     "unnamed": "error of {axis} that no effect of the library fits",
     "qbar_scale": "scale of dynamic pressure",
     "qbar_offset": "constant error of dynamic pressure",
@@ -96,11 +98,6 @@ _CHANNEL: Final = re.compile(
     r"(?<![\w.])(?:delta_\w+|(?:p|q|r|alphadot)_hat|alpha|beta|qbar|mach|height_above_ground|flow_attachment)"
     r"(?![\w=.])"
 )
-#: A size that is not believable: value, unit, and the believable range in the same unit.
-_NEEDED: Final = re.compile(
-    r"would need (?P<value>-?[\d.e+-]+) (?P<unit>rad\S*?)(?P<by>, believable[^\d-]* is)"
-    r" (?P<low>-?[\d.e+-]+) to (?P<high>-?[\d.e+-]+)"
-)
 _MINUS: Final = re.compile(r"(?<![\w.)\]-])-(?=[\d.])")
 _LONG: Final = re.compile(r"(?<![\w.])\d+\.\d{7,}(?![\w.])")
 _POWER: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})\b")
@@ -134,7 +131,6 @@ def in_words(sentence: str) -> str:
     named = _HYPOTHESIS.sub(
         lambda found: the(_phrase(*found.group("effect", "axes", "subject"))), sentence
     )
-    named = _NEEDED.sub(_in_display_units, named)
     return re.sub(r"(?:(?<=rad)|(?<=/s))\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
 
 
@@ -152,10 +148,29 @@ def with_true_signs(sentence: str) -> str:
     return _MINUS.sub("−", raised)
 
 
-def _in_display_units(found: re.Match[str]) -> str:
-    factor, unit = for_people(found["unit"])
-    value, low, high = (f"{factor * float(found[end]):.3g}" for end in ("value", "low", "high"))
-    return f"would need {value} {unit}{found['by']} {low} to {high}"
+def rejected(finding: Mapping[str, Any]) -> dict[str, str]:
+    """Rejected alternatives (ids) of a finding's document -> why, in display units.
+
+    Documents of earlier releases hold the sentences alone; those are shown as they are.
+    """
+    data = {id: from_document(entry) for id, entry in finding.get("fallen_data", {}).items()}
+    told = {id: in_display_units(remark).sentence for id, remark in data.items()}
+    return {**finding.get("fallen", {}), **told}
+
+
+def in_display_units(remark: Remark) -> Remark:
+    """A remark with its values in display units: degrees for radians.
+
+    >>> needed = {"value": (0.1, "rad/s"), "low": (-0.02, "rad/s"), "high": (0.02, "rad/s")}
+    >>> remark = Remark("size_not_believable", ("the reconstruction",), needed)
+    >>> in_display_units(remark).sentence
+    'would need 5.73 deg/s, believable by the reconstruction is -1.15 to 1.15'
+    """
+    values = {}
+    for name, (value, unit) in remark.values.items():
+        factor, shown = for_people(unit)
+        values[name] = (factor * value, unit if factor == 1.0 else shown)
+    return replace(remark, values=values)
 
 
 def advice_words(sentence: str) -> str:
@@ -195,7 +210,7 @@ def _phrase(effect: str, axes: str, subject: str | None) -> str:
     if effect == "surface_asymmetry" and axes == "all":
         effect = "surface_lost"
     if effect == "stall_hysteresis" and subject == "loop":
-        effect = "stall_loop"
+        effect = "lift_hysteresis"
     if effect not in EFFECTS:
         of = f" of {channel_words(subject)}" if subject else ""
         return f"{effect.replace('_', ' ')}{of} on {where}"

@@ -19,6 +19,7 @@ from aerodb.report.glossary import (
     channel_words,
     hypothesis_words,
     in_words,
+    rejected,
     with_true_signs,
 )
 from aerodb.report.head import Head
@@ -49,6 +50,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "visible": visible,
         "sentence": sentence,
         "in_words": in_words,
+        "rejected": rejected,
         "with_true_signs": with_true_signs,
         "advice_words": advice_words,
         "channel_words": channel_words,

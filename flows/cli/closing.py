@@ -111,6 +111,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         hypothesis_words,
         in_words,
         meaning,
+        rejected,
     )
 
     say_result(session, document)
@@ -138,7 +139,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         rivals = finding["explanation_set"][1:]
         if rivals:
             session.say(f"   explains it as well: {', '.join(map(hypothesis_words, rivals))}")
-        for rival, reason in list(finding.get("fallen", {}).items())[:3]:
+        for rival, reason in list(rejected(finding).items())[:3]:
             session.say(f"   not the {hypothesis_words(rival)}: {in_words(reason)}")
     for entry in document.get("between_flights", []):
         session.say()

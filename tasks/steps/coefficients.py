@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.coefficients import Coefficients, bandwidth_of, thrust_share, total_coefficients
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
-from aerodb.remarks import said
+from aerodb.remarks import of_error
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.tasks.steps.consistency import load_consistent
@@ -52,8 +52,9 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
             where=access.name_of(row),
         )
     except InputError as error:
-        if isinstance(error, CalculationError) and said(str(error)) not in row.remarks:
-            access.catalogue.judge_flight(row.id, "rejected", [*row.remarks, said(str(error))])
+        remark = of_error(error)
+        if isinstance(error, CalculationError) and remark not in row.remarks:
+            access.catalogue.judge_flight(row.id, "rejected", [*row.remarks, remark])
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
 
 

@@ -67,7 +67,7 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
     except SettingsError:
         raise
     except InputError as error:
-        key, document = None, unreadable_document(str(error))
+        key, document = None, unreadable_document(error)
     record_verdict(access, row, document)
     return {"flight": flight, "key": key, **document}
 

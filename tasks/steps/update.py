@@ -28,6 +28,7 @@ from aerodb.increments import (
     with_extrapolated_slopes,
 )
 from aerodb.loop import consider_parameters, noisier_flights, with_attenuation
+from aerodb.remarks import UNUSABLE, Remark, sentences
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.compare import compare_with_database, load_comparison
@@ -43,20 +44,16 @@ _REJECTED: Final = "rejected by the check of consistency"
 
 @dataclass(frozen=True)
 class _Excluded:
-    """A flight (id) that cannot be used and why; `shared`: the reason without what is this flight's
-    own, empty where it has nothing of it."""
+    """A flight (id) that cannot be used and why.
+
+    counted : the reason without what is this flight's own, as it is counted with those of other
+    flights, and what to do. alone : both where there is no other flight.
+    """
 
     flight: str
     reason: str
-    shared: str = ""
-    remedy: str = ""
-
-    def counted(self, alone: bool) -> tuple[str, str]:
-        """The reason as it is counted with those of other flights, and what to do; `alone`: there
-        is no other flight. Lines after the first say what to do."""
-        own = not self.shared or (alone and self.shared == _REJECTED)
-        what, _, rest = (self.reason if own else self.shared).partition("\n")
-        return what, self.remedy or rest
+    counted: tuple[str, str]
+    alone: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -105,15 +102,11 @@ def plan_update(
     excluded = [_incomparable(entry) for entry in compared if entry["key"] is None]
     rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
     excluded += [
-        _Excluded(row.id, f"retracted: {row.retract_reason}")
+        _by_itself(row.id, f"retracted: {row.retract_reason}")
         for row in rows
         if row.retracted_utc is not None
     ]
-    excluded += [
-        _Excluded(row.id, f"rejected: {'; '.join(row.reasons)}", _REJECTED)
-        for row in rows
-        if row.verdict == "rejected"
-    ]
+    excluded += [_rejected(row.id, row.remarks) for row in rows if row.verdict == "rejected"]
     excluded += _repeated(
         access, vehicle, {row.id for row in rows} - {each.flight for each in excluded}
     )
@@ -141,12 +134,25 @@ def plan_update(
     return Plan(vehicle, baseline, model, split, why, keys, left_out, method)
 
 
+def _by_itself(flight: str, reason: str) -> _Excluded:
+    return _Excluded(flight, reason, (reason, ""), (reason, ""))
+
+
+def _rejected(flight: str, remarks: Sequence[Remark]) -> _Excluded:
+    errors = [remark for remark in remarks if remark.kind == UNUSABLE]
+    own = [remark.clause if remark in errors else remark.sentence for remark in remarks]
+    remedies = "\n".join(remark.subjects[1] for remark in errors)
+    reason = f"rejected: {'; '.join(sentences(remarks))}"
+    return _Excluded(flight, reason, (_REJECTED, ""), (f"rejected: {'; '.join(own)}", remedies))
+
+
 def _incomparable(compared: Mapping[str, Any]) -> _Excluded:
     """A flight (document of `compare_with_version`) that cannot be compared with the baseline."""
     flight, cause = compared["flight"], compared["cause"]
     own = cause["where"] in ("", *(f"flight {flight[:n]}" for n in (12, len(flight))))
     shared = cause["what"] if own else f"{cause['where']}: {cause['what']}"
-    return _Excluded(flight, compared["reason"], shared, cause["remedy"])
+    counted = (shared, cause["remedy"])
+    return _Excluded(flight, compared["reason"], counted, counted)
 
 
 def _none_usable(vehicle: str, excluded: Sequence[_Excluded]) -> InputError:
@@ -159,7 +165,7 @@ def _none_usable(vehicle: str, excluded: Sequence[_Excluded]) -> InputError:
             "no usable flight: none is stored", where, "ingest flights of this vehicle"
         )
     alone = len(excluded) == 1
-    reasons = Counter(each.counted(alone) for each in excluded)
+    reasons = Counter(each.alone if alone else each.counted for each in excluded)
     shown = [
         f"{count} of {len(excluded)} {what}" for (what, _), count in reasons.most_common(_SHOWN)
     ]
@@ -182,7 +188,7 @@ def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[
     labels = access.catalogue.flight_labels(
         row.original for rows in repeats.values() for row in rows
     )
-    return [_Excluded(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
+    return [_by_itself(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
 def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.main import app
-from aerodb.tasks.steps.update import _REJECTED, _Excluded, _incomparable, _none_usable
+from aerodb.remarks import of_error, said
+from aerodb.tasks.steps.update import _by_itself, _incomparable, _none_usable, _rejected
 from tests.faults.test_bad_input import everything
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -151,21 +152,20 @@ def test_one_reason_of_many_flights_is_said_once() -> None:
         )
         for flight, error in errors.items()
     ]
-    excluded += [
-        _Excluded(f"{k:064x}", f"rejected: V remains {k} m/s", _REJECTED) for k in range(40, 50)
-    ]
-    excluded += [_Excluded("a" * 64, "retracted: iced"), _Excluded("b" * 64, "retracted: bird")]
-    said = str(_none_usable("my-glider", excluded))
-    assert said.splitlines() == [
+    excluded += [_rejected(f"{k:064x}", [said(f"V remains {k} m/s")]) for k in range(40, 50)]
+    excluded += [_by_itself("a" * 64, "retracted: iced"), _by_itself("b" * 64, "retracted: bird")]
+    assert str(_none_usable("my-glider", excluded)).splitlines() == [
         "update of my-glider: no usable flight: 40 of 52 database db needs delta_flap; 10 of 52"
         " rejected by the check of consistency; 1 of 52 retracted: iced; 1 other reason",
         "bind it",
         "see them: aerodb flight list --vehicle my-glider, aerodb flight show FLIGHT",
     ]
     assert "none is stored" in str(_none_usable("my-glider", []))
-    alone = [_Excluded("a" * 64, "rejected: V remains 3 m/s\nlook at it", _REJECTED)]
-    said = str(_none_usable("my-glider", alone))
-    assert "1 of 1 rejected: V remains 3 m/s\nlook at it\nsee them" in said
+    failed = of_error(InputError("no motion", "V", "look at it"))
+    alone = [_rejected("a" * 64, [failed])]
+    assert "1 of 1 rejected: V: no motion\nlook at it\nsee them" in str(
+        _none_usable("my-glider", alone)
+    )
 
 
 def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_path: Path) -> None:

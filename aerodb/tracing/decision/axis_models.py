@@ -188,10 +188,14 @@ def _as_member(finding: Finding, alone: bool) -> Finding:
     """
     if alone and finding.verdict != "suspected":
         return finding
-    start = f"{finding.because.partition('; ')[0]}; estimated together with the terms of its axis"
+    together = "estimated together with the terms of its axis"
     if alone:
-        return replace(finding, because=f"{start}, and not significant over the whole library")
-    because = f"{start}; errors of sensors that are believable together may leave as much"
+        return replace(
+            finding, reasons=(f"{together}, and not significant over the whole library",)
+        )
     return replace(
-        finding, verdict="suspected", explanation_set=(finding.hypothesis,), because=because
+        finding,
+        verdict="suspected",
+        explanation_set=(finding.hypothesis,),
+        reasons=(together, "errors of sensors that are believable together may leave as much"),
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerodb.remarks import Remark, said
 from aerodb.support import Array
 from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict
 from aerodb.tracing.decision.selection import (
@@ -39,7 +40,7 @@ class Explanation:
     index: int
     rivals: tuple[int, ...]
     sensors: tuple[int, ...]
-    fallen: dict[int, str]
+    fallen: dict[int, Remark]
 
 
 def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanation:
@@ -96,7 +97,7 @@ def _fitting(
         else before.possible
     )
     fitting: list[int] = []
-    fallen: dict[int, str] = {}
+    fallen: dict[int, Remark] = {}
     for rival in np.flatnonzero(shown).tolist():
         if rival in barred:
             continue
@@ -110,11 +111,11 @@ def _fitting(
         gains = np.zeros(len(tests.flights))
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
         if hypotheses[index].has_shape(hypotheses[rival]) and own.sum() >= gains.sum():
-            fallen[rival] = "is another shape of the same effect, and explains no more"
+            fallen[rival] = said("is another shape of the same effect, and explains no more")
             continue
         p = paired_p(own, gains)
         if p < tests.settings.level:
-            fallen[rival] = f"explains less in flight after flight (p = {p:.1g})"
+            fallen[rival] = said(f"explains less in flight after flight (p = {p:.1g})")
         else:
             fitting.append(rival)
     fitting.sort(key=lambda i: -float(before.gain[i]))
@@ -215,12 +216,14 @@ def finding_of(
     verdict: Verdict,
     value: float,
     ci95: tuple[float, float],
-    because: str,
+    size: str,
+    reasons: tuple[str, ...],
     refound: tuple[int, int] = (0, 0),
 ) -> Finding:
     """Return the finding of an explained hypothesis, with its votes and its explanation set.
 
-    test : of the model of `decision`. value, ci95 : of the parameter, SI.
+    test : of the model of `decision`. value, ci95 : of the parameter, SI. size, reasons : as in
+    `Finding`.
     """
     index, hypotheses = explanation.index, tests.campaign.hypotheses
     hypothesis = hypotheses[index]
@@ -243,7 +246,9 @@ def finding_of(
         ),
         votes=reported_votes(tests, estimates, test, index),
         explanation_set=tuple(hypotheses[i].id for i in members),
-        because=because,
+        what=hypothesis.because,
+        size=size,
+        reasons=reasons,
         fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
         refound=refound,
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,

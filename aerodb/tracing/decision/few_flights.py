@@ -7,7 +7,7 @@ by the noise that remains when it is in the model as well. Findings are suspecte
 fit itself is in `aerodb.tracing.decision.joint_model`.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -304,42 +304,41 @@ def _finding(joint: JointModel, test: Tested, index: int, behind: Sequence[int])
         verdict="ambiguous_sensor" if behind else "suspected",
         value=value,
         ci95=(value - half, value + half),
-        because=_because(hypothesis, value, half, len(on), rival_names, sensor_names)
-        + _twins(joint, index, explanation.rivals, on),
+        size=(
+            f"{hypothesis.parameter} = {with_unit(value, hypothesis.unit)} (95 %:"
+            f" {value - half:.3g} to {value + half:.3g}) beside the linear set"
+        ),
+        reasons=(
+            *_reasons(len(on), rival_names, sensor_names),
+            *_twins(joint, index, explanation.rivals, on),
+        ),
     )
 
 
-def _because(
-    h: Hypothesis,
-    value: float,
-    half: float,
-    flights: int,
-    rivals: Sequence[str],
-    sensors: Sequence[str],
-) -> str:
-    size = f"{with_unit(value, h.unit)} (95 %: {value - half:.3g} to {value + half:.3g})"
-    sentence = f"{h.because}: {h.parameter} = {size} beside the linear set; "
-    sentence += (
+def _reasons(flights: int, rivals: Sequence[str], sensors: Sequence[str]) -> Iterator[str]:
+    voters = (
         f"{flights} manoeuvres or flights"
         if flights > 1
         else "one manoeuvre, the only one made for it,"
     )
-    sentence += " voted, too few for an error rate"
-    sentence += f"; these manoeuvres cannot tell it from {', '.join(rivals)}" if rivals else ""
-    if sensors:
-        return f"{sentence}; an error of believable size would explain it: {', '.join(sensors)}"
-    return f"{sentence}; no sensor error of believable size explains it"
+    yield f"{voters} voted, too few for an error rate"
+    if rivals:
+        yield f"these manoeuvres cannot tell it from {', '.join(rivals)}"
+    yield (
+        f"an error of believable size would explain it: {', '.join(sensors)}"
+        if sensors
+        else "no sensor error of believable size explains it"
+    )
 
 
 def _twins(
     joint: JointModel, index: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
-) -> str:
-    """Return which rivals are the same column up to a factor, and in which units.
+) -> Iterator[str]:
+    """Yield which rivals are the same column up to a factor, and in which units.
 
     No flight of this kind can tell them apart.
     """
     matrix, names = joint.tests.campaign.products.matrix, joint.tests.campaign.hypotheses
-    clauses = ""
     for rival in rivals:
         alike = [
             g
@@ -351,8 +350,7 @@ def _twins(
             where = ", ".join(
                 SamplingUnit.parse(joint.tests.campaign.flights[g]).short for g in alike
             )
-            clauses += f"; {names[rival].id} is its exact twin in {where}"
-    return clauses
+            yield f"{names[rival].id} is its exact twin in {where}"
 
 
 def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, tuple[int, ...]]:

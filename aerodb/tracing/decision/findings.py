@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
+from aerodb.remarks import Remark
+
 Verdict = Literal[
     "confirmed",
     "suspected",
@@ -68,10 +70,12 @@ class Finding:
     its term misses anywhere in the envelope, so that it can contain zero although the mean over the
     flights is not zero. test : of that mean. p_adjusted : p of the test, adjusted over the whole
     library. votes : the
-    per-flight estimates. explanation_set : ids that explain it equally well, itself first. because
-    : one plain sentence. fallen : id -> why that rival was rejected. refound : in how many of how
-    many repetitions without some of the flights it was found again. held_out_share : share of the
-    flights on which the value from the other flights lowers the error.
+    per-flight estimates. explanation_set : ids that explain it equally well, itself first. what :
+    what is wrong, in words. size : the parameter with its value and interval, and on what it rests.
+    reasons : of the verdict, a clause each. fallen : id -> why that rival was rejected. refound :
+    in how many of how many repetitions without some of the flights it was found again.
+    held_out_share : share of the flights on which the value from the other flights lowers the
+    error.
     """
 
     hypothesis: str
@@ -86,12 +90,19 @@ class Finding:
     p_adjusted: float
     votes: tuple[Vote, ...]
     explanation_set: tuple[str, ...]
-    because: str
-    fallen: Mapping[str, str] = field(default_factory=dict)
+    what: str
+    size: str
+    reasons: tuple[str, ...]
+    fallen: Mapping[str, Remark] = field(default_factory=dict)
     refound: tuple[int, int] = (0, 0)
     held_out_share: float = 0.0
     shape: Mapping[str, Any] | None = None
     test: MeanTest | None = None
+
+    @property
+    def because(self) -> str:
+        """One plain sentence: what, how large, and why this verdict."""
+        return "; ".join((f"{self.what}: {self.size}", *self.reasons))
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON of docs/reference/contract.md: value, interval (2,) and votes in the
@@ -117,7 +128,12 @@ class Finding:
             ],
             "explanation_set": list(self.explanation_set),
             "because": self.because,
-            "fallen": dict(self.fallen),
+            "what": self.what,
+            "reasons": list(self.reasons),
+            "fallen": {id: remark.sentence for id, remark in self.fallen.items()},
+            "fallen_data": {
+                id: remark.document() for id, remark in self.fallen.items() if remark.values
+            },
             "refound": list(self.refound),
             "held_out_share": self.held_out_share,
             **({} if self.shape is None else {"shape": dict(self.shape)}),
@@ -126,7 +142,12 @@ class Finding:
 
 def only_suspected(finding: Finding, but: str) -> Finding:
     """Return the finding as `suspected`, with one more reason in its sentence."""
-    return replace(finding, verdict="suspected", because=f"{finding.because}; but {but}")
+    return doubted(finding, but, verdict="suspected")
+
+
+def doubted(finding: Finding, but: str, **changes: Any) -> Finding:
+    """Return the finding with one more reason in its sentence, and these other fields."""
+    return replace(finding, reasons=(*finding.reasons, f"but {but}"), **changes)
 
 
 @dataclass(frozen=True)

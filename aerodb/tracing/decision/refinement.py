@@ -10,7 +10,7 @@ tracing.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from aerodb.effects import FlightView, Hypothesis, ramp_terms, spline_over, variables_of
 from aerodb.support import Array, in_threads
-from aerodb.tracing.decision.findings import Finding
+from aerodb.tracing.decision.findings import Finding, only_suspected
 from aerodb.tracing.estimates import Campaign, campaign, paired_p
 from aerodb.tracing.evidence import evidence_of, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
@@ -81,13 +81,13 @@ def downgraded_on_axes(findings: Sequence[Finding], axes: Collection[str]) -> tu
     nodes, not the truth: what it leaves is found again flight after flight, and looks like an
     effect.
     """
-    because = (
-        "; but on this axis an earlier term has another shape than its template, of which this may"
-        " be the rest"
+    but = (
+        "on this axis an earlier term has another shape than its template, of which this may be the"
+        " rest"
     )
     return tuple(
         (
-            replace(f, verdict="suspected", because=f.because + because)
+            only_suspected(f, but)
             if f.verdict in ("confirmed", "alias_group") and set(f.axis) & set(axes)
             else f
         )

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtrit
 
+from aerodb.remarks import NOT_BELIEVABLE, Remark
 from aerodb.support import Array
-from aerodb.tracing.decision.findings import Vote, with_unit
+from aerodb.tracing.decision.findings import Vote
 from aerodb.tracing.estimates import Campaign, FlightEstimates, Tested, coherent_gain, over_flights
 from aerodb.tracing.settings import TracingSettings
 
@@ -303,22 +304,20 @@ def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Arra
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def implausible(tests: CrossFlightTests, test: Tested, index: int) -> str:
+def implausible(tests: CrossFlightTests, test: Tested, index: int) -> Remark | None:
     """Return why the value that a rival would need is not believable, with its 95 % interval
-    (Student's t) in the unit of the hypothesis; empty if it is, or is not known."""
+    (Student's t) in the unit of the hypothesis; None if it is, or is not known."""
     hypothesis = tests.campaign.hypotheses[index]
     half = (
         stdtrit(test.dof[index], 0.975) * test.standard_error[index]
         + test.systematic_at([index])[0]
     )
     if not np.isfinite(half) or not test.testable[index]:
-        return ""
+        return None
     low, high = test.mean[index] - half, test.mean[index] + half
     least, most = hypothesis.plausible
     if high < least or low > most:
-        by = f" by {hypothesis.known_by}" if hypothesis.known_by else ""
-        return (
-            f"would need {with_unit(test.mean[index], hypothesis.unit)}, believable{by} is"
-            f" {least:.3g} to {most:.3g}"
-        )
-    return ""
+        needed = {"value": float(test.mean[index]), "low": least, "high": most}
+        values = {name: (size, hypothesis.unit) for name, size in needed.items()}
+        return Remark(NOT_BELIEVABLE, (hypothesis.known_by,), values)
+    return None

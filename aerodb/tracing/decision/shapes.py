@@ -17,7 +17,7 @@ from aerodb.effects import Hypothesis
 from aerodb.support import Array, in_threads
 from aerodb.tables import HAT_RATES
 from aerodb.tracing.decision.explanation_sets import LOST
-from aerodb.tracing.decision.findings import Finding
+from aerodb.tracing.decision.findings import Finding, doubted
 from aerodb.tracing.decision.functions import (
     RATE,
     TRACE,
@@ -131,13 +131,11 @@ class _Shapes:
         variables = self.functions.variables(problem.chosen(problem.flights, named))
         if not (fall > WORTH and p < self.settings.level and variables):
             return finding
-        return replace(
+        return doubted(
             finding,
+            f"an effect of {', '.join(variables)} on {axis} is not named, and its level may be this"
+            " constant",
             verdict="suspected",
-            because=(
-                f"{finding.because}; but an effect of {', '.join(variables)} on {axis} is not"
-                " named, and its level may be this constant"
-            ),
             shape=_shape(axis, variables, fall, p, []),
         )
 
@@ -180,13 +178,11 @@ class _Shapes:
         if not variables or not (as_well or may_be) or p >= self.settings.level:
             return finding
         how = "as well" if as_well else "too, and no other axis speaks for the sensor"
-        return replace(
+        return doubted(
             finding,
+            f"an effect of {', '.join(variables)} on {axis}, of a shape that the library lacks,"
+            f" predicts left-out flights {how}",
             verdict="ambiguous_sensor",
-            because=(
-                f"{finding.because}; but an effect of {', '.join(variables)} on {axis}, of a shape"
-                f" that the library lacks, predicts left-out flights {how}"
-            ),
             shape=_shape(axis, variables, share, p, []),
         )
 
@@ -258,15 +254,17 @@ class _Shapes:
         variables = self.functions.variables(picked)
         same = self._drivers(finding) <= _channels(variables)
         shape = _shape(axis, variables, fall, p, self._bands(problem, rest, picked))
-        text = (
-            f"{finding.because}; but an effect of {', '.join(variables)} on {axis} of another shape"
-            f" predicts left-out flights better by {fall:.0%} of what is left (p = {p:.1g})"
+        finding = doubted(
+            finding,
+            f"an effect of {', '.join(variables)} on {axis} of another shape predicts left-out"
+            f" flights better by {fall:.0%} of what is left (p = {p:.1g})",
+            shape=shape,
         )
         if same:
             middle = 0.5 * (finding.ci95[0] + finding.ci95[1])
             half = float(np.hypot(0.5 * (finding.ci95[1] - finding.ci95[0]), ndtri(0.975) * misfit))
-            return replace(finding, shape=shape, because=text, ci95=(middle - half, middle + half))
-        return replace(finding, verdict="suspected", shape=shape, because=text)
+            return replace(finding, ci95=(middle - half, middle + half))
+        return replace(finding, verdict="suspected")
 
     def _bands(
         self, problem: FunctionProblem, rest: Sequence[int], picked: Sequence[int]

@@ -138,7 +138,8 @@ def _finding(
     test = tests.tested(decision.terms, decision.freed, fewest)
     verdict = verdict_of(decision, explanation, bool(test.adjusted[index] < tests.settings.level))
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
-    on = np.flatnonzero(test.included[:, index])
+    hypothesis = tests.campaign.hypotheses[index]
+    low, high = test.interval(index)
     return finding_of(
         tests,
         decision,
@@ -147,7 +148,11 @@ def _finding(
         verdict=verdict,
         value=float(test.mean[index]),
         ci95=test.interval(index),
-        because=_because(tests, decision, explanation, verdict, test, len(on)),
+        size=(
+            f"{hypothesis.parameter} = {with_unit(float(test.mean[index]), hypothesis.unit)} (95 %:"
+            f" {low:.3g} to {high:.3g}) over {np.count_nonzero(test.included[:, index])} flights"
+        ),
+        reasons=_reasons(tests, decision, explanation, verdict),
         refound=(again, len(repeated)),
     )
 
@@ -167,33 +172,22 @@ def verdict_of(decision: Decision, explanation: Explanation, significant: bool) 
     return "confirmed" if significant else "suspected"
 
 
-def _because(
-    tests: CrossFlightTests,
-    decision: Decision,
-    explanation: Explanation,
-    verdict: Verdict,
-    test: Tested,
-    flights: int,
-) -> str:
-    """One plain sentence: what, how large, how sure, and what may explain it as well."""
+def _reasons(
+    tests: CrossFlightTests, decision: Decision, explanation: Explanation, verdict: Verdict
+) -> tuple[str, ...]:
+    """How sure the finding is, and what may explain it as well."""
     names = tests.campaign.hypotheses
-    hypothesis = names[explanation.index]
-    low, high = test.interval(explanation.index)
-    size = (
-        f"{with_unit(float(test.mean[explanation.index]), hypothesis.unit)} (95 %: {low:.3g} to"
-        f" {high:.3g})"
-    )
-    start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {flights} flights"
     rivals = ", ".join(names[i].id for i in explanation.rivals)
     sensors = ", ".join(names[i].id for i in explanation.sensors)
     weak = "significant when it was found, but not in the model of all findings"
-    few = f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}"
+    few = ("too few flights for an error rate", *([f"{rivals} would do as well"] if rivals else ()))
+    if verdict == "suspected":
+        return few if explanation.index in decision.suspected else (weak,)
     ends: dict[str, str] = {
         "confirmed": (
             "no rival in the library explains it as well and no single sensor error takes it away"
         ),
         "alias_group": f"these flights cannot tell it from {rivals}",
-        "suspected": few if explanation.index in decision.suspected else weak,
         "sensor": (
             "it acts on all axes as this sensor would, and every aerodynamic rival explains less"
         ),
@@ -201,7 +195,7 @@ def _because(
             f"it cannot be told from {', '.join(part for part in (rivals, sensors) if part)}"
         ),
     }
-    return f"{start}; {ends[verdict]}"
+    return (ends[verdict],)
 
 
 def _not_found(

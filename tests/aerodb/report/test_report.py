@@ -19,6 +19,7 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.run import run_flow
 from aerodb.increments.validation import AxisValidation, HoldOut
+from aerodb.remarks import SAID, Remark
 from aerodb.report.headlines import error_rows, headline, what_stayed
 from aerodb.report.loop_documents import loop_document
 from aerodb.report.numbers import number
@@ -315,8 +316,10 @@ def found(
         "refound": (4, 4),
     }
     known |= {
-        "because": "force along x from pitch rate: CX_q = -0.19",
-        "fallen": {"<b>mach_effect</b>": "explains less & less"},
+        "what": "force along x from pitch rate",
+        "size": "CX_q = -0.19",
+        "reasons": (),
+        "fallen": {"<b>mach_effect</b>": Remark(SAID, text="explains less & less")},
     }
     return Finding(
         hypothesis=hypothesis, effect=effect, axis=(axis,), verdict=verdict, **{**known, **other}

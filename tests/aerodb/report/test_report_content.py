@@ -193,7 +193,10 @@ def test_the_verdict_in_one_sentence() -> None:
     )
     limited = verdict_sentence(
         "limited",
-        [Remark(MOVING_AIR, text="the air moved: V 0.4"), Remark(SAID, text="the air moved: beta")],
+        [
+            Remark(MOVING_AIR, text="the air moved: V 0.4"),
+            Remark(MOVING_AIR, text="the air moved: b"),
+        ],
         {"channels": channels[1:]},
     )
     assert limited.startswith(

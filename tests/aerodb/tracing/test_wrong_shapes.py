@@ -16,7 +16,7 @@ from tests.support import wrong_shapes as wrong
 
 FINDING = Finding(
     "beta_slope@Cl", "beta_slope", ("Cl",), "", "confirmed", "Cl_beta", "1", 1.0, (0.9, 1.1),
-    0.001, (), (), "",
+    0.001, (), (), "", "", (),
 )  # fmt: skip
 FLIGHTS, SAMPLES = 6, 300
 
