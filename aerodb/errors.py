@@ -27,6 +27,11 @@ class AeroError(Exception):
         first = f"{where}: {what}" if where else what
         super().__init__("\n".join(line for line in (first, remedy) if line))
 
+    @property
+    def without_place(self) -> str:
+        """Cause and remedy, where the place is known."""
+        return "\n".join(line for line in (self.what, self.remedy) if line)
+
     def __reduce__(self) -> tuple[type["AeroError"], tuple[Any, ...]]:
         return type(self), (self.what, self.where, self.remedy)
 
@@ -89,7 +94,14 @@ class StoreBusyError(StoreError):
 
 
 class GateRefusal(AeroError, RuntimeError):
-    """Candidate version refused by the promotion gate."""
+    """Candidate version refused by the promotion gate, for one or more reasons: clauses."""
+
+    def __init__(self, reasons: Iterable[str], where: str = "", remedy: str = "") -> None:
+        self.reasons = tuple(reasons)
+        super().__init__("; ".join(self.reasons), where, remedy)
+
+    def __reduce__(self) -> tuple[type["AeroError"], tuple[Any, ...]]:
+        return type(self), (self.reasons, self.where, self.remedy)
 
 
 @contextmanager

@@ -156,16 +156,17 @@ AXES: Final[tuple[str, ...]] = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 FORCE_AXES: Final[tuple[str, ...]] = AXES[:3]
 MOMENT_AXES: Final[tuple[str, ...]] = AXES[3:]
 
-_AXIS_TEXT: Final[dict[str, str]] = {
-    "CX": "force along body x over qbar S, positive forward",
-    "CY": "force along body y over qbar S, positive right",
-    "CZ": "force along body z over qbar S, positive down",
-    "Cl": "moment about body x over qbar S b, positive right wing down",
-    "Cm": "moment about body y over qbar S c, positive nose up",
-    "Cn": "moment about body z over qbar S b, positive nose right",
-    "C_lift": "lift over qbar S, positive up, normal to the air-relative velocity",
-    "C_drag": "drag over qbar S, positive aft, along the air-relative velocity",
-    "C_side": "side force over qbar S, positive right, normal to lift and drag",
+#: Axis -> the quantity, and its sign.
+_AXIS_TEXT: Final[dict[str, tuple[str, str]]] = {
+    "CX": ("force along body x over qbar S", "positive forward"),
+    "CY": ("force along body y over qbar S", "positive right"),
+    "CZ": ("force along body z over qbar S", "positive down"),
+    "Cl": ("moment about body x over qbar S b", "positive right wing down"),
+    "Cm": ("moment about body y over qbar S c", "positive nose up"),
+    "Cn": ("moment about body z over qbar S b", "positive nose right"),
+    "C_lift": ("lift over qbar S", "positive up, normal to the air-relative velocity"),
+    "C_drag": ("drag over qbar S", "positive aft, along the air-relative velocity"),
+    "C_side": ("side force over qbar S", "positive right, normal to lift and drag"),
 }
 
 #: Free inputs of imported databases that a state model computes along a flight; they then stand
@@ -241,9 +242,14 @@ FLAGS: Final[dict[str, int]] = {
 
 def axis_description(axis: str) -> str:
     """Return the meaning of a coefficient axis; raises UnknownNameError with the nearest name."""
+    return f"{axis_quantity(axis)}, {_AXIS_TEXT[axis][1]}"
+
+
+def axis_quantity(axis: str) -> str:
+    """Return the quantity of a coefficient axis without its sign; raises as `axis_description`."""
     if axis not in _AXIS_TEXT:
         raise UnknownNameError(f"unknown axis '{axis}'", remedy=nearest(axis, _AXIS_TEXT))
-    return _AXIS_TEXT[axis]
+    return _AXIS_TEXT[axis][0]
 
 
 def is_surface(name: str) -> bool:

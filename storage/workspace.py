@@ -234,14 +234,17 @@ class Workspace:
             raise ValueError(f"not a path inside the workspace: {relative[:80]!r}")
         return self.root / parts
 
-    def quarantine(self, path: Path, sha256: str, reason: str, vehicle: str = "") -> Path:
+    def quarantine(
+        self, path: Path, sha256: str, reason: str, vehicle: str = "", what: str = ""
+    ) -> Path:
         """Put the log at `path` into quarantine, with its reason; returns the quarantined file.
 
         The bytes are copied to ``quarantine/<sha256>/log<suffix>``; the reason (with the log's
         name, size and time, and its `vehicle`) is written to ``reason.json`` there. The file at
         `path` is removed only if it is in the inbox and has the quarantined bytes. Calling it again
         keeps the bytes and updates the reason. Raises InputError when no bytes are in quarantine
-        yet and the file at `path` no longer has this sha256.
+        yet and the file at `path` no longer has this sha256. what : the reason without the path,
+        where it names the path.
         """
         identity = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
@@ -253,14 +256,21 @@ class Workspace:
         is_held = held is not None and has_sha256(held, sha256)
         if not is_held:
             write_atomically(target, lambda temporary: _copy_checked(path, temporary, sha256))
-        self.write_reason(folder, path.name, target.stat().st_size, reason, vehicle, sha256)
+        self.write_reason(folder, path.name, target.stat().st_size, reason, vehicle, sha256, what)
         in_inbox = path.parent.resolve().is_relative_to(self.inbox.resolve())
         if in_inbox and (not is_held or has_sha256(path, sha256)) and _identity(path) == identity:
             path.unlink(missing_ok=True)
         return target
 
     def write_reason(
-        self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = ""
+        self,
+        folder: Path,
+        name: str,
+        size: int,
+        reason: str,
+        vehicle: str,
+        sha256: str = "",
+        what: str = "",
     ) -> None:
         """Write ``reason.json`` of a quarantine entry: original name, size [bytes], vehicle and
         reason. StoreError on a full disk."""
@@ -270,6 +280,7 @@ class Workspace:
             "sha256": sha256,
             "size": size,
             "reason": reason,
+            "what": what or reason,
             "vehicle": vehicle,
             "at_utc": at,
         }

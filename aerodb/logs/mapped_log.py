@@ -46,6 +46,8 @@ class MappedLog:
     damage: list[Damage] = field(default_factory=list)
     refused: dict[str, InputError] = field(default_factory=dict)
     """Topics whose clock cannot be used -> the error."""
+    cut: set[str] = field(default_factory=set)
+    """Topics of which samples far from the flight are left out."""
     _clocks: dict[str, _Clock | None] = field(default_factory=dict)
     _renamed: str | None = None
 

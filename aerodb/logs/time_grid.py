@@ -116,13 +116,11 @@ def _beside_grid(log: MappedLog, topic: str, time: Array, grid: Array) -> slice:
     reach = _REACH * interval(grid)
     first, last = np.searchsorted(time, [grid[0] - reach, grid[-1] + reach])
     lost = len(time) - int(last - first)
-    if lost and not any(entry.topic == topic and _AWAY in entry.what for entry in log.damage):
-        what = f"{_jump(time)}: {lost} of {len(time)} samples {_AWAY}"
+    if lost and topic not in log.cut:
+        log.cut.add(topic)
+        what = f"{_jump(time)}: {lost} of {len(time)} samples are far from the flight and not used"
         log.damage.append(Damage("time", what, topic, float(time[0]), float(time[-1])))
     return slice(int(first), int(last))
-
-
-_AWAY = "are far from the flight and not used"
 
 
 def on_grid(

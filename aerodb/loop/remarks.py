@@ -35,7 +35,7 @@ def on_shapes(database: AeroDatabase) -> tuple[str, ...]:
     )
     if not notes:
         return ()
-    text = " ".join(f"[{note.removeprefix('traced: ')}]" for note in notes)
+    text = " ".join(f"[{note}]" for note in notes)
     return (
         (
             "Gains and shapes were fitted once more where that predicts left-out flights better:"

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerodb.nomenclature import AXES, axis_description
+from aerodb.nomenclature import AXES, axis_quantity
 from aerodb.report.style import (
     DATABASE,
     PAGE_WIDTH,
@@ -44,9 +44,7 @@ def _curve(panel: Any, axis: str, variable: str, database: AeroDatabase) -> None
         values = database.predict(vary(point, {variable: where})).coefficients[axis]
         panel.plot(factor * where, values, color=DATABASE, **look)
     plain_panel(panel)
-    panel.set_title(
-        axis_description(axis).partition(",")[0], fontsize=SMALLEST, loc="left", color="0.35"
-    )
+    panel.set_title(axis_quantity(axis), fontsize=SMALLEST, loc="left", color="0.35")
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 

@@ -16,6 +16,7 @@ from aerodb.report.style import (
     SMALLEST,
     UPDATED,
     channel_scale,
+    display_unit,
     in_figure,
     panel_grid,
     plain_panel,
@@ -290,11 +291,12 @@ def _slice(
             "-", "−"
         )
     )
-    unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
-    if unit != "-":
-        change = f"{change} {unit}"
     panel.set_title(
-        f"largest change: {change}", loc="right", fontsize=SMALLEST, color="0.35", pad=2
+        f"largest change: {change} {display_unit(variable)[1] or ''}".rstrip(),
+        loc="right",
+        fontsize=SMALLEST,
+        color="0.35",
+        pad=2,
     )
     panel.xaxis.set_major_locator(MaxNLocator(5))
     panel.set_xlabel(label)

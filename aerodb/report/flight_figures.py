@@ -20,6 +20,7 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     channel_scale,
+    display_unit,
     panel_grid,
     plain_panel,
 )
@@ -85,8 +86,7 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
         panel.plot(
             *decimated(measured.time, factor * measured[name], _NARROW), color=MEASURED, lw=1.8
         )
-        unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
-        size = f"{np.sqrt(np.nanmean(moved**2)):.2g}{'' if unit == '-' else f' {unit}'}"
+        size = f"{np.sqrt(np.nanmean(moved**2)):.2g} {display_unit(name)[1] or ''}".rstrip()
         panel.set_title(
             f"corrected by {size} rms", loc="right", fontsize=SMALLEST, color="0.35", pad=2
         )

@@ -178,11 +178,22 @@ def channel_scale(name: str) -> tuple[float, str]:
     >>> channel_scale("alpha")[1], channel_scale("mach")[1]
     ('alpha [deg]', 'mach [-]')
     """
+    factor, unit = display_unit(name)
+    return factor, f"{name} [{unit or '-'}]" if unit is not None else in_figure(name)
+
+
+def display_unit(name: str) -> tuple[float, str | None]:
+    """Factor to the display unit of a channel, and that unit: empty without dimension, None for a
+    free input.
+
+    >>> [display_unit(name)[1] for name in ("alpha", "mach", "my_input")]
+    ['deg', '', None]
+    """
     try:
         factor, unit = for_people(channel(name).unit)
     except UnknownNameError:
-        return 1.0, in_figure(name)
-    return factor, f"{name} [{unit}]"
+        return 1.0, None
+    return factor, "" if unit == "-" else unit
 
 
 def parameter_scale(name: str, unit: str) -> tuple[float, str]:

@@ -2,12 +2,21 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import typer
 
 from aerodb.flows.cli.output import Session, visible
 from aerodb.nomenclature import CHANNELS
+
+#: Origin of a channel's values -> its words in a column.
+_ORIGINS: Final = {
+    "sensor": "corrected sensor",
+    "sensor_and_motion": "smoothed",
+    "motion": "smoothed",
+    "motion_alone": "smoothed",
+    "not_given": "not given",
+}
 
 
 def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:
@@ -18,7 +27,10 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
         session.say(f"{indent}  {reason}")
     for remark in document.get("remarks", []):
         session.say(f"{indent}  {remark}")
-    rows = [_channel(entry, document.get("used", {})) for entry in document["channels"]]
+    used = document.get("used", {}) | {
+        name: _ORIGINS[origin] for name, origin in document.get("origins", {}).items()
+    }
+    rows = [_channel(entry, used) for entry in document["channels"]]
     if rows:
         columns = [
             f"{indent}channel",
@@ -60,7 +72,6 @@ def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
     factor, unit = angular(entry["channel"])
     limit = entry["limit"]
     shown = "-" if limit is None or math.isnan(limit) else f"{factor * limit:.3g}"
-    source = used.get(entry["channel"], "").partition(":")[0]
     return [
         entry["channel"],
         f"{factor * entry['before']:.3g}",
@@ -68,7 +79,7 @@ def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
         shown,
         unit,
         entry["verdict"],
-        source,
+        used.get(entry["channel"], ""),
     ]
 
 

@@ -233,7 +233,7 @@ def _check_seen(request: Request, vehicle: str, name: str, shown: str | None) ->
     event = access_of(request).catalogue.named(vehicle, name)
     if shown != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"
-        raise GateRefusal(what, f"vehicle {vehicle}", "check its history, then decide again")
+        raise GateRefusal((what,), f"vehicle {vehicle}", "check its history, then decide again")
 
 
 def _moved(request: Request, flow: Any, parameters: dict[str, Any]) -> dict[str, Any] | GateRefusal:
@@ -248,12 +248,7 @@ def _shown(
     request: Request, title: str, outcome: dict[str, Any] | GateRefusal, back: str
 ) -> Response:
     if isinstance(outcome, GateRefusal):
-        reasons = outcome.what.split("; ")
-        page = page_of(
-            request, "moved.html", title, outcome=None, reasons=reasons, refusal=outcome, back=back
-        )
+        page = page_of(request, "moved.html", title, outcome=None, refusal=outcome, back=back)
         page.status_code = 409
         return page
-    return page_of(
-        request, "moved.html", title, outcome=outcome, reasons=(), refusal=None, back=back
-    )
+    return page_of(request, "moved.html", title, outcome=outcome, refusal=None, back=back)

@@ -1,6 +1,5 @@
 """Status page: files that wait, runs in progress, failures and remedies (as `aerodb status`)."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from fastapi import APIRouter, Request
@@ -22,7 +21,6 @@ def work_page(request: Request) -> Response:
         "Status",
         status=status,
         server=_server(status),
-        reason_of=_reason_of,
     )
 
 
@@ -30,16 +28,6 @@ def work_page(request: Request) -> Response:
 def status(request: Request) -> Response:
     """The document of `aerodb status`."""
     return document(status_of(access_of(request)))
-
-
-def _reason_of(entry: Mapping[str, Any]) -> str:
-    """Return why a log is in quarantine, without the path in the inbox where it no longer is.
-
-    >>> _reason_of({"name": "a.csv", "reason": "/w/inbox/glider/a.csv: no column contains numbers"})
-    'no column contains numbers'
-    """
-    where, name, rest = entry["reason"].partition(f"{entry['name']}: ")
-    return rest if name and where.endswith(("/", "\\")) else str(entry["reason"])
 
 
 def _server(status: dict[str, Any]) -> str:

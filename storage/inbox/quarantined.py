@@ -18,12 +18,13 @@ REASON: Final = "reason.json"
 @dataclass(frozen=True)
 class Quarantined:
     """An entry of the quarantine: `key` is the name of its folder; `vehicle` is empty if
-    unknown."""
+    unknown; `what` is the reason without the path where the log was."""
 
     key: str
     name: str
     vehicle: str
     reason: str
+    what: str
     at_utc: str
     size: int
     file: Path
@@ -69,7 +70,8 @@ def _entry(folder: Path) -> Quarantined | None:
         note = json.loads((folder / REASON).read_text(encoding="ascii"))
     except (OSError, ValueError):
         note = {}
-    text = {name: str(note.get(name, "")) for name in ("name", "vehicle", "reason", "at_utc")}
+    note.setdefault("what", note.get("reason", ""))
+    text = {n: str(note.get(n, "")) for n in ("name", "vehicle", "reason", "what", "at_utc")}
     return Quarantined(folder.name, size=int(note.get("size", 0)), file=held, **text)
 
 

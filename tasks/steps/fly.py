@@ -95,7 +95,8 @@ def fly_version(
     tolerances : text; empty: those that come with aerodb.
 
     Returns a document: flight, version, key, tolerances, stretches (since, until, kind, controls,
-    feedback, correction, responses, oscillations, checks, notes, or reason where it was not flown).
+    feedback, correction, responses, oscillations, checks, notes; where it was not flown, reason,
+    and what: the reason without the place).
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -207,20 +208,19 @@ def manoeuvre_windows(
     """
     found = sorted(found, key=lambda segment: segment.start)
     manoeuvres = [segment for segment in found if segment.kind not in STATES]
-    windows: list[Window] = []
+    windows: list[tuple[float, float, tuple[str, ...]]] = []
     for segment in manoeuvres:
         begin = max(segment.start - BEFORE, 0.0)
         end = min(segment.end + AFTER, duration)
         if windows and segment.start < windows[-1][1] - AFTER:  # they overlap
             last = windows[-1]
-            kinds = dict.fromkeys([*last[2].split(" + "), segment.kind])
-            windows[-1] = (last[0], max(last[1], end), " + ".join(kinds))
+            windows[-1] = (last[0], max(last[1], end), (*last[2], segment.kind))
         else:
             if windows and windows[-1][1] > segment.start:
                 windows[-1] = (windows[-1][0], segment.start, windows[-1][2])
-            windows.append((begin, end, segment.kind))
+            windows.append((begin, end, (segment.kind,)))
     if windows:
-        return windows
+        return [(a, b, " + ".join(dict.fromkeys(kinds))) for a, b, kinds in windows]
     count = max(1, int(np.ceil(duration / longest - 1e-3)))
     edges = np.linspace(0.0, duration, count + 1)
     return [(float(a), float(b), "stretch") for a, b in pairwise(edges)]
@@ -263,7 +263,7 @@ def _fly(
                 gains = found
                 model, stretch = prepared(found)
     except InputError as error:
-        return {**document, "reason": str(error)}, {}
+        return {**document, "reason": str(error), "what": error.without_place}, {}
     if trimmed:
         stretch, offset = with_trim_offset(model, stretch, BEFORE)
         document["trim_offset"] = asdict(offset)

@@ -3,7 +3,7 @@
 import hashlib
 import os
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from aerodb.conditioning import (
@@ -307,7 +307,9 @@ def _quarantine(
     access.catalogue.add_log(
         sha256, name=path.name, size=size, format="", status="quarantined", reason=str(error)
     )
-    access.workspace.quarantine(path, sha256, str(error), vehicle)
+    named = PurePath(error.where).name == path.name
+    what = error.without_place if named else str(error)
+    access.workspace.quarantine(path, sha256, str(error), vehicle, what)
 
 
 def _keep(

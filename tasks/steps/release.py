@@ -131,7 +131,7 @@ def _gate(
         return _gate_of_import(access, row, accept)
     if released is None:
         raise GateRefusal(
-            "no version is released yet to compare it with",
+            ("no version is released yet to compare it with",),
             f"vehicle {row.vehicle}",
             "import a database first",
         )
@@ -304,7 +304,7 @@ def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:
 
 def _refusal(row: VersionRow, reasons: tuple[str, ...]) -> GateRefusal:
     remedy = f"nothing changed; see: aerodb version show {row.label} --vehicle {row.vehicle}"
-    return GateRefusal("; ".join(reasons), f"the gate refused {row.label} of {row.vehicle}", remedy)
+    return GateRefusal(reasons, f"the gate refused {row.label} of {row.vehicle}", remedy)
 
 
 def _document(event: NameEvent, row: VersionRow, moved: bool) -> dict[str, Any]:

@@ -1,8 +1,7 @@
 """The acid test of a version: its responses on held-out flights, summed up and drawn."""
 
-import re
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from aerodb.tasks.steps.fly import flown_responses
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 Document = Mapping[str, Any]
-
-#: How a reason begins that says again which stretch it is of, on the flight's own clock.
-_PLACE: Final = re.compile(r"^flight [0-9a-f]{12}, -?[\d.]+ to -?[\d.]+ s: ")
 
 
 def summarise_responses(
@@ -76,7 +72,7 @@ def summarise_responses(
         "failed": failed,
         "not_flown": [
             {"flight": flight, "name": labels[flight], "since": s["since"], "until": s["until"]}
-            | {"reason": _PLACE.sub("", s["reason"]).replace("\n", "; ")}
+            | {"reason": s.get("what", s["reason"]).replace("\n", "; ")}
             for flight, s in stretches
             if "reason" in s
         ],

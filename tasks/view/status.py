@@ -56,6 +56,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
                     "name": e.name,
                     "vehicle": e.vehicle,
                     "reason": e.reason,
+                    "what": e.what,
                     "at_utc": e.at_utc,
                 }
                 for e in aside

@@ -22,9 +22,12 @@ _LOST: Final = "the filter lost the motion: start closer, or state priors or bou
 _COLOURED = 0.01
 #: Correlation of one innovation with the next from which they are called coloured.
 _CORRELATED = 0.2
-_ASSUMES: Final = (
-    "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
-    "The parameters are constant, and the motion is close to linear within their uncertainty.",
+_ASSUMES: Final = tuple(
+    (
+        "Turbulence acts as white noise on the rates of the states; measurement noise is white.",
+        f"{parameters}, and the motion is close to linear within their uncertainty.",
+    )
+    for parameters in ("The parameters are constant", "Parameters walk as declared")
 )
 #: A record tells nothing of a parameter of which it leaves this share of the first deviation.
 _NOTHING: Final = 0.95
@@ -114,11 +117,7 @@ def walked(
             f" {_told(history[len(history) // 2])} in the middle, {_told(history[-1])} at the end."
             for name, history in histories[record.name].items()
         ]
-    assumes = tuple(
-        text.replace("The parameters are constant", "Parameters walk as declared")
-        for text in _ASSUMES
-    )
-    return replace(fit, histories=histories, notes=(*fit.notes, *notes), assumes=assumes)
+    return replace(fit, histories=histories, notes=(*fit.notes, *notes), assumes=_ASSUMES[True])
 
 
 def _told(value: Array) -> str:
@@ -195,6 +194,6 @@ def _assembled(
         converged=not lost,
         log_likelihood=float(sum(track.log_likelihood for track in tracks)),
         tests=tests,
-        assumes=_ASSUMES,
+        assumes=_ASSUMES[False],
         notes=tuple(notes),
     )

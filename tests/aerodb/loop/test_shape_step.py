@@ -46,7 +46,7 @@ def test_axes_are_those_of_the_refined_terms_alone() -> None:
     assert axes_of_misfit_shapes(database(Refit(), two)) == {"Cn", "CY"}
     said = on_shapes(database(Refit((LIFT,))))[0]
     assert (
-        "[a@Cn (confirmed); gain fitted once more beside the rest, shape refined of"
+        "[traced: a@Cn (confirmed); gain fitted once more beside the rest, shape refined of"
         " stall@C_lift:loop over alpha, mach" in said
     )
     assert "(left-out flights: 20.0% less error)" in said
