@@ -73,7 +73,7 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
 
 def _fitting(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
-) -> tuple[list[int], dict[int, str]]:
+) -> tuple[list[int], dict[int, Remark]]:
     """Hypotheses that would be found in its place, lose their gain to it, and are not worse over
     flights.
 
