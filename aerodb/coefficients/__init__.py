@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from .comparison import (
         FLOW_RATES,
         Comparison,
-        DatabaseSide,
         as_inputs,
         band_limited,
         compare,

@@ -27,10 +27,9 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from . import calibration
     from .calibration import Calibration, from_document
-    from .corrected import CorrectedFlight, Origin, corrected_flight
+    from .corrected import Origin
     from .output_error import joint_calibration
-    from .plan import Plan, make_plan
-    from .records import records_from_flight
+    from .plan import Plan
     from .smoother import StateNoise, state_noise_from
     from .verdict import Verdict, judge
     from .whole_flight import Consistent, make_consistent, unreadable_document

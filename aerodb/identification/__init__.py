@@ -37,10 +37,9 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .flight_dynamics import FlightDynamics, flight_dynamics
     from .identification_flight import IdentificationFlight
-    from .method_comparison import Agreement, MethodComparison, compare_methods
+    from .method_comparison import Agreement, compare_methods
     from .methods import METHODS, REGRESSION, Method, chosen_methods
     from .model_file import (
-        StateSpaceFile,
         declares_state_space,
         file_records,
         flight_records,

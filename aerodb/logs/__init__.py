@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .autopilot import Autopilot, wingless_sentence
+    from .autopilot import wingless_sentence
     from .autopilots import read_autopilot
-    from .columns import TIME, Columns, find_columns
+    from .columns import TIME, find_columns
     from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
     from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
     from .inspection import TopicSummary, describe, missing_samples
     from .mapping import choose_mapping, map_recording
-    from .mapping_draft import MappingDraft, draft_mapping
+    from .mapping_draft import draft_mapping
     from .mapping_file import Mapping, parse_mapping
     from .usable_flight import mapped_clock_suspicions, usable_flight
     from .vehicle_draft import draft_vehicle

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
     from .inputs import Event, superposed
     from .linear_model import LinearModel, linear_model
-    from .manoeuvre import Manoeuvre, Wave, parse_manoeuvre
+    from .manoeuvre import Manoeuvre, parse_manoeuvre
     from .modes import Mode, modes
     from .oscillation import Oscillation, at_rest_from, oscillation
     from .planning import (
@@ -58,17 +58,10 @@ if TYPE_CHECKING:
     )
     from .sensors import Instrument, Signal, at_instruments, measure
     from .stabilisation import stabilising_feedback
-    from .sweep import HeldSweep, SweepPoint, held_sweep, sweep
-    from .tolerances import (
-        CheckResult,
-        Response,
-        Tolerances,
-        check_responses,
-        parse_tolerances,
-        response_agreement,
-    )
+    from .sweep import held_sweep, sweep
+    from .tolerances import Tolerances, check_responses, parse_tolerances, response_agreement
     from .trim import NoTrimError, Trim, trim
-    from .trim_problem import Condition, control_inputs
+    from .trim_problem import Condition
     from .turbulence import DrydenGusts
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

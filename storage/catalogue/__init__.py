@@ -47,7 +47,6 @@ if TYPE_CHECKING:
         RunState,
         Stretch,
         UserRole,
-        UserRow,
         VersionDocuments,
         VersionRow,
     )

@@ -25,30 +25,17 @@ if TYPE_CHECKING:
     from .advance import FLOWS, Due, due, parameters_of
     from .calibration import bind, calibrate
     from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
-    from .coefficients import FlightCoefficients, load_coefficients, reconstruct
-    from .compare import compare_loaded, compare_with_database, compare_with_version
+    from .coefficients import reconstruct
+    from .compare import compare_with_database, compare_with_version
     from .conditioning import mapping_of
-    from .consistency import (
-        applied_errors,
-        check_consistency,
-        load_consistent,
-        noise_of,
-        reconstructed_angles,
-        remaining_errors,
-    )
+    from .consistency import check_consistency, load_consistent
     from .counting import repeat_documents, repeating
     from .design import design_flight
     from .estimate_records import estimate_records
     from .estimates_page import estimates_page
     from .expand import expand_flight
     from .export import FORMS, export_version
-    from .fly import (
-        default_tolerances,
-        flown_responses,
-        fly_version,
-        manoeuvre_windows,
-        read_tolerances,
-    )
+    from .fly import default_tolerances, fly_version, manoeuvre_windows, read_tolerances
     from .fly_manoeuvre import fly_manoeuvre
     from .frequency_response import respond
     from .importing import import_database, read_database
@@ -73,7 +60,6 @@ if TYPE_CHECKING:
     from .release import promote, roll_back
     from .report import flight_page, update_page, version_page, write_update_page
     from .runs import mark_ended
-    from .segments import segments_of
     from .store import trim_cache
     from .trace import find_sensor_rivals, freeze_library, trace_flight
     from .update import estimate, plan_update, validate

@@ -16,7 +16,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .freed_memory import return_freed_memory
-    from .memory_cache import cached, clear_cache, file_key
+    from .memory_cache import cached, file_key
     from .parsing import Parsed, parsed_log
     from .pool import OverLimitError, confined, start_workers
 

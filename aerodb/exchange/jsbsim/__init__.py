@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases, read_jsbsim_cases
     from .export import export_jsbsim, input_properties
     from .mass_balance import MassBalance, mass_balance_of
-    from .merge import Merged, merge_jsbsim
+    from .merge import merge_jsbsim
     from .properties import described_property, property_expression, property_unit
     from .reader import import_jsbsim
     from .relays import states_for_jsbsim
