@@ -10,7 +10,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import angular, say_consistency
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.references import Direct, Vehicle
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import CalibrationRow
@@ -97,9 +97,7 @@ def recalibrate(
     ] = None,
     valid_from: Since = None,
     valid_until: Until = None,
-    direct: Annotated[
-        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
-    ] = False,
+    direct: Direct = False,
 ) -> None:
     """Calibrate sensors jointly from several flights, and recompute what depends on these flights.
 

@@ -7,7 +7,14 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.updates import say_axes, say_derivatives, say_flights, say_result
+from aerodb.flows.cli.references import Direct, Flights, HoldOut
+from aerodb.flows.cli.updates import (
+    chosen_flights,
+    say_axes,
+    say_derivatives,
+    say_flights,
+    say_result,
+)
 from aerodb.flows.cli.vehicles import read_text
 
 #: Largest number of hypotheses not found that is printed; `--json` lists them all.
@@ -18,13 +25,8 @@ def close_loop(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
-    flights: Annotated[
-        list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
-    ] = None,
-    hold_out: Annotated[
-        list[str] | None,
-        typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
-    ] = None,
+    flights: Flights = None,
+    hold_out: HoldOut = None,
     accept_lumped: Annotated[
         list[str] | None, typer.Option(help="Effect of an alias group to add anyway; it is marked.")
     ] = None,
@@ -50,9 +52,7 @@ def close_loop(
     library: Annotated[
         str, typer.Option(help="Required hash of the library; refused if it differs.")
     ] = "",
-    direct: Annotated[
-        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
-    ] = False,
+    direct: Direct = False,
 ) -> None:
     """Trace residuals to effects that the database lacks, add those confirmed, and report the
     error.
@@ -66,17 +66,7 @@ def close_loop(
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
-    chosen = (
-        [catalogue.flight(ref, vehicle).id for ref in flights]
-        if flights
-        else [f.id for f in catalogue.flights(vehicle)]
-    )
-    if not chosen:
-        raise InputError(
-            "no flight is stored",
-            f"vehicle {vehicle}",
-            "ingest one: aerodb flight ingest LOG --vehicle " + vehicle,
-        )
+    chosen = chosen_flights(catalogue, vehicle, flights)
     twice = next((id for id in chosen if chosen.count(id) > 1), None)
     if twice is not None:
         raise InputError(

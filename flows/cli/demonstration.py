@@ -7,6 +7,7 @@ import typer
 
 from aerodb.flows.cli.closing import say_loop
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Direct
 from aerodb.flows.cli.responses import say_responses
 
 
@@ -20,9 +21,7 @@ def demo(
     noise_seed: Annotated[
         int, typer.Option(min=0, help="Seed of noise, sensor errors and pilot in the Phoenix case.")
     ] = 0,
-    direct: Annotated[
-        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
-    ] = False,
+    direct: Direct = False,
 ) -> None:
     """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.
 

@@ -18,6 +18,7 @@ from aerodb.flows.cli.findings import (
 )
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session, complaint, visible
+from aerodb.flows.cli.references import Direct, MappingFile, OfFlight
 from aerodb.flows.cli.vehicles import say_placeholders
 
 if TYPE_CHECKING:
@@ -31,16 +32,12 @@ def ingest(
     context: typer.Context,
     log: Annotated[list[str], typer.Argument(help="One or more logs.")],
     vehicle: Annotated[str, typer.Option(help="The vehicle that flew.")],
-    mapping: Annotated[
-        str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
-    ] = None,
+    mapping: MappingFile = None,
     name: Annotated[str | None, typer.Option(help="A name for the flight (one log only).")] = None,
     strict: Annotated[
         bool, typer.Option(help="Quarantine a damaged log instead of using its intact part.")
     ] = False,
-    direct: Annotated[
-        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
-    ] = False,
+    direct: Direct = False,
     accept_placeholders: Annotated[
         bool,
         typer.Option(
@@ -161,9 +158,7 @@ def compare(
     context: typer.Context,
     flight: str,
     version: Annotated[str, typer.Argument(help="Any version of the flight's vehicle.")],
-    vehicle: Annotated[
-        str | None, typer.Option(help="The vehicle, if several flights have this name.")
-    ] = None,
+    vehicle: OfFlight = None,
 ) -> None:
     """Compare a stored flight with any version: rms of the flight and of what is left, per axis.
 
@@ -232,9 +227,7 @@ def _standing(document: dict[str, Any]) -> str:
 def show(
     context: typer.Context,
     flight: str,
-    vehicle: Annotated[
-        str | None, typer.Option(help="The vehicle, if several flights have this name.")
-    ] = None,
+    vehicle: OfFlight = None,
 ) -> None:
     """Show a flight: its log, its findings, its results, and the versions based on it.
 
@@ -278,9 +271,7 @@ def retract(
     context: typer.Context,
     flight: str,
     reason: Annotated[str, typer.Option(help="Why it must not be used.")],
-    vehicle: Annotated[
-        str | None, typer.Option(help="The vehicle, if several flights have this name.")
-    ] = None,
+    vehicle: OfFlight = None,
 ) -> None:
     """Withdraw a flight; every version based on it becomes stale. Nothing is deleted.
 

@@ -10,6 +10,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.findings import say_damage, say_segments, say_suspicions
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session, visible
+from aerodb.flows.cli.references import MappingFile
 
 if TYPE_CHECKING:
     from aerodb.logs import TopicSummary
@@ -23,9 +24,7 @@ app = typer.Typer(name="log", cls=Commands, no_args_is_help=True, help="Raw logs
 def inspect(
     context: typer.Context,
     log: Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")],
-    mapping: Annotated[
-        str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
-    ] = None,
+    mapping: MappingFile = None,
 ) -> None:
     """Show contents, damage, mapped and missing channels and likely faults of a log; stores
     nothing.

@@ -1,4 +1,4 @@
-"""Options that commands about versions share; see `aerodb.tasks.references` for their meaning."""
+"""Options that commands share; `aerodb.tasks.references` says what those about versions mean."""
 
 from typing import Annotated
 
@@ -7,4 +7,18 @@ import typer
 Vehicle = Annotated[str | None, typer.Option(help="The vehicle; optional if there is only one.")]
 AsOf = Annotated[
     str | None, typer.Option("--as-of", help="As it was at this date (ISO 8601, UTC).")
+]
+OfFlight = Annotated[
+    str | None, typer.Option(help="The vehicle, if several flights have this name.")
+]
+Direct = Annotated[bool, typer.Option(help="Run without Prefect; steps and keys are the same.")]
+Flights = Annotated[
+    list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
+]
+HoldOut = Annotated[
+    list[str] | None,
+    typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
+]
+MappingFile = Annotated[
+    str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
 ]

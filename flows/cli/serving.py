@@ -6,13 +6,12 @@ import typer
 
 from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Direct
 from aerodb.storage.locks import take
 
 if TYPE_CHECKING:
     from aerodb.storage.workspace import Workspace
     from aerodb.tasks.workspace_access import WorkspaceAccess
-
-_Direct = Annotated[bool, typer.Option(help="Run without Prefect; steps and keys are the same.")]
 
 
 #: Largest number of entries printed of each kind; `--json` lists more.
@@ -47,7 +46,7 @@ def serve(context: typer.Context) -> None:
 def nightly(
     context: typer.Context,
     vehicle: Annotated[str | None, typer.Option(help="Only this vehicle.")] = None,
-    direct: _Direct = False,
+    direct: Direct = False,
 ) -> None:
     """Run the nightly flow once: sweep the inbox, update databases that are due, notify.
 
@@ -202,7 +201,7 @@ def retry(
     vehicle: Annotated[
         str | None, typer.Option(help="The vehicle that flew the log, if it is unknown.")
     ] = None,
-    direct: _Direct = False,
+    direct: Direct = False,
 ) -> None:
     """Retry what failed: a quarantined log, a run, or the steps of a flight.
 

@@ -8,6 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Direct, Flights, HoldOut
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -25,22 +26,15 @@ def update(
         typer.Option(help="Use model and flights of this version, without retracted flights."),
     ] = None,
     baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
-    flights: Annotated[
-        list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
-    ] = None,
-    hold_out: Annotated[
-        list[str] | None,
-        typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
-    ] = None,
+    flights: Flights = None,
+    hold_out: HoldOut = None,
     method: Annotated[
         str | None,
         typer.Option(
             help="Method by which to estimate, one of `aerodb estimate`; default: regression."
         ),
     ] = None,
-    direct: Annotated[
-        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
-    ] = False,
+    direct: Direct = False,
 ) -> None:
     """Estimate declared increments, store a candidate version, and report the error before and
     after.
@@ -69,17 +63,7 @@ def update(
         text = read_text(model)
         parse_model_file(text, str(model))
     row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
-    chosen = (
-        [catalogue.flight(ref, vehicle).id for ref in flights]
-        if flights
-        else [f.id for f in catalogue.flights(vehicle)]
-    )
-    if not chosen:
-        raise InputError(
-            "no flight is stored",
-            f"vehicle {vehicle}",
-            "ingest one: aerodb flight ingest LOG --vehicle " + vehicle,
-        )
+    chosen = chosen_flights(catalogue, vehicle, flights)
     held = None if hold_out is None else ([] if hold_out == ["none"] else hold_out)
     parameters = {
         "vehicle": vehicle,
@@ -92,6 +76,25 @@ def update(
     document = session.run(update_flow, parameters, direct)
     print_update(session, document)
     session.answer(document)
+
+
+def chosen_flights(catalogue: "Catalogue", vehicle: str, flights: list[str] | None) -> list[str]:
+    """Return the ids of `flights`, by default of all of the vehicle.
+
+    Raises InputError where none is stored, or one is unknown.
+    """
+    chosen = (
+        [catalogue.flight(ref, vehicle).id for ref in flights]
+        if flights
+        else [f.id for f in catalogue.flights(vehicle)]
+    )
+    if not chosen:
+        raise InputError(
+            "no flight is stored",
+            f"vehicle {vehicle}",
+            "ingest one: aerodb flight ingest LOG --vehicle " + vehicle,
+        )
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -4,31 +4,14 @@ Model: ``C += k delta_gear`` with delta_gear 0 up and 1 down. Believable size: C
 pitching moment of a few hundredths.
 
 Data needed: gear movement in flight, or flights with the gear up and with it down.
-
->>> from aerodb.effects.template import value
->>> value(regressor("delta"), delta=1.0)
-1.0
 """
 
-from aerodb.effects.aerodynamic.per_surface import Sizes, per_surface
+from aerodb.effects.aerodynamic.per_surface import of_device
 
-SIZES: Sizes = {
-    "landing_gear": {"CX": 0.06, "CZ": 0.1, "Cm": 0.1},
-}
-
-
-def regressor(delta: str) -> str:
-    """The gear's position itself, 0 up to 1 down (dimensionless), (n,)."""
-    return delta
-
-
-TEMPLATE = per_surface(
+TEMPLATE = of_device(
     "landing_gear",
-    regressor,
-    SIZES,
+    {"CX": 0.06, "CZ": 0.1, "Cm": 0.1},
+    "003, eq. 6",
     unit="1",
     grows="that comes with the {surface}",
-    name="{surface}",
-    source="003, eq. 6",
-    named=False,
 )

@@ -54,3 +54,27 @@ def per_surface(
     return Template(
         effect, "aerodynamic", f"{', '.join(axes)} += k*({regressor('delta')})", source, hypotheses
     )
+
+
+def of_device(
+    kind: Role,
+    sizes: Mapping[str, float],
+    source: str,
+    unit: str = "1/rad",
+    grows: str = "that grows with {surface} deflection",
+) -> Template:
+    """Return the template ``C_axis += k * delta`` for surfaces of one kind, delta as it is recorded
+    ([rad]; of a gear 0 up to 1 down).
+
+    sizes : body axis -> largest believable k, in `unit`; the effect is named like the kind.
+    """
+    return per_surface(
+        kind,
+        lambda delta: delta,
+        {kind: sizes},
+        unit=unit,
+        grows=grows,
+        name="{surface}",
+        source=source,
+        named=False,
+    )
