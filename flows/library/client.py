@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 #: Status of a refusal -> its error here, as the console turned it into the status.
 _ERRORS: Final[Mapping[int, type[AeroError]]] = {
     404: UnknownNameError,
-    409: GateRefusal,
     422: InputError,
     503: StoreBusyError,
 }
@@ -240,4 +239,6 @@ def _refusal(answer: httpx.Response, url: str) -> AeroError:
     except (ValueError, KeyError, TypeError):  # what stands before the application, in text
         what, where = answer.text[:200].strip() or answer.reason_phrase, url
         remedy = "check the token" if answer.status_code in (401, 403) else ""
+    if answer.status_code == httpx.codes.CONFLICT:
+        return GateRefusal((what,), where, remedy)
     return _ERRORS.get(answer.status_code, InputError)(what, where, remedy)

@@ -60,7 +60,7 @@ class NameLedger(Ledger):
                     " in the meantime"
                 )
                 raise NameMovedError(
-                    what,
+                    (what,),
                     f"vehicle {vehicle}",
                     "check the history of the name, then try again from its current version",
                 )
