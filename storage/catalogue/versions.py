@@ -186,29 +186,23 @@ class VersionLedger(NameLedger, LineageLedger):
     def reports_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
         """Return id -> the report that the version was made with, for those of `ids` that exist; no
         error for the others."""
-        c = s.versions.c
-        with self._database.reading() as connection:
-            queries = [
-                sa.select(c.id, c.report).where(c.id.in_(part)) for part in in_parts(set(ids))
-            ]
-            return {
-                row.id: enc.from_json(row.report)
-                for query in queries
-                for row in connection.execute(query)
-            }
+        return self._documents(s.versions.c.report, ids)
 
     def settings_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
         """Return id -> the settings that made the version, for those of `ids` that exist; no error
         for the others."""
-        c = s.versions.c
+        return self._documents(s.versions.c.settings, ids)
+
+    def _documents(
+        self, column: sa.Column[str], ids: Iterable[str]
+    ) -> dict[str, Mapping[str, Any]]:
+        """Id -> the JSON of one column, for those of `ids` that exist."""
+        id = s.versions.c.id
         with self._database.reading() as connection:
-            queries = [
-                sa.select(c.id, c.settings).where(c.id.in_(part)) for part in in_parts(set(ids))
-            ]
             return {
-                row.id: enc.from_json(row.settings)
-                for query in queries
-                for row in connection.execute(query)
+                version: enc.from_json(text)
+                for part in in_parts(set(ids))
+                for version, text in connection.execute(sa.select(id, column).where(id.in_(part)))
             }
 
 
