@@ -4,11 +4,13 @@ through the gate, and refusals as errors."""
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 
 import aerodb
 from aerodb.errors import GateRefusal, InputError, StoreError, UnknownNameError
+from aerodb.flows.library.client import _refusal
 from aerodb.storage.catalogue.catalogue import Catalogue
 from tests.support.command import asked
 from tests.support.console_workspace import (
@@ -81,6 +83,14 @@ def test_a_change_goes_through_the_gate(client: aerodb.Client, made: Made) -> No
     moved = client.promote("candidate", "checked in a notebook", name="trial")
     assert moved["name"] == "trial"
     assert asked(made.workspace.root, "version", "show", "trial")["version"] == made.candidate
+
+
+def test_a_refusal_of_the_gate_has_the_reason_that_the_console_gives() -> None:
+    error = {"what": "released was moved", "where": "vehicle x", "remedy": "decide again"}
+    refusal = _refusal(httpx.Response(409, json={"error": error}), "http://console")
+    assert isinstance(refusal, GateRefusal)
+    assert refusal.reasons == ("released was moved",)
+    assert str(refusal) == "vehicle x: released was moved\ndecide again"
 
 
 def test_refusals_are_the_errors_of_the_commands(client: aerodb.Client) -> None:
