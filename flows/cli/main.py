@@ -1,5 +1,6 @@
 """The application: global options, commands, and exit codes of errors."""
 
+import gc
 import os
 import sys
 import time
@@ -51,6 +52,9 @@ USAGE = 2
 REFUSED = 3
 #: Exit code of a version that the promotion gate refuses.
 GATE = 4
+
+#: New objects between two searches for garbage: imports make hundreds of thousands, none garbage.
+_OBJECTS = 50_000
 
 app = typer.Typer(
     name="aerodb",
@@ -141,6 +145,7 @@ def main() -> None:
     Exit codes: docs/reference/contract.md, section "Exit codes".
     """
     debug = "--debug" in sys.argv
+    gc.set_threshold(_OBJECTS)
     try:
         # Outside of its standalone mode the library returns the code of an Exit instead of raising
         # it.

@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from aerodb.flows.cli.output import begin_server
+
 Vehicle = Annotated[str | None, typer.Option(help="The vehicle; optional if there is only one.")]
 AsOf = Annotated[
     str | None, typer.Option("--as-of", help="As it was at this date (ISO 8601, UTC).")
@@ -11,7 +13,10 @@ AsOf = Annotated[
 OfFlight = Annotated[
     str | None, typer.Option(help="The vehicle, if several flights have this name.")
 ]
-Direct = Annotated[bool, typer.Option(help="Run without Prefect; steps and keys are the same.")]
+Direct = Annotated[
+    bool,
+    typer.Option(callback=begin_server, help="Run without Prefect; steps and keys are the same."),
+]
 Flights = Annotated[
     list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
 ]
