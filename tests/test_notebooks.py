@@ -44,12 +44,14 @@ def test_there_are_three_and_their_outputs_are_not_stored() -> None:
         assert not [cell for cell in cells if cell.get("outputs") or cell.get("execution_count")]
 
 
+@pytest.mark.campaign
 def test_a_glider_of_px4_becomes_residuals(folder: Path) -> None:
     shown = run("px4-glider", folder)
     for part in ("log phoenix", "q[0]", "reconstruction of", "sensor error", "rms residual"):
         assert part in shown
 
 
+@pytest.mark.campaign
 def test_the_sealed_envelope_holds_what_was_found(folder: Path) -> None:
     shown = run("sealed-envelope", folder)
     told = [line for line in shown.splitlines() if line.startswith("CZ_alpha = ")]

@@ -137,6 +137,7 @@ def test_two_services_on_one_port_are_told_apart(tmp_path: Path, shared: SharedW
             end_service(service)
 
 
+@pytest.mark.campaign
 def test_another_server_on_the_port_is_not_taken_for_ones_own(
     tmp_path: Path, shared: SharedWorkspaces, monkeypatch: pytest.MonkeyPatch
 ) -> None:

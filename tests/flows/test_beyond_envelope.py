@@ -41,6 +41,7 @@ def attas(measured, tmp_path_factory):
     return root, ("update", "--vehicle", "attas", "--model", str(folder / "model.toml"), "--direct")
 
 
+@pytest.mark.campaign
 def test_each_manoeuvre_is_predicted_by_the_others_both_ways(attas):
     root, update = attas
     document = asked(root, *update)

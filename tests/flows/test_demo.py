@@ -83,6 +83,7 @@ def test_the_phoenix_case_finds_what_003_found(phoenix):
         assert floor["after"] <= 1.001 * floor["before"], axis
 
 
+@pytest.mark.campaign
 def test_declared_held_out_residual_is_within_a_tenth_of_the_noise_floor_on_every_axis(declared):
     document, floors = declared
     assert len(document["flights"]["identified"]) == 6
@@ -94,6 +95,7 @@ def test_declared_held_out_residual_is_within_a_tenth_of_the_noise_floor_on_ever
     assert all(floors[axis]["before"] > 3 * floors[axis]["floor"] for axis in ("CX", "CZ", "Cm"))
 
 
+@pytest.mark.campaign
 def test_declared_estimates_are_the_planted_effects(phoenix, declared):
     """Within a tenth, or the size that what is left of the sensors' errors can fake."""
     updated, _ = declared
@@ -111,6 +113,7 @@ def test_declared_estimates_are_the_planted_effects(phoenix, declared):
         )
 
 
+@pytest.mark.campaign
 def test_declared_corrections_have_the_direction_that_the_mission_reported(declared):
     document, _ = declared
     terms = {(e["axis"], t["term"]): t for e in document["increments"] for t in e["terms"]}

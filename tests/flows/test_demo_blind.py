@@ -51,6 +51,9 @@ document = run(close_loop_flow, baseline=baseline, flights=flights)
 print(json.dumps([sorted(sys.modules), document]))
 """
 
+#: The suite closes the loop of `test_demo.py`.
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def blind(tmp_path_factory):
@@ -110,7 +113,6 @@ def test_the_product_cannot_see_the_truth(blind):
     ]
 
 
-@pytest.mark.campaign
 def test_a_planted_error_is_seen_by_validate_and_gone_after_the_loop(tmp_path):
     """Stiffness about the CG 10 % too large (0.0091 1/rad) and roll damping by 20 %."""
     planted = (

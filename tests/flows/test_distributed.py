@@ -102,6 +102,7 @@ def test_a_worker_that_is_killed_costs_one_step_again(
     assert _begun(workspace) == [0, 0, 1, 2, 3]
 
 
+@pytest.mark.campaign
 def test_a_worker_killed_amid_flights_changes_nothing(
     tmp_path: Path,
     logs: list[Path],

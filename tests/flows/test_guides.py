@@ -120,7 +120,13 @@ def follow(name: str, followed: dict[str, Path]) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", GUIDES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] if name == "with-a-boom" else [])
+        for name in GUIDES
+    ],
+)
 def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None:
     if name == "simulators":
         pytest.importorskip("jsbsim", reason="exports to JSBSim are checked inside it")

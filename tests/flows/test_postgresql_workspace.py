@@ -229,6 +229,7 @@ def test_a_damaged_backup_leaves_an_empty_database(
     assert stored(Workspace.open(tmp_path / "new")) == stored(workspace)
 
 
+@pytest.mark.campaign
 def test_a_backup_while_another_process_takes_logs_in_holds_whole_flights(
     workspace: Workspace, made: Made, tmp_path: Path
 ) -> None:
@@ -330,6 +331,7 @@ def _cut_inside(item: str, *, workspace: str, run: str) -> int:
     return len(CUT)
 
 
+@pytest.mark.campaign
 def test_a_step_whose_connection_is_cut_costs_a_retry_and_nothing_else(
     workspace: Workspace,
 ) -> None:

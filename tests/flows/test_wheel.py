@@ -56,6 +56,7 @@ def test_the_wheel_has_one_package_on_top_level_and_all_its_data(wheel: Path) ->
             assert path.relative_to(ROOT).as_posix() in names, path
 
 
+@pytest.mark.campaign
 def test_a_folder_full_of_clashing_names_changes_nothing(wheel: Path, tmp_path: Path) -> None:
     site, here = tmp_path / "site", tmp_path / "users own"
     with zipfile.ZipFile(wheel) as archive:

@@ -255,6 +255,7 @@ def test_captive_flight_tells_of_the_sensors_and_not_of_the_aircraft(tmp_path: P
     assert stored["usable"][stored["time"] > 31.0].mean() > 0.9
 
 
+@pytest.mark.campaign
 def test_a_long_flight_is_taken_over_a_turning_earth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

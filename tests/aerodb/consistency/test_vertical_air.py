@@ -88,7 +88,7 @@ def test_the_intervals_of_the_twin_otter_records_cover_their_scatter(measured):
     assert abs(apart) < 1.5 * both
 
 
-@pytest.mark.parametrize("bias", [0.0, 0.012])
+@pytest.mark.parametrize("bias", [pytest.param(0.0, marks=pytest.mark.campaign), 0.012])
 def test_flights_in_rising_air_are_within_their_intervals(bias):
     """Sixteen flights of a minute with a standard deviation of .5 m/s, with a vane's bias and
     without. A minute shows the air's deviation with about three degrees of freedom, so that errors
@@ -137,6 +137,7 @@ def test_a_few_seconds_do_not_say_how_far_the_air_moves():
     assert 0.5 * 0.5 / SPEED < error < 0.5 / SPEED
 
 
+@pytest.mark.campaign
 def test_the_residuals_tell_how_far_the_air_moves():
     """The standard deviation follows the planted one, below and at what is expected: the median of
     eight flights is within a factor of 1.6. Beyond it, the prior holds it back a little. Still air

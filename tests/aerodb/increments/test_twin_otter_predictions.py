@@ -49,6 +49,9 @@ CASES = [
     *((name, axis) for name in NAMES for axis in ("Cm", "CY", "Cl", "Cn")),
 ]
 
+#: Three updates of measured flights with their pages.
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def product(measured, tmp_path_factory):

@@ -405,9 +405,10 @@ def _beyond(workspace: Path, model: Path, terms: Mapping[str, tuple[str, ...]]) 
     return document
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "kept",
-    [("1", "alpha"), pytest.param(("1", "alpha", "q_hat"), marks=pytest.mark.campaign)],
+    [("1", "alpha"), ("1", "alpha", "q_hat")],
     ids=["without q", "with q"],
 )
 def test_what_short_sets_lack_is_suspected(attached, tmp_path, kept: tuple[str, ...]) -> None:
@@ -433,6 +434,7 @@ def test_what_short_sets_lack_is_suspected(attached, tmp_path, kept: tuple[str, 
     assert len(finding["votes"]) == 1
 
 
+@pytest.mark.campaign
 def test_beyond_the_full_linear_set_nothing_is_claimed(attached, tmp_path) -> None:
     document = _beyond(attached, tmp_path / "full.toml", FULL)
     assert document["findings"] == []

@@ -109,6 +109,7 @@ def test_every_file_is_an_object_whose_name_has_its_hash(
     assert report.checked["objects"] == len(there)
 
 
+@pytest.mark.campaign
 def test_without_the_cache_everything_is_readable_and_nothing_is_made_again(
     kept: tuple[Workspace, str], logs: list[Path], service: ObjectService
 ) -> None:
