@@ -14,7 +14,7 @@ from aerodb.estimation import Parameter, Parameters, TimeHistory, filter_error, 
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
-from aerodb.flows.ephemeral_server import make_template
+from aerodb.flows.prefect_server import make_template
 from aerodb.identification import flight_dynamics
 from aerodb.simulation import Stretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader

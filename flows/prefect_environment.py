@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from aerodb.flows.ephemeral_server import running_server, start_server
+from aerodb.flows.prefect_server import running_server, start_server
 from aerodb.flows.processes import end_orphans, owner_of
 from aerodb.storage.locks import note_of
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization

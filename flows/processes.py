@@ -36,7 +36,7 @@ _PR_SET_PDEATHSIG: Final = 1
 #: Environment variable of child processes: process, its start, and the workspace folder.
 _OWNER: Final = "AERODB_OWNER"
 #: Arguments of the processes that Prefect, and `aerodb serve` for it, start.
-_OURS: Final = (b"prefect", b"from aerodb.flows.deployments", b"aerodb.flows.ephemeral_server")
+_OURS: Final = (b"prefect", b"from aerodb.flows.deployments", b"aerodb.flows.prefect_server")
 
 
 def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:
@@ -57,6 +57,7 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
         "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs,orphans",
         # its services write side by side, and SQLite lets one after the other
         "PREFECT_API_DATABASE_TIMEOUT": "60",
+        "PREFECT_SERVER_UI_ENABLED": "false",
         "PREFECT_CLI_COLORS": "false",
         "PYTHONSAFEPATH": "1",  # what lies in the present folder is not imported
     }

@@ -19,8 +19,8 @@ from typing import Any, Final
 from urllib.error import HTTPError
 
 from aerodb.errors import AeroError, StoreError
-from aerodb.flows.ephemeral_server import place_database
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
+from aerodb.flows.prefect_server import place_database
 from aerodb.flows.processes import Child, claimed, end_orphans, environment_of, free_port
 from aerodb.storage.inbox import InboxFile, rescan_inbox
 from aerodb.storage.locks import Lock, is_held, note_of, take
@@ -62,10 +62,8 @@ class Server:
         reached = f"[{host}]" if ":" in host else {"0.0.0.0": "127.0.0.1"}.get(host, host)
         self.client = Client(f"http://{reached}:{port}/api", token)
         environment = environment_of(workspace, self.client.url, token)
-        start = ["server", "start", "--host", host, "--port", str(port), "--no-ui"]
-        self._server = Child(
-            "server", [sys.executable, "-m", "prefect", *start], environment, workspace.prefect
-        )
+        start = [sys.executable, "-m", "aerodb.flows.prefect_server", host, str(port)]
+        self._server = Child("server", start, environment, workspace.prefect)
         run = "from aerodb.flows.deployments import main; main()"
         self._runner = Child(
             "runner",

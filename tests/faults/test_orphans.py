@@ -80,7 +80,7 @@ def test_the_server_of_a_killed_command_asks_for_a_token_and_ends_with_it(
         assert first.stdout is not None
         url = first.stdout.readline().strip()
         assert answered(url) == 401
-        assert [text for text in processes_of(workspace).values() if "ephemeral_server" in text]
+        assert [text for text in processes_of(workspace).values() if "prefect_server" in text]
         first.kill()
     until(lambda: not processes_of(workspace), "no process is left")
     assert answered(url) == 0

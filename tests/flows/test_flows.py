@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from aerodb.flows.ephemeral_server import place_database, running_server
+from aerodb.flows.prefect_server import place_database, running_server
 from aerodb.flows.run import requires
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace

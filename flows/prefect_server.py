@@ -1,10 +1,12 @@
-"""Prefect's server of one process: for runs that no other server orchestrates.
+"""Prefect's server as aerodb starts it: of one process, for runs that no other server
+orchestrates, or on a given port, for ``aerodb serve``.
 
 Prefect starts one by itself, but only when its first request is made: after its client was
 imported, with a poll until it answers, and for every new workspace with two hundred migrations of
 its database. Here the server starts beside the imports, requests wait in the queue of a socket
 that listens already, and a new workspace gets a copy of a migrated, empty database. The process is
-``python -m aerodb.flows.ephemeral_server DESCRIPTOR`` and ends with the one that started it.
+``python -m aerodb.flows.prefect_server DESCRIPTOR`` and ends with the one that started it, or
+``python -m aerodb.flows.prefect_server HOST PORT``.
 """
 
 import atexit
@@ -29,7 +31,6 @@ from typing import Any, Final
 _SETTINGS: Final = {
     "PREFECT_UI_ENABLED": "0",
     "PREFECT__SERVER_EPHEMERAL": "1",
-    "PREFECT__SERVER_FINAL": "1",
 }
 #: The same where the database is as the template: what a start would look for is in it.
 _CURRENT: Final = {
@@ -146,15 +147,19 @@ def make_template() -> None:
 
 
 def main() -> None:
-    """Serve on the listening socket whose descriptor is the argument."""
+    """Serve on the listening socket whose descriptor is the argument, or at host and port."""
     gc.disable()  # nothing of what is imported becomes garbage: a sixth of the time
     import uvicorn
     from prefect.server.api.server import create_app
 
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    config = uvicorn.Config(_with_short_waits(create_app()), log_level="error", lifespan="on")
+    application = _with_short_waits(create_app(final=True))
     gc.freeze()
     gc.enable()
+    if len(sys.argv) > 2:
+        uvicorn.run(application, host=sys.argv[1], port=int(sys.argv[2]), log_level="warning")
+        return
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    config = uvicorn.Config(application, log_level="error", lifespan="on")
     uvicorn.Server(config).run(sockets=[socket.socket(fileno=int(sys.argv[1]))])
 
 
