@@ -65,6 +65,7 @@ def test_the_nearest_come_first(repository: Path) -> None:
     assert found.index("tests/test_name.py") < found.index("tests/test_run.py")
 
 
+@pytest.mark.campaign
 def test_here_a_command_reaches_what_it_runs_and_science_does_not_reach_flows() -> None:
     graph = Graph()
     flows = graph.reaching(["aerodb.flows.close_loop"])

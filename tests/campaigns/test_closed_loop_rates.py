@@ -73,6 +73,7 @@ def test_a_noisy_vane_makes_no_finding(tmp_path: Path) -> None:
     assert line["added"] == []
 
 
+@pytest.mark.campaign
 def test_a_noisy_vane_hides_no_finding(tmp_path: Path) -> None:
     """Five flights: the gear's drag is found, sized and added where it is missing."""
     (line,) = run_planted(AIRCRAFT, ["gear drag"], [5], 1, tmp_path, CELL)

@@ -14,6 +14,7 @@ LONG = 6.0
 MOST = 0.15
 
 
+@pytest.mark.campaign
 @pytest.mark.heavy
 @pytest.mark.parametrize("kind", ["smooth", "sudden"])
 def test_permitted_envelopes_are_safe_as_often_as_their_margins_say(kind, trials) -> None:

@@ -168,6 +168,7 @@ def test_one_reason_of_many_flights_is_said_once() -> None:
     )
 
 
+@pytest.mark.campaign
 def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_path: Path) -> None:
     close = (*CLOSE, *named(flights_of(workspace)[:4]))
     first = asked(workspace, *close)

@@ -133,7 +133,9 @@ _LATER = ("coefficients", "comparison")
 
 
 @pytest.mark.parametrize(("point", "kind"), [
-    (point, list(ERRORS)[(k + shift) % len(ERRORS)])
+    pytest.param(
+        point, list(ERRORS)[(k + shift) % len(ERRORS)], marks=pytest.mark.campaign if shift else []
+    )
     for k, point in enumerate(POINTS) for shift in (0, 3)
 ])  # fmt: skip
 def test_one_flight_that_a_step_cannot_bear(
@@ -151,7 +153,13 @@ def test_one_flight_that_a_step_cannot_bear(
     check(workspace, outcomes, POINTS[point], type(ERRORS[kind]).__name__)
 
 
-@pytest.mark.parametrize("point", POINTS)
+@pytest.mark.parametrize(
+    "point",
+    [
+        pytest.param(point, marks=pytest.mark.campaign if k % 3 else [])
+        for k, point in enumerate(POINTS)
+    ],
+)
 def test_log_of_the_inbox_ends_in_one_place(
     workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch, point: str
 ) -> None:

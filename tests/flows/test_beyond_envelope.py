@@ -58,6 +58,7 @@ def test_each_manoeuvre_is_predicted_by_the_others_both_ways(attas):
     assert "slopes extrapolated" in page
 
 
+@pytest.mark.campaign
 def test_a_point_outside_is_given_both_ways(attas):
     root, update = attas
     label = asked(root, *update, "--hold-out", "Elv1")["label"]

@@ -42,6 +42,8 @@ _PLACES = (
     },
 )
 
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def clones(tmp_path_factory: pytest.TempPathFactory) -> list[list[Any]]:

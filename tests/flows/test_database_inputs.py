@@ -94,6 +94,7 @@ def twin_otter(measured, tmp_path_factory):
     return root, importing, asked(root, *importing, "--accept-proposals")
 
 
+@pytest.mark.campaign
 def test_twin_otter_needs_no_bindings_that_only_an_expert_knows(twin_otter):
     root, _, document = twin_otter
     assert document["held"] == [

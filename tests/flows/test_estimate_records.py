@@ -210,6 +210,7 @@ def test_a_delay_that_the_model_lacks_is_a_reservation_and_goes_when_it_is_decla
     near(document, ROLL_TRUTH | {"delay_delta_aileron": 0.12})
 
 
+@pytest.mark.campaign
 def test_a_parameter_that_changes_is_followed_where_it_may_walk(tmp_path) -> None:
     time = np.arange(0.0, 20.0, 0.05)
 

@@ -85,6 +85,7 @@ def test_update_learns_no_drag_from_a_flight_without_thrust(workspace, tmp_path)
     assert not [remark for remark in alone["remarks"] if "thrust" in remark]
 
 
+@pytest.mark.campaign
 def test_closed_loop_learns_no_drag_from_a_flight_without_thrust(workspace):
     flights = {f"a{k}": powered(k) for k in range(3)}
     root, _ = workspace({**flights, "lacking": powered(9, thrust=False)})
@@ -105,6 +106,7 @@ def test_thrust_line_off_the_centre_of_gravity_takes_the_pitching_moment_along(w
     assert [r for r in document["remarks"] if r.startswith("CX, Cm, C_drag, C_side, C_lift of")]
 
 
+@pytest.mark.campaign
 def test_samples_without_thrust_are_not_used_for_drag(workspace, tmp_path):
     table = powered(0)
     table["thrust"][:150] = np.nan
@@ -115,6 +117,7 @@ def test_samples_without_thrust_are_not_used_for_drag(workspace, tmp_path):
         assert abs(value - truth) < 4.0 * error + 0.002
 
 
+@pytest.mark.campaign
 def test_constant_thrust_of_the_vehicle_file_is_a_remedy(workspace, tmp_path):
     off = {f"a{k}": channels(k) for k in range(2)}  # the engine is off
     root, _ = workspace(off, thrust=f"{THRUST}[configuration]\nthrust = 0.0\n")

@@ -31,6 +31,9 @@ GUIDES = (
     "from-csv-or-mat",
 )
 
+#: The second continues the first.
+_LONG = ("with-a-boom", "first-finding")
+
 
 def steps(text: str) -> Iterator[tuple[str, list[str]]]:
     """Commands of a console block, each with the lines that it shows; a command goes on behind a
@@ -122,10 +125,7 @@ def follow(name: str, followed: dict[str, Path]) -> Path:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.campaign] if name == "with-a-boom" else [])
-        for name in GUIDES
-    ],
+    [pytest.param(name, marks=[pytest.mark.campaign] if name in _LONG else []) for name in GUIDES],
 )
 def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None:
     if name == "simulators":

@@ -278,6 +278,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) ->
     return shared.ingested(tmp_path_factory.mktemp("made") / "w").root
 
 
+@pytest.mark.campaign
 def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_retracted(
     flown: Path, tmp_path: Path
 ) -> None:

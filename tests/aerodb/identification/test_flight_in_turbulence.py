@@ -35,6 +35,7 @@ def _misses(fit) -> list[float]:
     return [(fit[name].value - value) / fit[name].standard_error for name, value in PLANTED.items()]
 
 
+@pytest.mark.campaign
 def test_filter_error_finds_what_turbulence_hides_from_output_error(problem) -> None:
     model, records = problem
     fit = filter_error(model, records, process_noise=("V", "alpha", "q"))

@@ -121,7 +121,7 @@ def test_a_jump_at_a_break_is_found() -> None:
         assert error < 0.1, name
 
 
-@pytest.mark.parametrize("lag", [0.05, 0.3])
+@pytest.mark.parametrize("lag", [pytest.param(0.05, marks=pytest.mark.campaign), 0.3])
 def test_intervals_of_95_percent_cover_the_truth_in_95_percent_of_runs(lag: float) -> None:
     """300 seeded campaigns; one standard error of the share that is counted is 1.3 %."""
     runs = [estimated(*campaign(seed, lift, lag=lag), LIFT) for seed in range(300)]

@@ -116,6 +116,7 @@ def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separa
     )
 
 
+@pytest.mark.campaign
 def test_by_commands_from_logs_to_proof(tmp_path: Path) -> None:
     """The gear's drag again, from logs with raw instruments on."""
     found = by_commands(GEAR, tmp_path, CASES[GEAR].lacks)

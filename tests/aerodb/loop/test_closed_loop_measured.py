@@ -340,6 +340,7 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
     assert "Kirchhoff" in " ".join(document["remarks"])
 
 
+@pytest.mark.campaign
 def test_the_library_is_frozen_by_the_family_of_the_stall_not_by_its_numbers(stalls) -> None:
     workspace, document = stalls
     access = access_workspace(str(workspace))

@@ -22,6 +22,7 @@ def test_planted_oscillations_are_recovered(omega: float, zeta: float) -> None:
     assert found.half_time == pytest.approx(np.log(2.0) / (zeta * omega), rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_standard_errors_cover_the_scatter() -> None:
     rng = np.random.default_rng(3)
     score = []

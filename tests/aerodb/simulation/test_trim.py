@@ -246,6 +246,7 @@ def identified() -> AeroDatabase:
     )
 
 
+@pytest.mark.campaign
 def test_standard_errors_are_the_scatter_over_parameter_sets() -> None:
     """Monte Carlo: each draw is a database of its own, trimmed and linearised anew."""
     condition = replace(CRUISE, bank=0.3)

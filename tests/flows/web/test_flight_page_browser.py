@@ -17,6 +17,9 @@ from tests.support.shared_workspace import SharedWorkspaces
 
 VEHICLE = "my-glider"
 
+#: The suite looks at every page in `test_console_browser.py`.
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:

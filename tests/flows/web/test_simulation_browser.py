@@ -20,6 +20,9 @@ from tests.support.small_glider import NAME
 #: JSBSim's simulation of an aircraft file at one state: force coefficient along body z.
 POINT = {"alpha": 0.07, "V": 25.0}
 
+#: The suite looks at every page in `test_console_browser.py`.
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Workspace:

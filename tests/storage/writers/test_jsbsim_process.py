@@ -35,6 +35,7 @@ def test_a_file_that_differs_is_found_to_differ() -> None:
     assert not agreement_in_jsbsim(GLIDER, other, CASES, Limits()).passed
 
 
+@pytest.mark.campaign
 def test_many_at_once_agree_and_this_process_lives() -> None:
     with ThreadPoolExecutor(6) as threads:
         asked = [

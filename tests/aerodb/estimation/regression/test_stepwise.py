@@ -80,6 +80,7 @@ def test_products_are_named_and_found():
     assert len(with_products(whole, 3).parameters.items) == 4 + 6 + 10
 
 
+@pytest.mark.campaign
 @pytest.mark.heavy
 @pytest.mark.parametrize("display", DISPLAYS)
 def test_the_stated_rate_of_false_alarms_is_the_one_that_happens(trials, display):

@@ -155,6 +155,7 @@ def test_records_that_hold_no_response():
         frequency_responses([short], ["rudder"], "q")
 
 
+@pytest.mark.campaign
 @pytest.mark.heavy
 def test_intervals_cover_the_truth(trials):
     """95 % intervals of the parameters hold the truth in 92 to 98 % of 300 sweeps of two minutes,
