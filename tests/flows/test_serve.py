@@ -298,7 +298,7 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
     are taken in."""
     box = served.workspace.inbox / NAME
     found = subprocess.run(
-        ["pgrep", "-P", str(served.process.pid), "-f", "server start"],
+        ["pgrep", "-P", str(served.process.pid), "-f", "aerodb.flows.prefect_server"],
         capture_output=True,
         text=True,
     )
