@@ -83,8 +83,8 @@ def summarise_responses(
 def known_responses(
     access: WorkspaceAccess, version: str, parent: str | None, flights: Sequence[str]
 ) -> dict[str, Any] | None:
-    """Return the summary (rms in SI units, `summarise_responses`) of what a version (its id) was
-    last flown with over its held-out flights, compared with its parent; None where it was not."""
+    """Return the summary (rms in SI units, `summarise_responses`) of how a version (its id) last
+    flew its held-out flights as wholes, compared with its parent; None where it did not."""
     after = _newest(access, version, flights)
     if not after:
         return None
@@ -97,13 +97,18 @@ def known_responses(
 
 
 def _newest(access: WorkspaceAccess, version: str, flights: Sequence[str]) -> list[dict[str, Any]]:
-    documents = []
+    """Return of each flight the newest document with the most manoeuvres flown: a part of a flight
+    that somebody flew later says less than the whole."""
+    chosen = []
     for flight in flights:
         rows = [row for row in access.catalogue.results_of(flight, "fly") if version in row.inputs]
-        path = access.path_of(rows[-1].key) if rows else None
-        if path is not None:
-            documents.append(dict(read_results(path, ("time",))[1]["document"]))
-    return documents
+        paths = [path for row in reversed(rows) if (path := access.path_of(row.key)) is not None]
+        documents = [dict(read_results(path, ("time",))[1]["document"]) for path in paths]
+        if documents:
+            chosen.append(
+                max(documents, key=lambda d: sum("reason" not in s for s in d["stretches"]))
+            )
+    return chosen
 
 
 def _of_check(name: str, stretches: Sequence[Document]) -> dict[str, Any]:
