@@ -123,7 +123,9 @@ def test_server_database_and_clock_fail_in_one_run(
     wait_until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
     wait_until(lambda: _under_way(workspace), one, "a run is under way")
     found = subprocess.run(
-        ["pgrep", "-P", str(one.process.pid), "-f", "aerodb.flows.prefect_server"], capture_output=True, text=True
+        ["pgrep", "-P", str(one.process.pid), "-f", "aerodb.flows.prefect_server"],
+        capture_output=True,
+        text=True,
     )
     os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
     for name in databases:
