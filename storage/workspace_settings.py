@@ -20,13 +20,7 @@ from aerodb.storage.encoding import VEHICLE_NAME
 from aerodb.storage.limits import Limits
 from aerodb.storage.urls import checked_url
 from aerodb.support import Strict, parsed_toml, validated
-from aerodb.units import (
-    Metres,
-    Number,
-    Radians,
-    Seconds,
-    in_unit,
-)
+from aerodb.units import Metres, Number, Radians, Seconds, in_unit
 
 FILE: Final = "settings.toml"
 #: Environment variable of the token; required when other machines can reach the server.

@@ -15,11 +15,7 @@ from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning import delay_between
 from aerodb.flight import Flight
-from aerodb.signals import (
-    bridge,
-    low_passed,
-    smooth,
-)
+from aerodb.signals import bridge, low_passed, smooth
 from aerodb.support import Array
 
 RATES: Final = ("p", "q", "r")

@@ -25,11 +25,7 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.physics import inertial_moment, specific_force_at_cg
-from aerodb.signals import (
-    FEWEST_SAMPLES,
-    bridge,
-    smooth,
-)
+from aerodb.signals import FEWEST_SAMPLES, bridge, smooth
 from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels

@@ -18,11 +18,7 @@ from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicl
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.physics import HIGHEST_LATITUDE, Earth, specific_force_at_cg
-from aerodb.signals import (
-    FEWEST_SAMPLES,
-    bridge,
-    smooth,
-)
+from aerodb.signals import FEWEST_SAMPLES, bridge, smooth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
 

@@ -11,13 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients import (
-    FLOW_RATES,
-    Comparison,
-    as_inputs,
-    rate_bandwidth,
-    thrust_loads,
-)
+from aerodb.coefficients import FLOW_RATES, Comparison, as_inputs, rate_bandwidth, thrust_loads
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.physics import inertial_moment

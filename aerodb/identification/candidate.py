@@ -11,13 +11,7 @@ from aerodb.identification.equations import parameter_name
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.methods import Method
 from aerodb.identification.problem import fits_of
-from aerodb.increments import (
-    AxisUpdate,
-    ConsiderParameter,
-    ModelFile,
-    Update,
-    estimate_increments,
-)
+from aerodb.increments import AxisUpdate, ConsiderParameter, ModelFile, Update, estimate_increments
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 

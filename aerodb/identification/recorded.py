@@ -8,12 +8,7 @@ import numpy as np
 from aerodb.conditioning import spikes
 from aerodb.errors import InputError
 from aerodb.estimation import TimeHistory
-from aerodb.signals import (
-    clean_clock,
-    interval,
-    is_uniform,
-    uniform_grid,
-)
+from aerodb.signals import clean_clock, interval, is_uniform, uniform_grid
 from aerodb.support import Array
 
 #: Steps of time longer than this many sampling intervals are gaps.

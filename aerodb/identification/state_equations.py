@@ -23,12 +23,7 @@ from aerodb.estimation import (
     TimeHistory,
 )
 from aerodb.identification.methods import Method
-from aerodb.signals import (
-    FEWEST_SAMPLES,
-    low_passed,
-    smooth,
-    theil,
-)
+from aerodb.signals import FEWEST_SAMPLES, low_passed, smooth, theil
 from aerodb.support import Array
 
 #: Rounds of weighting; the noise of the rows changes by less than a tenth after the second.

@@ -9,20 +9,10 @@ from scipy.optimize import lsq_linear
 
 from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
-from aerodb.estimation import (
-    Regression,
-    least_squares,
-    own_constants,
-    with_mean_constant,
-)
+from aerodb.estimation import Regression, least_squares, own_constants, with_mean_constant
 from aerodb.flight import Flight
 from aerodb.increments.chosen_knots import with_chosen_knots
-from aerodb.increments.model_file import (
-    CONSTANT,
-    DeclaredIncrement,
-    ModelFile,
-    expand,
-)
+from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, expand
 from aerodb.increments.samples import (
     AxisSamples,
     axis_samples,

@@ -13,11 +13,7 @@ from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments.held_out import UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.signals import (
-    Theil,
-    rms,
-    theil,
-)
+from aerodb.signals import Theil, rms, theil
 from aerodb.support import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]

@@ -14,13 +14,7 @@ from aerodb.logs.derivations import METHODS
 from aerodb.logs.found_channels import EXPECTED
 from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
-from aerodb.logs.mapping_file import (
-    ChannelMapping,
-    Derived,
-    Mapping,
-    Source,
-    parse_mapping,
-)
+from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
 from aerodb.logs.time_grid import Signal, common_grid, on_grid
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording

@@ -21,13 +21,7 @@ from aerodb.simulation.layout import (
     ReferenceNumbers,
 )
 from aerodb.support import Array, in_threads
-from aerodb.tables import (
-    AeroDatabase,
-    Expression,
-    Relay,
-    TotalCoefficients,
-    total_coefficients,
-)
+from aerodb.tables import AeroDatabase, Expression, Relay, TotalCoefficients, total_coefficients
 
 #: Runs computed side by side in one thread: their numbers stay in the processor's cache.
 BLOCK: Final = 16

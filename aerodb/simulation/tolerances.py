@@ -9,11 +9,7 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import channel as channel_of
-from aerodb.signals import (
-    Theil,
-    rms,
-    theil,
-)
+from aerodb.signals import Theil, rms, theil
 from aerodb.simulation.oscillation import Oscillation
 from aerodb.simulation.replay import RESPONSES
 from aerodb.support import Array

@@ -5,11 +5,7 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.physics import density, speed_of_sound, standard_atmosphere
-from aerodb.suspicions.in_flight import (
-    HUGE,
-    flying,
-    middle,
-)
+from aerodb.suspicions.in_flight import HUGE, flying, middle
 
 #: Coldest air in which aircraft fly, that of the coldest tropopause, with a margin [K].
 COLDEST = 170.0

@@ -16,20 +16,10 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
-from aerodb.suspicions.equation_error import (
-    MOTION,
-    EquationError,
-    equation_errors,
-)
+from aerodb.suspicions.equation_error import MOTION, EquationError, equation_errors
 from aerodb.suspicions.lift import helmbold
 from aerodb.suspicions.sides import side_suspicions
-from aerodb.suspicions.surfaces import (
-    Control,
-    along,
-    by_role,
-    copied_suspicions,
-    size_suspicions,
-)
+from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
 from aerodb.vehicle import Vehicle
 
 #: Least standard errors for a claim.

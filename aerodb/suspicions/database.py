@@ -15,20 +15,9 @@ from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
-from aerodb.suspicions.derivatives import (
-    INFLATION,
-    AxisShares,
-    Share,
-    axis_shares,
-    whole_surface,
-)
+from aerodb.suspicions.derivatives import INFLATION, AxisShares, Share, axis_shares, whole_surface
 from aerodb.suspicions.exchanged import exchanged_suspicions
-from aerodb.suspicions.loads import (
-    cg_beside,
-    force_ratio,
-    mass_beside,
-    thrust_beside,
-)
+from aerodb.suspicions.loads import cg_beside, force_ratio, mass_beside, thrust_beside
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle

@@ -16,12 +16,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import band_passed
 from aerodb.support import Array
-from aerodb.suspicions.equation_error import (
-    FASTEST,
-    SAMPLES,
-    SLOWEST,
-    averaged,
-)
+from aerodb.suspicions.equation_error import FASTEST, SAMPLES, SLOWEST, averaged
 from aerodb.suspicions.in_flight import HUGE, flying
 from aerodb.tables import AeroDatabase, slopes_by
 

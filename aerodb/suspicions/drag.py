@@ -8,11 +8,7 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.support import Array
-from aerodb.suspicions.in_flight import (
-    flying,
-    known_masses,
-    middle,
-)
+from aerodb.suspicions.in_flight import flying, known_masses, middle
 from aerodb.vehicle import Vehicle
 
 #: What an accelerometer may err by in all of a flight [m/s^2]: errors above it have checks of their

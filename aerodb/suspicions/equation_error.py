@@ -11,11 +11,7 @@ from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, smooth
 from aerodb.support import Array
-from aerodb.suspicions.in_flight import (
-    HUGE,
-    flying,
-    known_masses,
-)
+from aerodb.suspicions.in_flight import HUGE, flying, known_masses
 from aerodb.suspicions.surfaces import Control, along
 from aerodb.vehicle import Vehicle
 

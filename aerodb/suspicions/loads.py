@@ -18,11 +18,7 @@ from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import Array
-from aerodb.suspicions.derivatives import (
-    INFLATION,
-    AxisShares,
-    Share,
-)
+from aerodb.suspicions.derivatives import INFLATION, AxisShares, Share
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
 from aerodb.tables import Reference
 from aerodb.vehicle import Vehicle

@@ -12,13 +12,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import (
-    KINEMATICS,
-    Suspicion,
-    airspeed_rate,
-    stuck,
-    with_accelerations,
-)
+from aerodb.conditioning import KINEMATICS, Suspicion, airspeed_rate, stuck, with_accelerations
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.physics import GRAVITY

@@ -9,11 +9,7 @@ explained, and the vane changes less than the motion. Of that nothing is said.
 
 import numpy as np
 
-from aerodb.conditioning import (
-    Suspicion,
-    alpha_rate,
-    with_accelerations,
-)
+from aerodb.conditioning import Suspicion, alpha_rate, with_accelerations
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight

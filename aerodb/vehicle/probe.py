@@ -8,11 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.flight import Bits, Flight
-from aerodb.support import (
-    Array,
-    Dual,
-    body_to_earth,
-)
+from aerodb.support import Array, Dual, body_to_earth
 from aerodb.vehicle.description import AirData, Vehicle
 from aerodb.vehicle.five_hole import flow_angles
 from aerodb.vehicle.on_flights import mass_channels

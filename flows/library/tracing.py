@@ -29,10 +29,7 @@ from aerodb.loop import (
 )
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import reconstruction_of
-from aerodb.tracing import (
-    Finding,
-    UnexplainedResidual,
-)
+from aerodb.tracing import Finding, UnexplainedResidual
 from aerodb.vehicle import Vehicle
 
 

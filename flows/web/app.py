@@ -18,36 +18,16 @@ from aerodb.errors import (
     StoreError,
     UnknownNameError,
 )
-from aerodb.flows.web import (
-    change_pages as changes,
-)
-from aerodb.flows.web import (
-    compare_pages as compare,
-)
-from aerodb.flows.web import (
-    finding_pages as findings,
-)
-from aerodb.flows.web import (
-    flight_pages as flights,
-)
-from aerodb.flows.web import (
-    lineage_pages as lineage,
-)
-from aerodb.flows.web import (
-    overview_page as overview,
-)
-from aerodb.flows.web import (
-    record_pages as records,
-)
-from aerodb.flows.web import (
-    upload_pages as uploads,
-)
-from aerodb.flows.web import (
-    version_pages as versions,
-)
-from aerodb.flows.web import (
-    work_pages as work,
-)
+from aerodb.flows.web import change_pages as changes
+from aerodb.flows.web import compare_pages as compare
+from aerodb.flows.web import finding_pages as findings
+from aerodb.flows.web import flight_pages as flights
+from aerodb.flows.web import lineage_pages as lineage
+from aerodb.flows.web import overview_page as overview
+from aerodb.flows.web import record_pages as records
+from aerodb.flows.web import upload_pages as uploads
+from aerodb.flows.web import version_pages as versions
+from aerodb.flows.web import work_pages as work
 from aerodb.flows.web.access_log import AccessLog
 from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.guard import Guard

@@ -6,14 +6,7 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
-from aerodb.flows.web.console import (
-    Vehicle,
-    Word,
-    access_of,
-    document,
-    page_of,
-    version_at,
-)
+from aerodb.flows.web.console import Vehicle, Word, access_of, document, page_of, version_at
 from aerodb.nomenclature import is_surface
 from aerodb.report import channel_scale
 from aerodb.storage.catalogue import VersionRow

@@ -18,12 +18,7 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import Finding, answers
-from aerodb.report import (
-    error_rows,
-    headline,
-    meaning,
-    what_stayed,
-)
+from aerodb.report import error_rows, headline, meaning, what_stayed
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])

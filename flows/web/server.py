@@ -9,11 +9,7 @@ from pathlib import Path
 import uvicorn
 
 from aerodb.flows.web.app import create_app
-from aerodb.flows.web.connections import (
-    connections,
-    most_connections,
-    raise_descriptor_limit,
-)
+from aerodb.flows.web.connections import connections, most_connections, raise_descriptor_limit
 from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.messages import Sparing
 

@@ -18,11 +18,7 @@ import sqlalchemy as sa
 
 from aerodb.errors import InputError, StoreBusyError
 from aerodb.storage.catalogue.chain import ends_of_tables, link
-from aerodb.storage.catalogue.former_catalogue import (
-    forget_former,
-    keep_former,
-    say_what_happened,
-)
+from aerodb.storage.catalogue.former_catalogue import forget_former, keep_former, say_what_happened
 from aerodb.storage.catalogue.row_links import Touched
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.catalogue.seal import break_seal, seal

@@ -16,19 +16,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError, StoreError
-from aerodb.exchange import (
-    Agreement,
-    check_in_jsbsim,
-    from_document,
-    input_properties,
-    to_document,
-)
-from aerodb.storage.confinement import (
-    confine,
-    confined_environment,
-    how_it_ended,
-    subordinate,
-)
+from aerodb.exchange import Agreement, check_in_jsbsim, from_document, input_properties, to_document
+from aerodb.storage.confinement import confine, confined_environment, how_it_ended, subordinate
 from aerodb.storage.limits import Limits
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables import AeroDatabase, CheckCase

@@ -5,11 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients import (
-    Comparison,
-    as_inputs,
-    compare,
-)
+from aerodb.coefficients import Comparison, as_inputs, compare
 from aerodb.conditioning import Suspicion, suspicion_documents
 from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256

@@ -1,11 +1,6 @@
 """Conditioning findings of a stored flight: likely faults, segments and delays."""
 
-from aerodb.conditioning import (
-    Conditioning,
-    Suspicion,
-    from_document,
-    to_document,
-)
+from aerodb.conditioning import Conditioning, Suspicion, from_document, to_document
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, mapped_clock_suspicions
 from aerodb.storage.catalogue import FlightRow, StoredFile

@@ -7,12 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.identification import (
-    METHODS,
-    REGRESSION,
-    fits_of,
-    with_terms,
-)
+from aerodb.identification import METHODS, REGRESSION, fits_of, with_terms
 from aerodb.increments import ModelFile, parse_model_file
 from aerodb.simulation import (
     DesignedManoeuvre,

@@ -3,13 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from aerodb.identification import (
-    METHODS,
-    REGRESSION,
-    fits_of,
-    parameter_name,
-    with_known_terms,
-)
+from aerodb.identification import METHODS, REGRESSION, fits_of, parameter_name, with_known_terms
 from aerodb.increments import expand, parse_model_file
 from aerodb.simulation import Growth, Margins
 from aerodb.tasks.steps.methods import identification_flights

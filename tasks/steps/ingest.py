@@ -6,19 +6,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any
 
-from aerodb.conditioning import (
-    Conditioning,
-    fingerprint,
-    suspicion_documents,
-    without_wild_points,
-)
+from aerodb.conditioning import Conditioning, fingerprint, suspicion_documents, without_wild_points
 from aerodb.errors import CalculationError, InputError, StoreError, failing_alone
 from aerodb.flight import Flight
-from aerodb.logs import (
-    Mapping,
-    choose_mapping,
-    usable_flight,
-)
+from aerodb.logs import Mapping, choose_mapping, usable_flight
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space

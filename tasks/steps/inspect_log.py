@@ -6,11 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from aerodb.conditioning import (
-    flag_unusable,
-    suspicion_documents,
-    to_document,
-)
+from aerodb.conditioning import flag_unusable, suspicion_documents, to_document
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording, mapped_clock_suspicions, with_mapped_clock
 from aerodb.storage.files import open_recording

@@ -17,14 +17,7 @@ from aerodb.recording import Topic
 from aerodb.simulation.sensors import measure
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
-from tests.support.guide_flights import (
-    SECONDS,
-    Flown,
-    blocks,
-    fly_glider,
-    instruments,
-    steeper,
-)
+from tests.support.guide_flights import SECONDS, Flown, blocks, fly_glider, instruments, steeper
 
 _GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "with-a-boom.md"
 _FILES = {title: text for _, title, text in blocks(_GUIDE.read_text(encoding="utf-8")) if title}

@@ -26,11 +26,7 @@ from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
-from aerodb.suspicions import (
-    against_database,
-    against_vehicle,
-    limits_flight,
-)
+from aerodb.suspicions import against_database, against_vehicle, limits_flight
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair

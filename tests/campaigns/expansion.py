@@ -37,14 +37,7 @@ from aerodb.simulation import (
     trim,
 )
 from aerodb.simulation.planning.envelope_expansion import POINTS
-from tests.support.flying_increments import (
-    ALTITUDE,
-    BODY,
-    NOISE,
-    TRUTH,
-    light_aircraft,
-    steps,
-)
+from tests.support.flying_increments import ALTITUDE, BODY, NOISE, TRUTH, light_aircraft, steps
 
 START, TARGET, STEP = 42.0, 30.0, 2.0
 LIMITS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.35, 0.35))

@@ -26,13 +26,7 @@ from tests.support.end_to_end import environment
 from tests.support.forking import run_forked
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
-from tests.support.small_glider import (
-    NAME,
-    channels,
-    state_of,
-    write_csv,
-    write_parquet,
-)
+from tests.support.small_glider import NAME, channels, state_of, write_csv, write_parquet
 from tests.support.sweeps import QUICK, events, kinds, left, swept
 
 

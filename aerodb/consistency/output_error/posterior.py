@@ -14,11 +14,7 @@ from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.sensors import parameter
-from aerodb.support import (
-    Array,
-    Dual,
-    dead_zone,
-)
+from aerodb.support import Array, Dual, dead_zone
 from aerodb.vehicle import Accuracy
 
 #: Smallest distance from zero, in standard errors, of a correction without a stated prior.

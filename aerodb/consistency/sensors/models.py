@@ -34,12 +34,7 @@ from aerodb.support import (
     root,
     sine,
 )
-from aerodb.vehicle import (
-    Curve,
-    FiveHole,
-    Vehicle,
-    pressure_ratio,
-)
+from aerodb.vehicle import Curve, FiveHole, Vehicle, pressure_ratio
 
 _PORTS = ("static_port_error", "static_port_offset", "total_port_error")
 

@@ -37,13 +37,7 @@ from aerodb.exchange.arrays.contents import (
     parse_manifest,
     to_contents,
 )
-from aerodb.exchange.arrays.csv_texts import (
-    as_numbers,
-    csv_rows,
-    csv_text,
-    from_text,
-    grid_of,
-)
+from aerodb.exchange.arrays.csv_texts import as_numbers, csv_rows, csv_text, from_text, grid_of
 from aerodb.exchange.arrays.one_table import CSV_HEAD, from_one_table
 from aerodb.nomenclature import AXES
 from aerodb.support import Array

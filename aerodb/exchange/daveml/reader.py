@@ -28,15 +28,7 @@ from aerodb.exchange.daveml.tables import (
     read_breakpoints,
     read_point_lists,
 )
-from aerodb.exchange.xml_elements import (
-    children,
-    find,
-    number,
-    plain,
-    required,
-    tag,
-    unsupported,
-)
+from aerodb.exchange.xml_elements import children, find, number, plain, required, tag, unsupported
 from aerodb.tables import AeroDatabase, Expression, Reference, ScatteredTable, Table, TableCall
 from aerodb.tables import number as constant
 

@@ -8,11 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.simulation.engine import (
-    FlightModel,
-    simulate,
-    with_feedback,
-)
+from aerodb.simulation.engine import FlightModel, simulate, with_feedback
 from aerodb.simulation.inputs import Event
 from aerodb.simulation.manoeuvre import Manoeuvre, Wave
 from aerodb.simulation.replay import Stretch

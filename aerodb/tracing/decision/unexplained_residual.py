@@ -16,11 +16,7 @@ from scipy.special import stdtr
 
 from aerodb.errors import InputError
 from aerodb.support import Array, in_threads
-from aerodb.tracing.decision.functions import (
-    FunctionProblem,
-    Functions,
-    functions_of,
-)
+from aerodb.tracing.decision.functions import FunctionProblem, Functions, functions_of
 from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
     Features,

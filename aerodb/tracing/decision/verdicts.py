@@ -9,12 +9,7 @@ from aerodb.errors import InputError
 from aerodb.tracing.decision.explanation_sets import Explanation, explain, finding_of
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
-from aerodb.tracing.decision.selection import (
-    FEWEST_SUSPECTED,
-    CrossFlightTests,
-    Decision,
-    decide,
-)
+from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision, decide
 from aerodb.tracing.estimates import OFFSET, Tested, campaign
 from aerodb.tracing.evidence import NormalEquations
 from aerodb.tracing.settings import TracingSettings

@@ -5,13 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import (
-    FlightView,
-    Hypothesis,
-    air_rotation_columns,
-    surfaces_at_rest,
-    view_of,
-)
+from aerodb.effects import FlightView, Hypothesis, air_rotation_columns, surfaces_at_rest, view_of
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES

@@ -10,11 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.signals import (
-    PASS_EDGE,
-    low_pass_taps,
-    runs,
-)
+from aerodb.signals import PASS_EDGE, low_pass_taps, runs
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.evidence import Columns, Evidence
 from aerodb.tracing.settings import TracingSettings

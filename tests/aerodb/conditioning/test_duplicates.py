@@ -11,11 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from aerodb.conditioning.duplicates import (
-    FEWEST_MARKS,
-    fingerprint,
-    shared_samples,
-)
+from aerodb.conditioning.duplicates import FEWEST_MARKS, fingerprint, shared_samples
 from aerodb.flight import Flight
 from tests.support.jsbsim_campaign import as_logged, flown
 from tests.support.jsbsim_cases import B737, lowering

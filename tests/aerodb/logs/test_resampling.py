@@ -5,13 +5,7 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.signals.clock import clean_clock, is_uniform
-from aerodb.signals.resampling import (
-    first_order_lag,
-    hold,
-    low_pass,
-    resampler,
-    uniform_grid,
-)
+from aerodb.signals.resampling import first_order_lag, hold, low_pass, resampler, uniform_grid
 
 FAST, SLOW = np.arange(0.0, 20.0, 0.004), np.arange(0.0, 20.0, 0.02)
 

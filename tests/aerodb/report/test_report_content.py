@@ -34,15 +34,7 @@ from aerodb.report.headlines import headline, what_stayed
 from aerodb.report.numbers import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
-from tests.aerodb.report.test_report import (
-    checked,
-    found,
-    loop,
-    page_of,
-    proof,
-    table,
-    words_of,
-)
+from tests.aerodb.report.test_report import checked, found, loop, page_of, proof, table, words_of
 from tests.support import synthetic
 
 #: The rms of a residual beside its distribution.

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
-from aerodb.signals import (
-    band_passed,
-    first_order_lag,
-    low_pass_taps,
-    low_passed,
-)
+from aerodb.signals import band_passed, first_order_lag, low_pass_taps, low_passed
 from aerodb.signals.resampling import low_pass
 
 

@@ -7,13 +7,7 @@ from scipy.special import ellipj, ellipkinc
 
 from aerodb.consistency import motion
 from aerodb.errors import InputError
-from aerodb.physics import (
-    EARTH_RATE,
-    GRAVITY,
-    Earth,
-    normal_gravity,
-    standard_atmosphere,
-)
+from aerodb.physics import EARTH_RATE, GRAVITY, Earth, normal_gravity, standard_atmosphere
 from aerodb.simulation import Actuator, Propulsion, flight_model, simulate
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Reference, Term, parse

@@ -11,11 +11,7 @@ from scipy.integrate import solve_ivp
 
 from aerodb.flight import Flight
 from aerodb.physics import standard_atmosphere
-from aerodb.suspicions import (
-    against_vehicle,
-    air_suspicions,
-    limits_flight,
-)
+from aerodb.suspicions import against_vehicle, air_suspicions, limits_flight
 from aerodb.suspicions.controls import control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
 from aerodb.suspicions.lift import helmbold, lift_suspicions

@@ -14,12 +14,7 @@ from aerodb.physics import GRAVITY
 from aerodb.suspicions import limits_flight
 from aerodb.suspicions.exchanged import exchanged_suspicions
 from aerodb.suspicions.lift import helmbold
-from aerodb.suspicions.loads import (
-    POSSIBLE,
-    cg_beside,
-    mass_beside,
-    thrust_beside,
-)
+from aerodb.suspicions.loads import POSSIBLE, cg_beside, mass_beside, thrust_beside
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 from tests.aerodb.suspicions.test_against_vehicle import (

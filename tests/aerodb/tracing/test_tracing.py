@@ -14,10 +14,7 @@ from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.decision.selection import Decision
-from aerodb.tracing.decision.unexplained_residual import (
-    unexplained_by_axis,
-    without_state_noise,
-)
+from aerodb.tracing.decision.unexplained_residual import unexplained_by_axis, without_state_noise
 from aerodb.tracing.decision.verdicts import trace, verdict_of
 from aerodb.tracing.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import (

@@ -10,11 +10,7 @@ from aerodb.logs.captive import flag_captive
 from aerodb.nomenclature import FLAGS
 from aerodb.storage.files.flights import read_flight, write_flight
 from aerodb.vehicle import parse_vehicle
-from aerodb.vehicle.five_hole import (
-    Curve,
-    FiveHole,
-    flow_angles,
-)
+from aerodb.vehicle.five_hole import Curve, FiveHole, flow_angles
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.instrumented_path import BOOM, motion
 from tests.support.simulated_path import truth

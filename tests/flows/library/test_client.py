@@ -13,14 +13,7 @@ from aerodb.errors import GateRefusal, InputError, StoreError, UnknownNameError
 from aerodb.flows.library.client import _refusal
 from aerodb.storage.catalogue.catalogue import Catalogue
 from tests.support.command import asked
-from tests.support.console_workspace import (
-    HOSTILE,
-    TOKEN,
-    Made,
-    add_child,
-    made_workspace,
-    served,
-)
+from tests.support.console_workspace import HOSTILE, TOKEN, Made, add_child, made_workspace, served
 from tests.support.ports import free_port
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME

@@ -14,13 +14,7 @@ import sqlalchemy as sa
 from aerodb.remarks import said
 from aerodb.storage.catalogue import schema
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.chain import (
-    CHAINED,
-    broken_links,
-    has_link,
-    link_of,
-    newest_link,
-)
+from aerodb.storage.catalogue.chain import CHAINED, broken_links, has_link, link_of, newest_link
 from aerodb.storage.catalogue.copying import copy_catalogue
 from aerodb.storage.catalogue.database import migrate
 from aerodb.storage.catalogue.rows import InboxEvent, RepeatRow, Stretch

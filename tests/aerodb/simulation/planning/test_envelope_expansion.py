@@ -5,13 +5,7 @@ from dataclasses import replace
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.simulation import (
-    Condition,
-    Growth,
-    Margins,
-    expand_envelope,
-    trim,
-)
+from aerodb.simulation import Condition, Growth, Margins, expand_envelope, trim
 from tests.support.flying_increments import ALTITUDE, BODY, light_aircraft
 
 LIMITS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.35, 0.35))
