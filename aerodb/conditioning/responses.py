@@ -1,7 +1,7 @@
 """Detection of stall, pull-up, low g, slow oscillation (phugoid), spiral and steady flight.
 
-They are found in the motion, whatever the surfaces do. Functions return the `Response` that they
-detect; `segmentation` determines whether the aircraft is airborne.
+They are found in the motion, whatever the surfaces do. Functions return the `AircraftResponse` that
+they detect; `segmentation` determines whether the aircraft is airborne.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from aerodb.support import Array, Mask
 
 
 @dataclass(frozen=True)
-class Response:
+class AircraftResponse:
     """A stretch of motion: its first and last sample, and the reason in words."""
 
     first: int
@@ -130,7 +130,9 @@ SPIRAL_TIME = 20.0
 SPIRAL_RATE = 3 * DEGREE
 
 
-def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Response]:
+def stalls(
+    alpha: Array, az: Array, qbar: Array, step: float, flying: Mask
+) -> list[AircraftResponse]:
     """Return stalls: lift (-az over qbar) at least 10 % below the record's own lift line.
 
     The line is fitted over the lower three fifths of the alpha range, so that no aircraft data are
@@ -158,7 +160,7 @@ def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> l
         worst = 100 * float(np.max(deficit[first : last + 1]))
         peak = float(np.max(angle[first : last + 1])) / DEGREE
         responses.append(
-            Response(
+            AircraftResponse(
                 first,
                 last,
                 f"lift up to {worst:.0f} % below its straight line, alpha to {peak:.1f} deg",
@@ -185,7 +187,9 @@ def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, fl
     return deficit, normal
 
 
-def load_factors(az: Array, phi: Array, step: float, flying: Mask) -> list[tuple[str, Response]]:
+def load_factors(
+    az: Array, phi: Array, step: float, flying: Mask
+) -> list[tuple[str, AircraftResponse]]:
     """Return pull-ups and push-overs, each with its kind (``pull_up`` or ``low_g``).
 
     az [m/s^2], phi [rad], flying : (n,). step : s.
@@ -198,13 +202,13 @@ def load_factors(az: Array, phi: Array, step: float, flying: Mask) -> list[tuple
             part = load[first : last + 1]
             extreme = float(part.max() if kind == "pull_up" else part.min())
             reason = f"load factor {'up' if kind == 'pull_up' else 'down'} to {extreme:.2f}"
-            responses.append((kind, Response(first, last, reason)))
+            responses.append((kind, AircraftResponse(first, last, reason)))
     return responses
 
 
 def slow_oscillations(
     speed: Array, altitude: Array | None, elevator: Array, step: float, flying: Mask
-) -> list[Response]:
+) -> list[AircraftResponse]:
     """Return phugoid-like oscillations of airspeed [m/s] (n,) with the elevator [rad] fixed.
 
     The period searched is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine on
@@ -229,7 +233,7 @@ def slow_oscillations(
                 f"airspeed swings by +-{best.amplitude:.1f} m/s in {best.period:.0f} s (phugoid:"
                 f" {expected:.0f} s), elevator left alone"
             )
-            responses.append(Response(begin, end, reason))
+            responses.append(AircraftResponse(begin, end, reason))
     return responses
 
 
@@ -277,7 +281,9 @@ def _best_oscillation(speed: Array, step: float, expected: float) -> _Oscillatio
     return None
 
 
-def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Response]:
+def spirals(
+    phi: Array, surfaces: Sequence[Array], step: float, flying: Mask
+) -> list[AircraftResponse]:
     """Return spirals: bank [rad] (n,) changes slowly and steadily by 15 deg, surfaces fixed."""
     alone = flying.copy()
     for surface in surfaces:
@@ -292,11 +298,13 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
                 f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces"
                 " left alone"
             )
-            responses.append(Response(first, last, reason))
+            responses.append(AircraftResponse(first, last, reason))
     return responses
 
 
-def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) -> list[Response]:
+def steady(
+    speed: Array, theta: Array, phi: Array, step: float, flying: Mask
+) -> list[AircraftResponse]:
     """Return stretches of ten seconds or more in which V [m/s], theta, phi [rad] hardly change.
 
     Each is (n,), step [s], flying (n,) mask; limits as `STEADY_SPEED` and those below it.
@@ -315,5 +323,5 @@ def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) ->
         bank = float(np.mean(phi[first : last + 1])) / DEGREE
         kind = f"turn, bank {bank:.0f} deg" if abs(bank) > 5 else "flight"
         at = f"V {np.mean(speed[first : last + 1]):.1f} m/s"
-        responses.append(Response(first, last, f"steady {kind}, {at}"))
+        responses.append(AircraftResponse(first, last, f"steady {kind}, {at}"))
     return responses

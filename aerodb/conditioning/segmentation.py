@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 
 from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
 from aerodb.conditioning.responses import (
-    Response,
+    AircraftResponse,
     load_factors,
     slow_oscillations,
     spirals,
@@ -114,7 +114,7 @@ class _View:
     def segment(self, kind: str, first: int, last: int, reason: str, channel: str = "") -> Segment:
         return Segment(kind, float(self.time[first]), float(self.time[last]), reason, channel)
 
-    def response(self, kind: str, response: Response) -> Segment:
+    def response(self, kind: str, response: AircraftResponse) -> Segment:
         return self.segment(kind, response.first, response.last, response.reason)
 
 
@@ -328,7 +328,7 @@ def _responses(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
     az, phi, speed = view.get("az", "az_imu"), view.get("phi"), view.get("V")
     alpha, qbar = view.get("alpha"), view.get("qbar")
 
-    def add(kind: str, detected: list[Response]) -> None:
+    def add(kind: str, detected: list[AircraftResponse]) -> None:
         segments.extend(view.response(kind, each) for each in detected)
 
     if az is not None and alpha is not None and qbar is not None:

@@ -89,7 +89,7 @@ class CheckResult:
 
 
 @dataclass(frozen=True)
-class Response:
+class ResponseAgreement:
     """Agreement of one response: rms error and rms of the flown response about its start (SI), with
     Theil's statistics of the changes since the start."""
 
@@ -200,7 +200,7 @@ def check_responses(
 
 def response_agreement(
     simulated: Mapping[str, Array], flown: Mapping[str, Array]
-) -> tuple[Response, ...]:
+) -> tuple[ResponseAgreement, ...]:
     """Return Theil's statistics (dimensionless) and rms errors (SI units) of all responses (n,)
     that both have, of at least 3 samples."""
     found = []
@@ -213,7 +213,7 @@ def response_agreement(
             continue
         start = theirs[good][0]
         found.append(
-            Response(
+            ResponseAgreement(
                 channel,
                 rms(ours[good] - theirs[good]),
                 rms(theirs[good] - start),

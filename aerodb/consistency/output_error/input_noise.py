@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.normal_equations import in_blocks, usable_samples
-from aerodb.consistency.sensors import Parameter, Record, Response, corrected_inputs
+from aerodb.consistency.sensors import Parameter, Record, RecordPrediction, corrected_inputs
 from aerodb.support import Array
 
 #: Smallest number of blocks of a record: the effect of a sample's noise changes slowly along it.
@@ -28,7 +28,7 @@ def inertial_noise(record: Record) -> Array:
 def drift_information(
     record: Record,
     values: Mapping[str, float],
-    response: Response,
+    response: RecordPrediction,
     swing: Sequence[int],
     unknowns: Sequence[Parameter],
     slopes: Mapping[str, Array],

@@ -15,7 +15,7 @@ from aerodb.consistency.sensors import (
     MAX_DELAY,
     Parameter,
     Record,
-    Response,
+    RecordPrediction,
     delays_of,
     predict_outputs,
 )
@@ -90,7 +90,7 @@ def usable_samples(
     return good
 
 
-def residuals(record: Record, response: Response) -> dict[str, Array]:
+def residuals(record: Record, response: RecordPrediction) -> dict[str, Array]:
     """Measured minus reconstructed outputs, (n,) by channel, SI; bank and heading between -pi and
     pi [rad]."""
     differences = {}

@@ -3,8 +3,8 @@
 - `parameters`: names, natural sizes and scopes of the unknowns (`parameter`, `unknowns`), and the
   channels that they act on (`channels_of`, `delays_of`).
 - `prediction`: a `Record` is one stretch of flight; `predict_outputs` integrates its path and
-  returns a `Response` (states, outputs and their derivatives); `corrected_inputs` removes bias and
-  scale from the inertial sensors.
+  returns a `RecordPrediction` (states, outputs and their derivatives); `corrected_inputs` removes
+  bias and scale from the inertial sensors.
 - `models`: the true quantity behind each output, as a formula in states and rates;
   `installation_from_vehicle` says where and how the sensors are mounted.
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .prediction import (
         MAX_DELAY,
         Record,
-        Response,
+        RecordPrediction,
         corrected_inputs,
         delayed,
         earth_to_body,

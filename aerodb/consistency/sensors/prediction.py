@@ -106,7 +106,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Response:
+class RecordPrediction:
     """Path and predicted outputs of one record, n samples, k unknowns.
 
     states : (9, n), order of `kinematics.STATES`.
@@ -139,7 +139,7 @@ def predict_outputs(
     unknowns: Sequence[Parameter],
     slopes: bool = True,
     driver: Record | None = None,
-) -> Response:
+) -> RecordPrediction:
     """Integrate the path of a record and predict its sensor outputs.
 
     Parameters
@@ -188,7 +188,7 @@ def predict_outputs(
     full = np.zeros((9, len(inputs), len(wanted)))
     full[:, :, path.columns] = path.sensitivity
     air = np.stack([_full(part.value, path) for part in sight.air])
-    return Response(
+    return RecordPrediction(
         path.states,
         air,
         outputs,

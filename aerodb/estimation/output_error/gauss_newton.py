@@ -19,7 +19,7 @@ from aerodb.estimation.output_error.likelihood import (
     normal_equations,
 )
 from aerodb.estimation.output_error.sensitivities import (
-    Response,
+    ModelResponse,
     differentiable,
     first_steps,
     respond,
@@ -54,7 +54,7 @@ class Solution:
 
     vector: Array
     records: tuple[Measured, ...]
-    responses: tuple[Response, ...]
+    responses: tuple[ModelResponse, ...]
     noise: Noise
     normal: Normal
     information: Array
@@ -65,7 +65,7 @@ class Solution:
 @dataclass(frozen=True, eq=False)
 class _State:
     vector: Array
-    responses: tuple[Response, ...]
+    responses: tuple[ModelResponse, ...]
     noise: Noise
     cost: float
 
@@ -84,7 +84,7 @@ class _Search:
         self.records = tuple(measured(record.stacked(model.outputs)) for record in records)
 
     def at(self, vector: Array, steps: Array) -> _State:
-        def one(history: TimeHistory) -> Response:
+        def one(history: TimeHistory) -> ModelResponse:
             return respond(self.model, self.parameters, vector, history, steps)
 
         each = map(one, self.histories) if self.quick else in_threads(one, self.histories)
@@ -103,10 +103,10 @@ class _Search:
         responses = []
         for history in self.histories:
             outputs = self.model.simulated(values, history)[:, :, 0]
-            responses.append(Response(outputs, none, none.astype(np.int64), none, none))
+            responses.append(ModelResponse(outputs, none, none.astype(np.int64), none, none))
         return self._state(vector, tuple(responses))
 
-    def _state(self, vector: Array, responses: tuple[Response, ...]) -> _State:
+    def _state(self, vector: Array, responses: tuple[ModelResponse, ...]) -> _State:
         o = len(self.model.outputs)
         if not all(np.isfinite(r.outputs[m.mask]).all() for r, m in self._pairs(responses)):
             return _State(
@@ -119,7 +119,7 @@ class _Search:
         cost = 0.5 * float(away @ away) - noise.log_likelihood
         return _State(vector, responses, noise, cost if np.isfinite(cost) else np.inf)
 
-    def _pairs(self, responses: Sequence[Response]) -> list[tuple[Response, Measured]]:
+    def _pairs(self, responses: Sequence[ModelResponse]) -> list[tuple[ModelResponse, Measured]]:
         return list(zip(responses, self.records, strict=True))
 
     def equations(self, state: _State) -> tuple[Normal, Array, Array]:
@@ -221,7 +221,7 @@ def _solution(
     )
 
 
-def _gap(responses: Sequence[Response]) -> float:
+def _gap(responses: Sequence[ModelResponse]) -> float:
     return float(sum(np.abs(response.gaps).sum() for response in responses))
 
 

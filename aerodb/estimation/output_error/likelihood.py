@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from aerodb.estimation.coloured_noise import autoregressive_noise
-from aerodb.estimation.output_error.sensitivities import Response
+from aerodb.estimation.output_error.sensitivities import ModelResponse
 from aerodb.support import Array, Mask
 
 #: Whether the noise of different outputs is taken as uncorrelated.
@@ -149,7 +149,7 @@ def no_equations(unknowns: int) -> Normal:
 
 def normal_equations(
     records: Sequence[Measured],
-    responses: Sequence[Response],
+    responses: Sequence[ModelResponse],
     noise: Noise,
     unknowns: int,
     kind: Covariance,
@@ -193,7 +193,7 @@ def normal_equations(
 
 
 def coloured_information(
-    records: Sequence[Measured], responses: Sequence[Response], noise: Noise, unknowns: int
+    records: Sequence[Measured], responses: Sequence[ModelResponse], noise: Noise, unknowns: int
 ) -> tuple[Array, float]:
     """``sum_ij S_i' R^-1 Rvv(i-j) R^-1 S_j`` (f, f), with the autocorrelation Rvv of the residuals
     v, which is the information where they are white; and how many independent samples the residuals

@@ -15,7 +15,7 @@ from aerodb.estimation.fit import Fit
 from aerodb.estimation.output_error.gauss_newton import search
 from aerodb.estimation.output_error.likelihood import Covariance
 from aerodb.estimation.output_error.output_error import ASSUMES, checked_records, fit_of
-from aerodb.estimation.output_error.sensitivities import Response, acting, differences
+from aerodb.estimation.output_error.sensitivities import ModelResponse, acting, differences
 from aerodb.estimation.parameters import Parameter, Parameters
 from aerodb.estimation.time_history import TimeHistory
 from aerodb.support import Array
@@ -64,7 +64,7 @@ class _Segmented:
 
     def responded(
         self, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
-    ) -> Response:
+    ) -> ModelResponse:
         """Segment by segment: a parameter moves all of them, a state at a cut only its own."""
         cuts = self.cuts[record.name]
         names = [item.name for item in parameters.unknown]
@@ -100,7 +100,7 @@ class _Segmented:
                 gap[np.arange(s), [at[column] for column in following]] -= 1.0
                 gaps.append(result[-s:] - vector[following])
                 gap_slopes.append(gap)
-        return Response(
+        return ModelResponse(
             outputs,
             slopes,
             whole,

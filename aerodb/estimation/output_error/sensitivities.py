@@ -21,7 +21,7 @@ _CLOSE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class ModelResponse:
     """What a model makes of one record.
 
     Parameters
@@ -61,7 +61,7 @@ class Constrained(Protocol):
 
     def responded(
         self, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
-    ) -> Response:
+    ) -> ModelResponse:
         """Outputs (n, o) and their slopes (n, o, g), as of `respond`."""
 
 
@@ -95,7 +95,7 @@ def first_steps(vector: Array) -> Array:
 
 def respond(
     model: DynamicModel, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
-) -> Response:
+) -> ModelResponse:
     """Outputs of a record and their derivatives at the unknowns `vector` (f,).
 
     Derivatives are the model's own, or differences over `steps` (f,), all runs side by side.
@@ -112,18 +112,18 @@ def respond(
             chain = parameters.jacobian[:, columns]
             if not np.array_equal(chain, np.eye(len(chain))):
                 slopes = slopes @ chain
-        return Response(outputs, slopes, columns, *none)
+        return ModelResponse(outputs, slopes, columns, *none)
     if _approximated(model):
         accurate = model.simulated(parameters.values(vector[:, None]), record)[:, :, 0]
         outputs, slopes = differences(
             lambda values: model.approximated(values, record), parameters, vector, columns, steps
         )
         if _agree(outputs, accurate):
-            return Response(accurate, slopes, columns, *none)
+            return ModelResponse(accurate, slopes, columns, *none)
     outputs, slopes = differences(
         lambda values: model.simulated(values, record), parameters, vector, columns, steps
     )
-    return Response(outputs, slopes, columns, *none)
+    return ModelResponse(outputs, slopes, columns, *none)
 
 
 def acting(parameters: Parameters, record: str) -> Integers:
