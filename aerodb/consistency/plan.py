@@ -9,7 +9,7 @@ import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.pressures import HOLES
-from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter
+from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, FlightRecord, channels_of, parameter
 from aerodb.vehicle import Accuracy, Sensor, Vehicle, VerticalAir
 
 #: Prior of initial states, in natural sizes: they start from noisy first samples.
@@ -168,7 +168,7 @@ class Plan:
         return plan.in_moving_air() if self.moving_air else plan
 
 
-def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
+def make_plan(records: Sequence[FlightRecord], vehicle: Vehicle) -> Plan:
     """Return the plan for records of one or several flights of a vehicle.
 
     Which parameters are free follows from the channels that any record has and from whether a
@@ -234,7 +234,7 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
     )
 
 
-def _calibration(angle: str, records: Sequence[Record]) -> list[str]:
+def _calibration(angle: str, records: Sequence[FlightRecord]) -> list[str]:
     """Calibration parameters of a pair of holes; the bend only where the vehicle file has one."""
     probes = [record.installation.five_hole for record in records]
     bent = any(probe is not None and getattr(probe, angle).break_angle > 0 for probe in probes)
@@ -265,7 +265,7 @@ def _late(logged: Collection[str], vehicle: Vehicle) -> list[str]:
     return ["gps_delay", *(["altitude_delay"] if "altitude" in logged else [])]
 
 
-def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str, float]:
+def _least_pressures(records: Sequence[FlightRecord], accuracy: Accuracy) -> dict[str, float]:
     """Smallest credible noise of five-hole probe pressures: that of the flow angles at the mean
     dynamic pressure."""
     least: dict[str, float] = {}
@@ -299,7 +299,7 @@ def _sensor(vehicle: Vehicle, name: str) -> Sensor:
     return sensor if sensor is not None else Sensor()
 
 
-def _turned(record: Record) -> bool:
+def _turned(record: FlightRecord) -> bool:
     """Return whether the track turns far enough within a record to separate wind from airspeed
     error."""
     if {"velocity_north", "velocity_east"} <= set(record.outputs):

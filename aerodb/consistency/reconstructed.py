@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.sensors import Parameter, Record
+from aerodb.consistency.sensors import FlightRecord, Parameter
 from aerodb.support import Array
 
 
@@ -34,7 +34,7 @@ class ReconstructedPath:
     air_sigma : (3, n), standard errors of V [m/s], alpha and beta [rad]; likewise.
     """
 
-    record: Record
+    record: FlightRecord
     states: Array
     air: Array
     inputs: Array

@@ -14,7 +14,7 @@ import numpy as np
 from aerodb.conditioning import local_gravity
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
-from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
+from aerodb.consistency.sensors import OUTPUTS, FlightRecord, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.physics import HIGHEST_LATITUDE, Earth, specific_force_at_cg
@@ -185,7 +185,7 @@ def records_from_flight(
     seconds: float = 60.0,
     decimation: int = 1,
     rotating: bool = True,
-) -> tuple[Record, ...]:
+) -> tuple[FlightRecord, ...]:
     """Records of the usable stretches of a flight, named ``<flight id>/<number>``.
 
     Inertial drift stays small over a minute, so every record has its own initial state; sensor
@@ -222,7 +222,7 @@ def records_from_flight(
     integrated = moved.values if earth is not None else _over_flat_earth(flight, moved)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     gravity = _gravity(flight)
-    records: list[Record] = []
+    records: list[FlightRecord] = []
     for start, stop in runs:
         whole = slice(start, stop)
         inputs = np.column_stack(
@@ -239,7 +239,7 @@ def records_from_flight(
         for first, last in _windows(len(inputs), seconds / (flight.step * decimation)):
             part = slice(first, last)
             records.append(
-                Record(
+                FlightRecord(
                     f"{flight.id}/{len(records)}",
                     flight.step * decimation,
                     inputs[part],
@@ -263,8 +263,9 @@ def records_from_flight(
     return _with_winds(records, flight.step)
 
 
-def flight_of(record: Record) -> str:
-    """Return the id of the flight that a record belongs to (`Record.flight`, without its part)."""
+def flight_of(record: FlightRecord) -> str:
+    """Return the id of the flight that a record belongs to (`FlightRecord.flight`, without its
+    part)."""
     return record.flight.partition("#")[0]
 
 
@@ -407,7 +408,7 @@ def _windows(n: int, longest: float) -> list[tuple[int, int]]:
     return list(pairwise(cuts))
 
 
-def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
+def _with_winds(records: Sequence[FlightRecord], step: float) -> tuple[FlightRecord, ...]:
     """The records of one flight; ``#<number>`` marks each new wind, by time or altitude."""
     split, number = [], 0
     began, height = records[0].first, _height(records[0])
@@ -420,6 +421,6 @@ def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
     return tuple(split)
 
 
-def _height(record: Record) -> float:
+def _height(record: FlightRecord) -> float:
     values = record.outputs.get("altitude")
     return float(np.nanmean(values)) if values is not None else 0.0

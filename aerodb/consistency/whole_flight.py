@@ -28,8 +28,8 @@ from aerodb.consistency.records import IGNORED_FLAGS
 from aerodb.consistency.sensor_noise import noise_beyond_declaration
 from aerodb.consistency.sensors import (
     Fault,
+    FlightRecord,
     FlowCheck,
-    Record,
     detect_faults,
     flow_against_velocity,
     position_against_velocity,
@@ -139,7 +139,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     )
 
 
-def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
+def common_faults(records: Sequence[FlightRecord]) -> tuple[Fault, ...]:
     """Return gross faults that more than half of the records show; see `detect_faults`."""
     by_channels: dict[str, list[Fault]] = {}
     for record in records:

@@ -26,7 +26,7 @@ from aerodb.storage.readers.mcap_framing import (
     MAGIC,
     Chunk,
     Hole,
-    Record,
+    McapRecord,
     inner_records,
     open_chunk,
     read_content,
@@ -298,7 +298,7 @@ def _take(reading: _Reading, opcode: int, content: bytes) -> None:
         ] += 1
 
 
-def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
+def _read_chunk(record: McapRecord, chunk: Chunk, reading: _Reading) -> None:
     reached = 0
     for opcode, content, end in inner_records(chunk.data):
         reached = end
@@ -314,7 +314,7 @@ def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
 def _salvage(handle: BinaryIO, hole: Hole, reading: _Reading) -> Hole:
     """Read the remaining content of a chunk that the end of the file has truncated."""
     content = (
-        read_content(handle, Record(Opcode.CHUNK, hole.start, hole.end))
+        read_content(handle, McapRecord(Opcode.CHUNK, hole.start, hole.end))
         if hole.end > hole.start + 9
         else b""
     )

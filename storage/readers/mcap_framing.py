@@ -26,7 +26,7 @@ _SEARCH = 1 << 20
 
 
 @dataclass(frozen=True)
-class Record:
+class McapRecord:
     """A record at file offset `start`; its content ends at `end`."""
 
     opcode: int
@@ -54,7 +54,7 @@ class Chunk:
     fault: str = ""
 
 
-def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
+def walk(handle: BinaryIO, size: int) -> Iterator[McapRecord | Hole]:
     """Yield the records of an open file of `size` [bytes], from after its magic bytes to the end,
     and the holes between them."""
     at = len(MAGIC)
@@ -77,7 +77,7 @@ def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
     yield Hole(size, size, True)
 
 
-def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
+def _record(handle: BinaryIO, at: int, size: int) -> McapRecord | None:
     """The record at `at`; None if its header or inner lengths contradict each other or the file."""
     handle.seek(at)
     head = handle.read(_HEAD.size + 64)
@@ -87,7 +87,7 @@ def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
     end = at + _HEAD.size + length
     if end > size or not _is_plausible(opcode, length, head[_HEAD.size :]):
         return None
-    return Record(opcode, at, end)
+    return McapRecord(opcode, at, end)
 
 
 def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
@@ -139,7 +139,7 @@ def _chain(handle: BinaryIO, at: int, size: int) -> bool:
     return True
 
 
-def read_content(handle: BinaryIO, record: Record) -> bytes:
+def read_content(handle: BinaryIO, record: McapRecord) -> bytes:
     """The content of a record, without opcode and length."""
     handle.seek(record.start + _HEAD.size)
     return handle.read(record.end - record.start - _HEAD.size)

@@ -68,7 +68,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Record:
+class PlottedFlight:
     """What can be plotted of a flight: names by group, those shown first, its start and end [s].
 
     sigmas : names that have a standard error, as ``sigma_NAME``. version : label of the version
@@ -86,7 +86,7 @@ class Record:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class GroundTrack:
     """The path over the ground: time [s], north and east of the local origin and altitude [m], each
     (n,); altitude is empty if the flight has none."""
 
@@ -96,7 +96,7 @@ class Track:
     altitude: Array
 
 
-def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
+def record_of(access: WorkspaceAccess, row: FlightRow) -> PlottedFlight:
     """Return what can be plotted of a flight, start and end [s]; InputError if its file is missing
     or damaged."""
     stored = stored_flight(access, row)
@@ -111,7 +111,7 @@ def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
     chosen = [name for name in FIRST if name in names][: PANELS - min(len(surfaces), 3)]
     first = (*chosen, *surfaces)[:PANELS] or names[:PANELS]
     start, end = stored.flight.ends()
-    return Record(
+    return PlottedFlight(
         {group: members for group, members in groups.items() if members},
         tuple(first),
         stored.sigmas,
@@ -184,7 +184,7 @@ def pair_of(
 
 def track_of(
     access: WorkspaceAccess, row: FlightRow, start: float, end: float, points: int
-) -> Track:
+) -> GroundTrack:
     """Return the path over the ground between two times [s]; InputError if the flight has none.
 
     Latitude and longitude are used where the flight has no position in metres; their origin is the
@@ -206,7 +206,7 @@ def track_of(
     time = stored.flight.read(["time"], *window)["time"]
     shown = np.vstack([time, columns])[:, _common(columns, points)]
     altitude = shown[3] if len(shown) > 3 else np.empty(0)
-    return Track(shown[0], shown[1], shown[2], altitude)
+    return GroundTrack(shown[0], shown[1], shown[2], altitude)
 
 
 _POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from aerodb.consistency.sensors import Record
+from aerodb.consistency.sensors import FlightRecord
 from aerodb.physics import specific_force_at_cg
 from aerodb.vehicle import parse_vehicle
 
@@ -23,7 +23,7 @@ ATTAS_BIASES = ("ax_bias", "ay_bias", "az_bias", "p_bias", "q_bias", "r_bias")
 
 def attas(
     path: Path, airspeed_at: str = "boom", rate_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> Record:
+) -> FlightRecord:
     """One ATTAS manoeuvre: alpha, beta at the boom, attitude, pressure altitude (columns as in the
     data's SOURCE.md).
 
@@ -46,7 +46,7 @@ def attas(
         data[:, 14] if airspeed_at == "boom" else _at_boom(data[:, 14], angles, rates - rate_bias)
     )
     outputs = {"V": speed, "altitude": data[:, 15] * FOOT, **angles}
-    return Record(
+    return FlightRecord(
         path.stem, 0.04, np.column_stack([force, rates]), outputs, path.stem, BOOM, gravity=9.80
     )
 
@@ -63,7 +63,7 @@ def _at_boom(speed: np.ndarray, angles: dict[str, np.ndarray], rates: np.ndarray
     return np.asarray(part + np.sqrt(part**2 - np.sum(swing**2, axis=1) + speed**2))
 
 
-def harv(path: Path) -> tuple[Record, np.ndarray]:
+def harv(path: Path) -> tuple[FlightRecord, np.ndarray]:
     """A HARV record and its first state; the states that its published analysis took from
     measurement are given.
 
@@ -85,7 +85,7 @@ def harv(path: Path) -> tuple[Record, np.ndarray]:
         "beta": data["z0"][1],
         **dict(zip(("phi", "theta", "psi"), data["z0"][3:6], strict=True)),
     }
-    return Record(
+    return FlightRecord(
         path.stem,
         step,
         inputs,
@@ -98,7 +98,7 @@ def harv(path: Path) -> tuple[Record, np.ndarray]:
     ), first
 
 
-def hfb320(path: Path) -> Record:
+def hfb320(path: Path) -> FlightRecord:
     """HFB-320 in turbulence (10 Hz); heading is not logged."""
     data = np.loadtxt(path)
     inputs = data[:, [9, 11, 10, 12, 7, 13]]
@@ -109,10 +109,10 @@ def hfb320(path: Path) -> Record:
         "beta": data[:, 16],
         "phi": data[:, 17],
     }
-    return Record("hfb320", 0.1, inputs, outputs, "hfb320")
+    return FlightRecord("hfb320", 0.1, inputs, outputs, "hfb320")
 
 
-def twin_otter(path: Path) -> Record:
+def twin_otter(path: Path) -> FlightRecord:
     """A Twin Otter record (columns as in the data's SOURCE.md); channels that never change are not
     logged."""
     data = loadmat(path, squeeze_me=True)["fdata"]
@@ -125,10 +125,10 @@ def twin_otter(path: Path) -> Record:
     outputs = {"V": data[:, 1] * FOOT, "altitude": data[:, 29] * FOOT, **angles}
     inputs = np.column_stack([data[:, 10:13] * 9.80665, np.deg2rad(data[:, 4:7])])
     moving = {name: values for name, values in outputs.items() if np.ptp(values) > 0}
-    return Record(path.stem, float(np.mean(np.diff(data[:, 0]))), inputs, moving, path.stem)
+    return FlightRecord(path.stem, float(np.mean(np.diff(data[:, 0]))), inputs, moving, path.stem)
 
 
-def windows(record: Record, number: int) -> list[Record]:
+def windows(record: FlightRecord, number: int) -> list[FlightRecord]:
     """A long record in equal parts of one flight."""
     edges = np.linspace(0, len(record.inputs), number + 1).astype(int)
     return [

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from aerodb.consistency.sensors.models import Installation
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors.prediction import FlightRecord
 from aerodb.vehicle.five_hole import Curve, FiveHole
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, truth
 
@@ -109,7 +109,7 @@ def instrumented(
     step: float = 0.02,
     start: float = 0.0,
     name: str = "flight",
-) -> Record:
+) -> FlightRecord:
     """A record with these channels and `planted` errors; the installation that it declares knows
     nothing of them."""
     time = start + step * np.arange(round(seconds / step))
@@ -131,7 +131,7 @@ def instrumented(
         for key, sigma in zip(("ax", "ay", "az", "p", "q", "r"), INERTIAL_NOISE, strict=True)
     ]
     full = np.ones(len(time))
-    return Record(
+    return FlightRecord(
         name, step, np.column_stack(inputs), {key: shown(key, NOISE[key]) for key in channels}, name, BOOM,
         density=DENSITY * full, gravity=GRAVITY, installation=Installation(gps=GPS, five_hole=PROBE), pressure=PRESSURE * full,
     )  # fmt: skip

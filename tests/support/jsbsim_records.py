@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors.prediction import FlightRecord
 from tests.support.jsbsim_flights import FOOT, POUND, simulator
 
 GRAVITY, STEP, FASTER = 9.80665, 0.02, 4
@@ -91,7 +91,7 @@ def measured_record(
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     noise: float = 1.0,
     channels: tuple[str, ...] = tuple(NOISE)[6:],
-) -> Record:
+) -> FlightRecord:
     """A record at STEP of what sensors with `planted` errors show; `arm` is what is believed of the
     air-data point. Delays must be multiples of STEP / FASTER."""
     boom = np.array(arm) + [planted.get(f"air_data_{axis}", 0.0) for axis in "xyz"]
@@ -122,4 +122,6 @@ def measured_record(
     inputs = np.column_stack([shown(name) for name in ("ax", "ay", "az", "p", "q", "r")])
     density = flight["rho"][LATEST : len(speed) - LATEST : FASTER]
     outputs = {name: shown(name) for name in channels}
-    return Record("jsbsim", STEP, inputs, outputs, "jsbsim", arm, density=density, gravity=GRAVITY)
+    return FlightRecord(
+        "jsbsim", STEP, inputs, outputs, "jsbsim", arm, density=density, gravity=GRAVITY
+    )

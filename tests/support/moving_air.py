@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import Record, earth_to_body
+from aerodb.consistency.sensors.prediction import FlightRecord, earth_to_body
 from aerodb.simulation.turbulence import DrydenGusts
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, NOISE, truth
 
@@ -33,7 +33,7 @@ def moving_air(
     channels: tuple[str, ...] = CHANNELS,
     name: str = "gusty",
     delay: float = 0.0,
-) -> tuple[Record, dict[str, np.ndarray]]:
+) -> tuple[FlightRecord, dict[str, np.ndarray]]:
     """A record, and the truth of its channels and wind; alpha is `delay` late."""
     rng = np.random.default_rng([seed, 1])
     n = round(seconds / step)
@@ -58,12 +58,14 @@ def moving_air(
     late = {**true, "alpha": np.interp(np.arange(n) - delay / step, np.arange(n), true["alpha"])}
     outputs = {key: late[key] + NOISE[key] * rng.standard_normal(n) for key in channels}
     return (
-        Record(name, step, inputs, outputs, name, density=np.full(n, DENSITY), gravity=GRAVITY),
+        FlightRecord(
+            name, step, inputs, outputs, name, density=np.full(n, DENSITY), gravity=GRAVITY
+        ),
         true,
     )
 
 
-def parts(record: Record, number: int) -> list[Record]:
+def parts(record: FlightRecord, number: int) -> list[FlightRecord]:
     """A record in equal parts of one flight."""
     size = len(record.inputs) // number
     return [

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors.prediction import FlightRecord
 
 _OUTPUTS = ("V", "alpha", "beta", "phi", "theta", "psi", "altitude")
 
@@ -41,7 +41,7 @@ def _derivative(x, u, gravity):
     )
 
 
-def _shown(record: Record, start: np.ndarray, bias: np.ndarray) -> np.ndarray:
+def _shown(record: FlightRecord, start: np.ndarray, bias: np.ndarray) -> np.ndarray:
     inputs, x, step = record.inputs - bias, start.copy(), record.step
     path = [x]
     for now, then in pairwise(inputs):
@@ -60,7 +60,7 @@ def _shown(record: Record, start: np.ndarray, bias: np.ndarray) -> np.ndarray:
     )
 
 
-def plain_biases(records: Sequence[Record], iterations: int = 20) -> np.ndarray:
+def plain_biases(records: Sequence[FlightRecord], iterations: int = 20) -> np.ndarray:
     """(6,) joint biases of accelerometers and gyros with fixed first states, noise variance
     estimated."""
     starts = [first_states(record) for record in records]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import MAX_DELAY, Record
+from aerodb.consistency.sensors.prediction import MAX_DELAY, FlightRecord
 
 GRAVITY = 9.80665
 DENSITY = 1.1
@@ -80,7 +80,7 @@ def simulated(
     start: float = 0.0,
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     name: str = "simulated",
-) -> Record:
+) -> FlightRecord:
     """A record with `planted` sensor errors, wind and boom position; `arm` is what the vehicle file
     says of the boom."""
     time = start + step * np.arange(round(seconds / step))
@@ -107,6 +107,6 @@ def simulated(
         outputs[key] = shown(
             key, truth(time - delay, wind, boom)[key] if delay else exact[key], NOISE[key]
         )
-    return Record(
+    return FlightRecord(
         name, step, inputs, outputs, name, arm, density=np.full(len(time), DENSITY), gravity=GRAVITY
     )

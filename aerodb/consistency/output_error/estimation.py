@@ -39,7 +39,7 @@ from aerodb.consistency.records import flight_of, records_from_flight
 from aerodb.consistency.sensors import (
     AIR_DATA,
     PER_FLIGHT,
-    Record,
+    FlightRecord,
     channels_of,
     parameter,
     predict_outputs,
@@ -74,7 +74,7 @@ LOOK = 1e-4
 _ROUNDS = 5
 
 
-def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
+def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[FlightRecord, ...]:
     """Records of a mapped flight at the interval `SLOW`.
 
     They are reconstructed over a rotating earth if the flight is long and this makes its residuals
@@ -109,7 +109,7 @@ def _misfit(result: Reconstruction) -> float:
 
 
 def estimate_sensors(
-    records: Sequence[Record], plan: Plan, accuracy: Accuracy
+    records: Sequence[FlightRecord], plan: Plan, accuracy: Accuracy
 ) -> tuple[Reconstruction, Plan]:
     """Estimate the parameters of a plan and keep the significant ones.
 
@@ -161,7 +161,7 @@ def estimate_sensors(
 
 
 def _vane(
-    records: Sequence[Record], result: Reconstruction, plan: Plan, accuracy: Accuracy
+    records: Sequence[FlightRecord], result: Reconstruction, plan: Plan, accuracy: Accuracy
 ) -> VanePosition | None:
     """The position of the vanes, where it explains the air data of a reconstruction better than
     their delays, their scales and moving air do."""
@@ -176,7 +176,7 @@ def _vane(
 
 
 def _without_impossible(
-    records: Sequence[Record], result: Reconstruction, plan: Plan, accuracy: Accuracy
+    records: Sequence[FlightRecord], result: Reconstruction, plan: Plan, accuracy: Accuracy
 ) -> tuple[Reconstruction, Plan]:
     """The reconstruction and its plan without delays and scales that the position of the vanes
     explains better, and without delays that are negative: no sensor leads the motion."""
@@ -202,7 +202,10 @@ class FlightReconstruction:
 
 
 def reconstruct_flight(
-    records: Sequence[Record], own: Reconstruction, plan: Plan, calibration: Calibration | None
+    records: Sequence[FlightRecord],
+    own: Reconstruction,
+    plan: Plan,
+    calibration: Calibration | None,
 ) -> FlightReconstruction:
     """Combine the sensor estimates (SI units, covariance (k, k)) with their priors, then
     reconstruct every record with them.
@@ -263,7 +266,7 @@ def _combined(
     return combine(estimates, calibration)
 
 
-def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
+def most_active(records: Sequence[FlightRecord], most: int = MOST_STRETCHES) -> list[FlightRecord]:
     """Return the records with the most motion (spread of the rates (n, 3) [rad/s]), at most `most`,
     in order of time.
 
@@ -274,7 +277,7 @@ def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[R
 
 
 def solve(
-    records: Sequence[Record],
+    records: Sequence[FlightRecord],
     plan: Plan,
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
@@ -393,7 +396,7 @@ def _joined(
     )
 
 
-def _uncorrected_residuals(record: Record) -> dict[str, Array]:
+def _uncorrected_residuals(record: FlightRecord) -> dict[str, Array]:
     """Residuals by channel without sensor corrections or wind, starting at the first samples."""
     return residuals(record, predict_outputs(record, {}, first_states(record), (), slopes=False))
 
@@ -469,7 +472,7 @@ def joint_calibration(
 
 def _shared_by_all(
     joint: SensorEstimates,
-    by_flight: Sequence[Sequence[Record]],
+    by_flight: Sequence[Sequence[FlightRecord]],
     plan: Plan,
     vehicle: Vehicle,
 ) -> SensorEstimates:
@@ -490,6 +493,6 @@ def _shared_by_all(
     return pooled(alone, set(joint.names) - apart, plan.stated_priors) if apart else joint
 
 
-def _motion(record: Record) -> float:
+def _motion(record: FlightRecord) -> float:
     """Standard deviation of a record's rates, rad/s: how much it moves."""
     return float(np.sqrt(np.sum(np.var(record.inputs[:, 3:], axis=0))))

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import NormalEquations, accumulate
-from aerodb.consistency.sensors import MAX_DELAY, Parameter, Record, thinned, unknowns
+from aerodb.consistency.sensors import MAX_DELAY, FlightRecord, Parameter, thinned, unknowns
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -57,7 +57,7 @@ class Problem:
     drivers : the records at full rate, where `records` are thinned.
     """
 
-    records: tuple[Record, ...]
+    records: tuple[FlightRecord, ...]
     starts: tuple[Array, ...]
     items: tuple[Parameter, ...]
     fixed: Mapping[str, float]
@@ -65,7 +65,7 @@ class Problem:
     lower: Array
     upper: Array
     noise_floor: Mapping[str, float]
-    drivers: tuple[Record, ...] | None = None
+    drivers: tuple[FlightRecord, ...] | None = None
 
     def sums(self, vector: Array) -> NormalEquations:
         """The sums of the normal equations (k, k) at the unknowns `vector` (k,), SI; see
@@ -110,7 +110,7 @@ class Solution:
 
 
 def make_problem(
-    records: Sequence[Record],
+    records: Sequence[FlightRecord],
     free: Sequence[str],
     initial: Sequence[str],
     fixed: Mapping[str, float] | None,

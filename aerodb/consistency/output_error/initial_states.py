@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.sensors import Record, earth_to_body
+from aerodb.consistency.sensors import FlightRecord, earth_to_body
 from aerodb.errors import InputError
 from aerodb.support import Array
 from aerodb.vehicle import flow_angles
@@ -14,7 +14,7 @@ from aerodb.vehicle import flow_angles
 _TRACK = 5.0
 
 
-def first_states(record: Record, wind: Mapping[str, float] | None = None) -> Array:
+def first_states(record: FlightRecord, wind: Mapping[str, float] | None = None) -> Array:
     """Initial state of a record, from the first finite sample of each channel.
 
     Velocity comes from the air data (moved from the air-data point to the CG; airspeed also from
@@ -70,7 +70,7 @@ def first_states(record: Record, wind: Mapping[str, float] | None = None) -> Arr
     return state
 
 
-def _air_velocity(record: Record) -> Array | None:
+def _air_velocity(record: FlightRecord) -> Array | None:
     """(3,) velocity of the air-data point through the air, body axes, m/s; None without airspeed
     and dynamic pressure."""
     speed, pressure = _first(record, "V"), _first(record, "qbar")
@@ -99,7 +99,7 @@ def _air_velocity(record: Record) -> Array | None:
     return np.asarray(boom.T @ air)
 
 
-def _track(record: Record) -> float:
+def _track(record: FlightRecord) -> float:
     """Direction of the track over the first few seconds of a logged position, rad; zero without
     one. A heading that starts half a turn off would not be found: the wind would absorb it."""
     count = max(2, round(_TRACK / record.step))
@@ -117,7 +117,7 @@ def _track(record: Record) -> float:
     return float(np.arctan2(moved[1], moved[0]))
 
 
-def _first(record: Record, name: str) -> float | None:
+def _first(record: FlightRecord, name: str) -> float | None:
     """First finite sample of an output or given state; None where there is none."""
     for channels in (record.given, record.outputs):
         if name in channels:

@@ -10,14 +10,14 @@ import numpy as np
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.normal_equations import in_blocks, usable_samples
-from aerodb.consistency.sensors import Parameter, Record, RecordPrediction, corrected_inputs
+from aerodb.consistency.sensors import FlightRecord, Parameter, RecordPrediction, corrected_inputs
 from aerodb.support import Array
 
 #: Smallest number of blocks of a record: the effect of a sample's noise changes slowly along it.
 BLOCKS = 150
 
 
-def inertial_noise(record: Record) -> Array:
+def inertial_noise(record: FlightRecord) -> Array:
     """(6,) one sigma of the white noise of specific force [m/s2] and rates [rad/s]: as the record
     states, otherwise from second differences (variance 6 s^2)."""
     if record.input_noise is not None:
@@ -26,7 +26,7 @@ def inertial_noise(record: Record) -> Array:
 
 
 def drift_information(
-    record: Record,
+    record: FlightRecord,
     values: Mapping[str, float],
     response: RecordPrediction,
     swing: Sequence[int],

@@ -18,7 +18,7 @@ from aerodb.consistency.output_error.posterior import SIGNIFICANT
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.reconstructed import Reconstruction
-from aerodb.consistency.sensors import AIR_DATA, Record, parameter
+from aerodb.consistency.sensors import AIR_DATA, FlightRecord, parameter
 from aerodb.support import Array
 
 #: Standard errors beyond which a lead is evidence for another error.
@@ -77,7 +77,7 @@ class VanePosition:
 
 
 def vane_position(
-    records: Sequence[Record],
+    records: Sequence[FlightRecord],
     result: Reconstruction,
     plan: Plan,
     flow_angle: float,
@@ -136,7 +136,7 @@ def vane_position(
     return VanePosition(found.value, found.standard_error, instead)
 
 
-def _pulls(records: Sequence[Record], result: Reconstruction, plan: Plan) -> bool:
+def _pulls(records: Sequence[FlightRecord], result: Reconstruction, plan: Plan) -> bool:
     """Return whether one step of the search from a reconstruction would move the vanes by more than
     `FAR` standard errors, for white residuals: a score test, which costs one pass over the
     records."""

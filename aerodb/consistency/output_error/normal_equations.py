@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.sensors import (
     MAX_DELAY,
+    FlightRecord,
     Parameter,
-    Record,
     RecordPrediction,
     delays_of,
     predict_outputs,
@@ -64,13 +64,13 @@ class NormalEquations:
         )
 
 
-def applies_to(item: Parameter, record: Record) -> bool:
+def applies_to(item: Parameter, record: FlightRecord) -> bool:
     """Return whether a parameter acts on this record."""
     return item.scope in ("", record.name if item.kind == "initial" else record.flight)
 
 
 def usable_samples(
-    record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]
+    record: FlightRecord, name: str, free: Sequence[Parameter], values: Mapping[str, float]
 ) -> NDArray[np.bool_]:
     """(n,) samples of an output that are used.
 
@@ -90,7 +90,7 @@ def usable_samples(
     return good
 
 
-def residuals(record: Record, response: RecordPrediction) -> dict[str, Array]:
+def residuals(record: FlightRecord, response: RecordPrediction) -> dict[str, Array]:
     """Measured minus reconstructed outputs, (n,) by channel, SI; bank and heading between -pi and
     pi [rad]."""
     differences = {}
@@ -103,7 +103,7 @@ def residuals(record: Record, response: RecordPrediction) -> dict[str, Array]:
 
 
 def record_values(
-    items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]
+    items: Sequence[Parameter], vector: Array, record: FlightRecord, fixed: Mapping[str, float]
 ) -> dict[str, float]:
     """Name -> value, SI, of the parameters that act on a record: fixed ones and those in `vector`.
 
@@ -123,12 +123,12 @@ def first_state(start: Array, values: Mapping[str, float]) -> Array:
 
 
 def accumulate(
-    records: Sequence[Record],
+    records: Sequence[FlightRecord],
     starts: Sequence[Array],
     items: Sequence[Parameter],
     vector: Array,
     fixed: Mapping[str, float],
-    drivers: Sequence[Record] | None = None,
+    drivers: Sequence[FlightRecord] | None = None,
 ) -> NormalEquations:
     """Normal equations over all records at the values `vector` (k,) of the unknowns `items`.
 

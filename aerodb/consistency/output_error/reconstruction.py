@@ -40,8 +40,8 @@ from aerodb.consistency.output_error.vertical_air import (
 )
 from aerodb.consistency.reconstructed import Estimate, ReconstructedPath, Reconstruction
 from aerodb.consistency.sensors import (
+    FlightRecord,
     Parameter,
-    Record,
     corrected_inputs,
     parameter,
     predict_outputs,
@@ -53,7 +53,7 @@ from aerodb.vehicle import VerticalAir
 
 
 def reconstruct(
-    records: Sequence[Record],
+    records: Sequence[FlightRecord],
     free: Sequence[str],
     *,
     initial: Sequence[str] = ("u", "v", "w", "phi", "theta", "psi", "altitude"),
@@ -174,7 +174,10 @@ def _without_others(near: Reconstruction, names: Collection[str]) -> dict[str, f
 
 
 def _first_state(
-    record: Record, fixed: Mapping[str, float], near: Reconstruction, found: Mapping[str, float]
+    record: FlightRecord,
+    fixed: Mapping[str, float],
+    near: Reconstruction,
+    found: Mapping[str, float],
 ) -> Array:
     """Initial state (9,) of a record: as reconstructed before, with its change in `found`,
     otherwise from its first samples, with the wind found before."""
@@ -185,7 +188,7 @@ def _first_state(
     return first_states(record, {**_winds(record, near), **fixed})
 
 
-def _winds(record: Record, near: Reconstruction) -> dict[str, float]:
+def _winds(record: FlightRecord, near: Reconstruction) -> dict[str, float]:
     """Name -> value of the winds of a record's flight, or of all flights' mean."""
     own: dict[str, list[float]] = {}
     every: dict[str, list[float]] = {}
@@ -279,7 +282,7 @@ def _covariances(
     return np.asarray(covariance), white, moved, sigma, tuple(paths)
 
 
-def _swing(record: Record, own: Sequence[Parameter]) -> tuple[list[int], list[Parameter]]:
+def _swing(record: FlightRecord, own: Sequence[Parameter]) -> tuple[list[int], list[Parameter]]:
     """Numbers of the initial values of a record's integrated states among its unknowns `own`, and
     the further parameters for those that are not among them, which follow."""
     known = {item.name: number for number, item in enumerate(own)}
@@ -295,7 +298,9 @@ def _swing(record: Record, own: Sequence[Parameter]) -> tuple[list[int], list[Pa
     return numbers, more
 
 
-def _acting(problem: Problem, vector: Array, record: Record) -> tuple[list[int], dict[str, float]]:
+def _acting(
+    problem: Problem, vector: Array, record: FlightRecord
+) -> tuple[list[int], dict[str, float]]:
     """Indices of the unknowns that act on a record, and its parameters' values."""
     index = [number for number, item in enumerate(problem.items) if applies_to(item, record)]
     return index, record_values(problem.items, vector, record, problem.fixed)

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.consistency.sensors import Record, parameter, predict_outputs
+from aerodb.consistency.sensors import FlightRecord, parameter, predict_outputs
 from aerodb.estimation import samples_per_independent
 from aerodb.support import Array
 from aerodb.vehicle import VerticalAir
@@ -91,7 +91,7 @@ class AirSigns:
 
 
 def air_columns(
-    record: Record, values: Mapping[str, float], initial: Array, air: VerticalAir
+    record: FlightRecord, values: Mapping[str, float], initial: Array, air: VerticalAir
 ) -> AirColumns:
     """Return what vertical air does to the outputs of a record.
 
@@ -110,7 +110,7 @@ def air_columns(
 
 
 def pull_and_signs(
-    record: Record,
+    record: FlightRecord,
     columns: AirColumns,
     slopes: Mapping[str, Array],
     errors: Mapping[str, Array],

@@ -2,7 +2,7 @@
 
 - `parameters`: names, natural sizes and scopes of the unknowns (`parameter`, `unknowns`), and the
   channels that they act on (`channels_of`, `delays_of`).
-- `prediction`: a `Record` is one stretch of flight; `predict_outputs` integrates its path and
+- `prediction`: a `FlightRecord` is one stretch of flight; `predict_outputs` integrates its path and
   returns a `RecordPrediction` (states, outputs and their derivatives); `corrected_inputs` removes
   bias and scale from the inertial sensors.
 - `models`: the true quantity behind each output, as a formula in states and rates;
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     )
     from .prediction import (
         MAX_DELAY,
-        Record,
+        FlightRecord,
         RecordPrediction,
         corrected_inputs,
         delayed,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.sensors.prediction import Record, earth_to_body
+from aerodb.consistency.sensors.prediction import FlightRecord, earth_to_body
 from aerodb.signals import bridge, smooth
 from aerodb.support import Array
 
@@ -30,7 +30,7 @@ class Fault:
     sentence: str
 
 
-def expected_inputs(record: Record) -> Array:
+def expected_inputs(record: FlightRecord) -> Array:
     """Specific force and rates that the other channels imply.
 
     Rates follow from phi, theta and psi: ``p = phi' - psi' sin theta`` etc. Specific force follows
@@ -90,7 +90,7 @@ def expected_inputs(record: Record) -> Array:
     return expected
 
 
-def detect_faults(record: Record) -> tuple[Fault, ...]:
+def detect_faults(record: FlightRecord) -> tuple[Fault, ...]:
     """Return gross faults of a record's sensors, inputs (n, 6) [m/s²], [rad/s].
 
     Stuck channels and angles in degrees are tested first; only if there are none, missing gravity,
@@ -117,7 +117,7 @@ def _low(values: Array, step: float) -> Array:
     return smooth(values, step, min(BANDWIDTH, 0.125 / step)).value
 
 
-def _stuck(record: Record) -> list[Fault]:
+def _stuck(record: FlightRecord) -> list[Fault]:
     channels = {**{name: record.inputs[:, k] for k, name in enumerate(INPUTS)}, **record.outputs}
     still = []
     for name, values in channels.items():
@@ -132,7 +132,7 @@ def _stuck(record: Record) -> list[Fault]:
     ]
 
 
-def _units(record: Record) -> list[Fault]:
+def _units(record: FlightRecord) -> list[Fault]:
     faults = []
     for name in ("phi", "theta", "alpha", "beta"):
         values = record.outputs.get(name)

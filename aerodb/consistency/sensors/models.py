@@ -325,7 +325,7 @@ class SensorModels:
 
     def _difference(self, which: str) -> Dual:
         """Pressure difference between a pair of holes of a five-hole probe, Pa."""
-        assert self.installation.five_hole is not None  # checked by `prediction.Record`
+        assert self.installation.five_hole is not None  # checked by `prediction.FlightRecord`
         curve: Curve = getattr(self.installation.five_hole, which)
         x, y = self.vanes if which == "alpha" else self.vanes[::-1]
         shape = pressure_ratio(x, y, curve)

@@ -23,7 +23,7 @@ MAX_DELAY = 0.3
 
 
 @dataclass(frozen=True)
-class Record:
+class FlightRecord:
     """One uninterrupted stretch of flight, n samples.
 
     name : unique.
@@ -125,7 +125,7 @@ class RecordPrediction:
     air_slopes: Array
 
 
-def corrected_inputs(record: Record, values: Mapping[str, float]) -> Array:
+def corrected_inputs(record: FlightRecord, values: Mapping[str, float]) -> Array:
     """Corrected specific force [m/s2] and rates [rad/s], (n, 6): ``(measured - bias) / (1 +
     scale)``."""
     bias = np.array([values.get(f"{name}_bias", 0.0) for name in INPUTS])
@@ -133,12 +133,12 @@ def corrected_inputs(record: Record, values: Mapping[str, float]) -> Array:
 
 
 def predict_outputs(
-    record: Record,
+    record: FlightRecord,
     values: Mapping[str, float],
     initial: Array,
     unknowns: Sequence[Parameter],
     slopes: bool = True,
-    driver: Record | None = None,
+    driver: FlightRecord | None = None,
 ) -> RecordPrediction:
     """Integrate the path of a record and predict its sensor outputs.
 
@@ -198,7 +198,7 @@ def predict_outputs(
     )
 
 
-def thinned(record: Record, every: int) -> Record:
+def thinned(record: FlightRecord, every: int) -> FlightRecord:
     """The record with one sample of `every`, from the first on: (n,) becomes (n / every,), rounded
     up.
 
@@ -216,7 +216,7 @@ def thinned(record: Record, every: int) -> Record:
 
 
 def outputs_along(
-    record: Record, values: Mapping[str, float], states: Array, slopes: bool = True
+    record: FlightRecord, values: Mapping[str, float], states: Array, slopes: bool = True
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Sensor outputs along known states, and their derivatives by these, without delays.
 
@@ -340,12 +340,12 @@ def _gain(values: Mapping[str, float]) -> Array:
 
 
 def _path(
-    record: Record,
+    record: FlightRecord,
     values: Mapping[str, float],
     initial: Array,
     wanted: Sequence[Parameter],
     inputs: Array,
-    driver: Record | None,
+    driver: FlightRecord | None,
 ) -> _Path:
     """Integrate the path, with sensitivities to those unknowns that move it."""
     columns, kinds, first = [], [], []
@@ -414,7 +414,7 @@ def _shown(
     slope: Array,
     values: Mapping[str, float],
     wanted: Sequence[Parameter],
-    record: Record,
+    record: FlightRecord,
 ) -> tuple[Array, Array]:
     """Output of a sensor for the true quantity (n,), and its derivatives (n, k): adds delay, scale
     and bias."""

@@ -21,8 +21,8 @@ from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.reconstructed import ReconstructedPath
 from aerodb.consistency.sensors import (
+    FlightRecord,
     Parameter,
-    Record,
     delays_of,
     earth_to_body,
     outputs_along,
@@ -80,7 +80,7 @@ class PathError:
     output_sensitivity: Array
     state_sensitivity: Array
     prompt_values: Mapping[str, float]
-    grid_record: Record
+    grid_record: FlightRecord
 
     @property
     def step(self) -> float:
@@ -352,7 +352,7 @@ def _circular(difference: Array, channels: Sequence[str]) -> Array:
     return difference
 
 
-def _thinned(record: Record, at: np.ndarray, size: int, states: Array) -> Record:
+def _thinned(record: FlightRecord, at: np.ndarray, size: int, states: Array) -> FlightRecord:
     """The record at its grid points with all states given; inputs are block means."""
     if len(at) < 8:
         raise InputError(f"{len(at)} grid points", record.name, "leave records this short out")
@@ -363,7 +363,7 @@ def _thinned(record: Record, at: np.ndarray, size: int, states: Array) -> Record
     return replace(picked, step=record.step * size, inputs=means, given=given, earth=None)
 
 
-def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
+def _with_samples(record: FlightRecord, change: Callable[[Array], Array]) -> FlightRecord:
     """The record with `change` applied to every array that has one value per sample."""
     changed: dict[str, object] = {
         "outputs": {name: change(values) for name, values in record.outputs.items()}

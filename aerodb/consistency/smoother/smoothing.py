@@ -131,7 +131,7 @@ def smooth_flight(
     Parameters
     ----------
     result : the reconstruction.
-    flight : the flight's name in it (`Record.flight`).
+    flight : the flight's name in it (`FlightRecord.flight`).
     fixed : the values that were fixed in `reconstruct`, name -> value, SI.
     noise_floor : channel -> smallest credible noise (one sigma of a sample), SI.
     coarse : step of the grid for errors and gusts [s]; faster gusts are not followed, but included

@@ -11,7 +11,7 @@ from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.filters.filter_error import checked_states, likely_noise
 from aerodb.estimation.filters.filter_kernels import predict
 from aerodb.estimation.filters.filter_problem import Point
-from aerodb.estimation.filters.kalman_fit import Track, constant, walked
+from aerodb.estimation.filters.kalman_fit import FilteredRecord, constant, walked
 from aerodb.estimation.filters.linearisation import advanced_everywhere
 from aerodb.estimation.filters.one_step import around
 from aerodb.estimation.filters.scoring import SINGULAR, Optimum, scored
@@ -126,11 +126,11 @@ def _followed(
     deviation: Array,
     transform: Transform,
     share: float = 1.0,
-) -> tuple[Point, list[Track]]:
+) -> tuple[Point, list[FilteredRecord]]:
     """The records one after another, from parameters (f,), with a share of the likely process
     noise: constant parameters leave to it what the change of others explains."""
     noise = replace(likely.point, process=share * likely.point.process)
-    covariance, tracks, s = np.diag(deviation**2), list[Track](), len(model.states)
+    covariance, tracks, s = np.diag(deviation**2), list[FilteredRecord](), len(model.states)
     for record, passed in zip(records, likely.passes, strict=True):
         states = passed.states[:, :, 0]
         about = np.hstack([states, np.tile(noise.vector, (len(states), 1))])
@@ -213,7 +213,7 @@ def _tracked(
     uncertainty: Array,
     transform: Transform,
     about: Array,
-) -> Track:
+) -> FilteredRecord:
     """Filter one record forwards, smooth it backwards, and repeat about the smoothed motion until
     the parameters stay; first about states with parameters (n, s + f)."""
     track = _passed(model, record, noise, parameters, uncertainty, "extended", about, None)
@@ -242,7 +242,7 @@ def _passed(
     transform: Transform,
     about: Array,
     spread: Array | None,
-) -> Track:
+) -> FilteredRecord:
     """One pass, linearised about states and parameters (n, s + f) with covariances.
 
     In the field's symbols: transition F, observation matrix H, innovation v with its
@@ -321,9 +321,13 @@ def _passed(
     rows, columns = np.ix_(constants, constants)
     means[:, constants] = mean[constants]
     covariances[:, rows, columns] = covariance[rows, columns]
-    return Track(means, covariances, predicted, measured - predicted, sizes, float(total))
+    return FilteredRecord(means, covariances, predicted, measured - predicted, sizes, float(total))
 
 
-def _lost(mean: Array, covariance: Array, measured: Array, predicted: Array, sizes: Array) -> Track:
+def _lost(
+    mean: Array, covariance: Array, measured: Array, predicted: Array, sizes: Array
+) -> FilteredRecord:
     """The track of a filter that lost the motion."""
-    return Track(mean, covariance * np.nan, predicted, measured - predicted, sizes, -np.inf)
+    return FilteredRecord(
+        mean, covariance * np.nan, predicted, measured - predicted, sizes, -np.inf
+    )

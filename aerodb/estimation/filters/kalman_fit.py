@@ -35,7 +35,7 @@ _UNTOLD: Final = "the records do not move what it acts on: excite it, or fix it"
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class FilteredRecord:
     """One record, filtered and smoothed: states (n, l) with covariances, innovations and their
     share of the expected size (n,)."""
 
@@ -55,7 +55,7 @@ def constant(
     mean: Array,
     covariance: Array,
     reached: Optimum | None,
-    tracks: Sequence[Track],
+    tracks: Sequence[FilteredRecord],
 ) -> Fit:
     """Return the answer where no parameter changes, values in SI units and covariance (f, f), with
     standard errors for innovations of the size and colour that they have; reached : the likelihood
@@ -80,7 +80,7 @@ def walked(
     model: DynamicModel,
     records: Sequence[TimeHistory],
     noise: Point,
-    tracks: Sequence[Track],
+    tracks: Sequence[FilteredRecord],
     first: Array,
 ) -> Fit:
     """Return the answer where parameters walk: at the end of the last record, with their histories
@@ -125,7 +125,7 @@ def _told(value: Array) -> str:
     return f"{value[0]:.4g} +- {value[1]:.2g}"
 
 
-def _size(tracks: Sequence[Track]) -> float:
+def _size(tracks: Sequence[FilteredRecord]) -> float:
     """Mean square of the innovations, as a share of what the filter expects."""
     return float(np.nanmean(np.concatenate([track.sizes for track in tracks])))
 
@@ -138,7 +138,7 @@ def _assembled(
     mean: Array,
     covariance: Array,
     judged: Mapping[str, tuple[Standing, str]],
-    tracks: Sequence[Track],
+    tracks: Sequence[FilteredRecord],
 ) -> Fit:
     """Estimates (f,) with covariance (f, f) and standings, and what the innovations show."""
     unknown = model.parameters.unknown

@@ -14,7 +14,7 @@ from aerodb.consistency.records import (
     qbar_follows_airspeed,
     records_from_flight,
 )
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors.prediction import FlightRecord
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.vehicle import parse_vehicle
@@ -50,7 +50,7 @@ def vehicle():
 def _flight(planted, seconds=60.0):
     """The simulated record as a mapped Flight: its accelerometer sits off the CG, its air data were
     moved to the CG."""
-    record: Record = simulated(
+    record: FlightRecord = simulated(
         np.random.default_rng(3), planted, seconds=seconds, arm=(3.0, 0.0, 0.2)
     )
     time = 0.02 * np.arange(len(record.inputs))

@@ -9,7 +9,7 @@ from aerodb.consistency.kinematics import integrate
 from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
-from aerodb.consistency.sensors import Record
+from aerodb.consistency.sensors import FlightRecord
 from aerodb.consistency.sensors.expected import detect_faults, expected_inputs
 from aerodb.consistency.verdict import judge
 from aerodb.errors import InputError, UnknownNameError
@@ -30,7 +30,7 @@ BOOM = (3.0, 0.0, 0.2)
 
 def _solve(record, free=tuple(PLANTED), **how):
     return reconstruct(
-        [record] if isinstance(record, Record) else record, free, initial=STATES, **how
+        [record] if isinstance(record, FlightRecord) else record, free, initial=STATES, **how
     )
 
 

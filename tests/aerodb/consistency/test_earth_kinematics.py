@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.kinematics import INPUTS, integrate
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors.prediction import FlightRecord
 from aerodb.errors import InputError
 from aerodb.physics.geodesy import (
     EARTH_RATE,
@@ -294,7 +294,7 @@ def test_jsbsim_flies_the_same_earth():
     assert flat[8] > 40 * ours[8]
 
 
-def _loop(rng: np.random.Generator) -> tuple[Record, np.ndarray]:
+def _loop(rng: np.random.Generator) -> tuple[FlightRecord, np.ndarray]:
     """Two loops with some roll and yaw in between, at 25 m/s and 0.35 rad/s of pitch: attitude as a
     quaternion by scipy from the rates, velocity forward along the body but for a constant alpha;
     the sensors follow."""
@@ -333,7 +333,7 @@ def _loop(rng: np.random.Generator) -> tuple[Record, np.ndarray]:
     }
     inputs = np.column_stack([force, rates]) + bias
     assert np.abs(angles[:, 1]).max() > np.deg2rad(85.0)
-    return Record("loop", step, inputs, outputs, "loop"), bias
+    return FlightRecord("loop", step, inputs, outputs, "loop"), bias
 
 
 def test_a_loop_is_reconstructed():
@@ -407,7 +407,7 @@ def test_long_records_are_reconstructed_over_the_real_earth():
     }
     bias = {"p_bias": 7e-6, "q_bias": -7e-6, "r_bias": 7e-6, "az_bias": 0.002}
     inputs = inputs + np.array([0.0, 0.0, 0.002, 7e-6, -7e-6, 7e-6])
-    record = Record("long", 0.1, inputs, outputs, "long", gravity=9.8076, earth=ORIGIN)
+    record = FlightRecord("long", 0.1, inputs, outputs, "long", gravity=9.8076, earth=ORIGIN)
     free, first = tuple(bias), ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
     real = reconstruct([record], free, initial=first)
     for name, value in bias.items():
@@ -422,7 +422,9 @@ def test_long_records_are_reconstructed_over_the_real_earth():
 def test_what_an_earth_must_be():
     with pytest.raises(InputError, match="too close to a pole"):
         Earth(50.0)
-    record = Record("g", 0.1, np.zeros((10, 6)), {}, given={"phi": np.zeros(10)}, earth=ORIGIN)
+    record = FlightRecord(
+        "g", 0.1, np.zeros((10, 6)), {}, given={"phi": np.zeros(10)}, earth=ORIGIN
+    )
     with pytest.raises(InputError, match="given on a rotating earth"):
         integrate(record.inputs, 0.1, np.zeros(9), 9.8, np.full((10, 9), 0.0), earth=record.earth)
     with pytest.raises(InputError, match="leaves all bounds"):

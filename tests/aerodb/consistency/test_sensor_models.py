@@ -10,7 +10,7 @@ from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
-from aerodb.consistency.sensors import Record, predict_outputs
+from aerodb.consistency.sensors import FlightRecord, predict_outputs
 from aerodb.consistency.sensors.models import Installation
 from aerodb.consistency.sensors.parameters import (
     FURTHER_OUTPUTS,
@@ -300,7 +300,9 @@ def _straight(rng):
     inputs = np.column_stack([values[name] for name in INPUTS]) + 1e-4 * rng.standard_normal(
         (len(time), 6)
     )
-    return Record("straight", 0.04, inputs, noisy, "straight", (3.0, 0.0, 0.2), gravity=GRAVITY)
+    return FlightRecord(
+        "straight", 0.04, inputs, noisy, "straight", (3.0, 0.0, 0.2), gravity=GRAVITY
+    )
 
 
 def test_what_sensors_need_is_asked_for():

@@ -16,7 +16,7 @@ from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.mcap import read_mcap
-from aerodb.storage.readers.mcap_framing import Record, walk
+from aerodb.storage.readers.mcap_framing import McapRecord, walk
 from aerodb.vehicle import parse_vehicle
 
 START = 1_700_000_000 * 10**9
@@ -283,7 +283,9 @@ def test_a_chunk_that_hides_as_a_private_record_is_missed(tmp_path: Path) -> Non
     data = bytearray(path.read_bytes())
     with path.open("rb") as handle:
         chunks = [
-            r for r in walk(handle, len(data)) if isinstance(r, Record) and r.opcode == Opcode.CHUNK
+            r
+            for r in walk(handle, len(data))
+            if isinstance(r, McapRecord) and r.opcode == Opcode.CHUNK
         ]
     data[chunks[-1].start] |= 0x80
     path.write_bytes(data)
