@@ -98,7 +98,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Solution:
+class ReconstructionSolution:
     """Result of the search: the unknowns `vector` (k,), the normal equations there or one last
     insignificant step before, whether the
     search converged, and the number of iterations."""
@@ -173,7 +173,7 @@ def information(problem: Problem, sums: NormalEquations) -> Array:
 
 def search(
     problem: Problem, vector: Array, least_gain: float = SMALL_GAIN, close: bool = False
-) -> Solution:
+) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence, first over thinned samples.
 
     least_gain : gain of log-likelihood below which a step ends the search.
@@ -190,7 +190,7 @@ def search(
 
 def gauss_newton(
     problem: Problem, vector: Array, sums: NormalEquations, least_gain: float = SMALL_GAIN
-) -> Solution:
+) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
     and fades when it does. A step that is expected to gain less than `SETTLED` is the last; the
     sums are those before it.
@@ -214,7 +214,7 @@ def gauss_newton(
         trial = vector.copy()
         trial[go] = np.clip(vector[go] + step, problem.lower[go], problem.upper[go])
         if damping < _LIGHT and 0.5 * float(slope[go] @ step) < SETTLED:
-            return Solution(trial, sums, True, iteration)
+            return ReconstructionSolution(trial, sums, True, iteration)
         try:
             after = problem.sums(trial)
             better = problem.cost(trial, after)
@@ -228,15 +228,15 @@ def gauss_newton(
             idle = idle + 1 if cost - better < max(NO_GAIN, least_gain) else 0
             vector, sums, cost = trial, after, better
             if (small and damping < _LIGHT) or idle == _IDLE:
-                return Solution(vector, sums, True, iteration)
+                return ReconstructionSolution(vector, sums, True, iteration)
             damping = 0.0 if damping < 1e-6 else damping / 3
         else:
             _, sure = _step(matrix[np.ix_(go, go)], slope[go], size[go], 0.0)
             if np.max(np.abs(trial[go] - vector[go]) / sure) < SMALL_STEP:
                 # no step of a size that matters lowers the cost: a minimum, if a sharp one
-                return Solution(vector, sums, True, iteration)
+                return ReconstructionSolution(vector, sums, True, iteration)
             damping = max(4 * damping, 1e-4)
-    return Solution(vector, sums, False, iteration)
+    return ReconstructionSolution(vector, sums, False, iteration)
 
 
 def _step(matrix: Array, slope: Array, size: Array, damping: float) -> tuple[Array, Array]:

@@ -45,7 +45,7 @@ _NO_GAIN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class OutputErrorSolution:
     """Where a search ended.
 
     vector : (f,) unknowns. responses, noise, normal : there. information : (f, f) with priors.
@@ -152,7 +152,7 @@ def search(
     records: Sequence[TimeHistory],
     covariance: Covariance = "diagonal",
     most_iterations: int = 50,
-) -> Solution:
+) -> OutputErrorSolution:
     """Iterate from the start values of the model's parameters.
 
     Each step solves the normal equations with the noise covariance of the residuals as they are; it
@@ -208,8 +208,8 @@ def _solution(
     information: Array,
     converged: bool,
     iterations: int,
-) -> Solution:
-    return Solution(
+) -> OutputErrorSolution:
+    return OutputErrorSolution(
         state.vector,
         problem.records,
         state.responses,

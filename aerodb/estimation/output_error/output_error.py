@@ -20,7 +20,7 @@ from aerodb.estimation.linear_models import (
 )
 from aerodb.estimation.output_error.gauss_newton import (
     SINGULAR,
-    Solution,
+    OutputErrorSolution,
     likelihood_of_start,
     projected,
     search,
@@ -143,7 +143,7 @@ def fit_of(
     method: str,
     model: DynamicModel,
     records: Sequence[TimeHistory],
-    solution: Solution,
+    solution: OutputErrorSolution,
     assumes: tuple[str, ...],
     unstable: str = "",
 ) -> Fit:
@@ -195,7 +195,9 @@ def fit_of(
     )
 
 
-def _divergence(model: DynamicModel, records: Sequence[TimeHistory], solution: Solution) -> str:
+def _divergence(
+    model: DynamicModel, records: Sequence[TimeHistory], solution: OutputErrorSolution
+) -> str:
     """Return why there is no estimate; empty where there is one."""
     remedy = "start closer; an unstable motion needs stabilised output error or multiple shooting"
     for record, response in zip(records, solution.responses, strict=True):
@@ -236,7 +238,7 @@ class _Covariances(NamedTuple):
         return max(self.independent - self.rank, 1.0)
 
 
-def _covariances(parameters: Parameters, solution: Solution) -> _Covariances:
+def _covariances(parameters: Parameters, solution: OutputErrorSolution) -> _Covariances:
     f = len(solution.vector)
     lower, upper = (np.array([getattr(u, side) for u in parameters.unknown]) for side in _SIDES)
     inside = (solution.vector > lower) & (solution.vector < upper)

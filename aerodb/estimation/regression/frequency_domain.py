@@ -20,7 +20,7 @@ from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.regression.finite_fourier import BandRecord, Transform, band_of, transformed
 from aerodb.estimation.regression.linear_equation import LinearEquation
 from aerodb.estimation.regression.linear_solution import (
-    Solution,
+    LinearSolution,
     Unknowns,
     judged,
     solved,
@@ -249,12 +249,12 @@ def _covariance(
 def _with_constants(
     unknowns: Unknowns,
     slopes: Mask,
-    slope: Solution,
+    slope: LinearSolution,
     covariance: Array,
     white: Array,
     records: Sequence[BandRecord],
     lowest: Array,
-) -> tuple[Solution, Array, Array]:
+) -> tuple[LinearSolution, Array, Array]:
     """The solution for all unknowns: constants from what the slopes leave of the means.
 
     lowest : spectral density of each record's residual at the lowest frequency.
@@ -294,4 +294,4 @@ def _with_constants(
         for place, k in enumerate(np.flatnonzero(~slopes)):
             values[k] = found.values[place]
             standing[k], reason[k] = found.standing[place], found.reason[place]
-    return Solution(values, np.zeros((f, 0)), tuple(standing), tuple(reason)), total, bare
+    return LinearSolution(values, np.zeros((f, 0)), tuple(standing), tuple(reason)), total, bare

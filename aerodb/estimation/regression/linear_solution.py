@@ -46,7 +46,7 @@ def unknowns_of(parameters: Parameters) -> Unknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LinearSolution:
     """Least-squares solution for f unknowns from r equations.
 
     values : (f,), NaN where the data determine none. gain : (f, r), ``values = gain @ response``.
@@ -65,7 +65,7 @@ class Solution:
         return np.flatnonzero([each == "estimated" for each in self.standing])
 
 
-def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -> Solution:
+def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -> LinearSolution:
     """Solve ``response = design @ unknown``, leaving open what the equations do not determine.
 
     Units are those of the equations; what they do not determine is NaN, so that no matrix is
@@ -97,20 +97,20 @@ def solved(design: Array, response: Array, sizes: Array, names: Sequence[str]) -
             others = ", ".join(names[other] for other in hidden if other != k)
             standing[k] = "not identifiable"
             reason[k] = f"these records do not tell it from {others or 'the others'}"
-    return Solution(values, gain, tuple(standing), tuple(reason))
+    return LinearSolution(values, gain, tuple(standing), tuple(reason))
 
 
-def undetermined(count: int, reason: str) -> Solution:
+def undetermined(count: int, reason: str) -> LinearSolution:
     """Return the solution for `count` unknowns of which the data determine none: values (count,) of
     NaN, and an array of no gains (count, 0)."""
     standing: Standing = "not identifiable"
-    return Solution(
+    return LinearSolution(
         np.full(count, np.nan), np.zeros((count, 0)), (standing,) * count, (reason,) * count
     )
 
 
 def judged(
-    unknowns: Unknowns, solution: Solution, covariance: Array, white: Array
+    unknowns: Unknowns, solution: LinearSolution, covariance: Array, white: Array
 ) -> tuple[tuple[ParameterEstimate, ...], tuple[str, ...], Array]:
     """Return estimates of all parameters, with priors and bounds applied (`within_bounds`).
 
