@@ -20,7 +20,7 @@ from aerodb.simulation.trim_problem import (
     BOUNDS,
     Condition,
     Control,
-    Problem,
+    TrimProblem,
     is_force,
     load_factors,
     problem_of,
@@ -63,7 +63,7 @@ class Trim:
     start: Mapping[str, float]
     series: Mapping[str, float]
     notes: tuple[str, ...]
-    problem: Problem = field(repr=False)
+    problem: TrimProblem = field(repr=False)
     point: Array = field(repr=False)
 
 
@@ -119,12 +119,12 @@ def _notes(model: FlightModel, run: Simulation) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _shown(problem: Problem) -> list[str]:
+def _shown(problem: TrimProblem) -> list[str]:
     thrust = [problem.thrust] if problem.thrust else []
     return [*problem.model.inputs, *(name for name in thrust if name not in problem.model.inputs)]
 
 
-def _channels(problem: Problem, run: Simulation, z: Array) -> dict[str, Array]:
+def _channels(problem: TrimProblem, run: Simulation, z: Array) -> dict[str, Array]:
     """Values (k,) of what a trim states."""
     names = (
         "V", "alpha", "beta", "p", "q", "r", "phi", "theta", "altitude", "mach", "qbar", "rho",
@@ -141,7 +141,7 @@ def _channels(problem: Problem, run: Simulation, z: Array) -> dict[str, Array]:
     return channels
 
 
-def _begins(problem: Problem, begin: Trim | None) -> Iterator[Array]:
+def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
     """First guesses (u,) of the unknowns."""
     condition = problem.condition
     guess = dict.fromkeys(problem.unknowns, 0.0)
@@ -164,7 +164,7 @@ def _begins(problem: Problem, begin: Trim | None) -> Iterator[Array]:
         yield np.array([{**guess, "alpha": alpha}[name] for name in problem.unknowns])
 
 
-def _solved(problem: Problem, begin: Trim | None) -> tuple[Array, Array]:
+def _solved(problem: TrimProblem, begin: Trim | None) -> tuple[Array, Array]:
     """Unknowns (u,) and residual (r,) of the best search."""
     low, high = (problem.bounds / problem.scales[:, None]).T
 
@@ -193,7 +193,7 @@ def _solved(problem: Problem, begin: Trim | None) -> tuple[Array, Array]:
     return _balanced(problem, best[0])
 
 
-def _balanced(problem: Problem, point: Array) -> tuple[Array, Array]:
+def _balanced(problem: TrimProblem, point: Array) -> tuple[Array, Array]:
     """Return where there is no trim: the moments balanced as far as the controls can, so that what
     is left is what limits the flight."""
     k = [problem.unknowns.index(name) for name in problem.controls]
@@ -215,7 +215,7 @@ def _balanced(problem: Problem, point: Array) -> tuple[Array, Array]:
 
 
 def _check(
-    problem: Problem,
+    problem: TrimProblem,
     point: Array,
     residual: Array,
     limits: Mapping[str, tuple[float, float]],
@@ -295,7 +295,7 @@ def differences(values: Array, steps: Array) -> Array:
     return np.asarray(np.where(steps > 0, (values[..., :p] - values[..., p:]) / (2 * moving), 0.0))
 
 
-def moved_points(problem: Problem, point: Array, steps: Array) -> Array:
+def moved_points(problem: TrimProblem, point: Array, steps: Array) -> Array:
     """The unknowns (u, 2 p) of the trims at `varied` parameters, to first order (implicit
     function).
 
@@ -310,7 +310,7 @@ def moved_points(problem: Problem, point: Array, steps: Array) -> Array:
     return np.asarray(point[:, None] + np.hstack([change, -change]))
 
 
-def _errors(problem: Problem, point: Array) -> dict[str, float]:
+def _errors(problem: TrimProblem, point: Array) -> dict[str, float]:
     """Standard errors of channels and deflections: the trim moves with the parameters."""
     steps, parameters = varied(problem.model)
     if not len(steps):

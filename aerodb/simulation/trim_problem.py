@@ -94,7 +94,7 @@ class Condition:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class TrimProblem:
     """The unknowns of a trim and the accelerations that they must make zero.
 
     Parameters
@@ -269,7 +269,7 @@ def problem_of(
     controls: Mapping[str, str | Control] | None,
     limits: Mapping[str, tuple[float, float]],
     thrust: str,
-) -> Problem:
+) -> TrimProblem:
     """Return the problem of a trim, in SI units; its arguments are those of `trim`. Raises
     InputError for a rotating earth, an unknown input or axis, and limits in the wrong order."""
     where = f"trim of {model.database.name}"
@@ -319,7 +319,7 @@ def problem_of(
         unknowns.append(thrust)
         bounds.append(limits.get(thrust, (0.0, np.inf)))
         scales.append(given.get("mass", 1.0) * GRAVITY if is_force(thrust) else 1.0)
-    return Problem(
+    return TrimProblem(
         model,
         condition,
         given,

@@ -1,8 +1,9 @@
 """Maintenance of a workspace: verification, backup and restore.
 
-`verify` compares files, object store and catalogue and gives a `VerificationReport` of `Problem`;
-`report_lines` turns it into text. `back_up` copies catalogue and files into a folder, incrementally
-if that holds an earlier backup; `restore` makes a new workspace from it and verifies it first.
+`verify` compares files, object store and catalogue and gives a `VerificationReport` of
+`WorkspaceProblem`; `report_lines` turns it into text. `back_up` copies catalogue and files into a
+folder, incrementally if that holds an earlier backup; `restore` makes a new workspace from it and
+verifies it first.
 
 Modules: `verification` (files against rows), `object_verification` (objects against rows), `audit`
 (the catalogue itself), `problems` (the report), `backup`.
@@ -14,7 +15,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .backup import back_up, restore
-    from .problems import Problem, VerificationReport, report_lines
+    from .problems import VerificationReport, WorkspaceProblem, report_lines
     from .verification import verify
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -26,7 +26,7 @@ from aerodb.storage.catalogue import (
     seal,
 )
 from aerodb.storage.catalogue import schema as s
-from aerodb.storage.upkeep.problems import CHAIN, Problem
+from aerodb.storage.upkeep.problems import CHAIN, WorkspaceProblem
 from aerodb.support import version_id
 from aerodb.tables import CheckCase, failed_check_cases
 
@@ -37,8 +37,8 @@ _RESTORE: Final = "restore the workspace from a backup: aerodb restore"
 _NORMAL_EQUATIONS: Final = "gram"
 
 
-def _catalogue_problem(what: str, where: str, remedy: str = _RESTORE) -> Problem:
-    return Problem("catalogue", what, where, remedy)
+def _catalogue_problem(what: str, where: str, remedy: str = _RESTORE) -> WorkspaceProblem:
+    return WorkspaceProblem("catalogue", what, where, remedy)
 
 
 class Audit(Ledger):
@@ -50,7 +50,7 @@ class Audit(Ledger):
         """The audit of an open catalogue."""
         return cls(other._database)
 
-    def problems(self, count: Count) -> Iterator[Problem]:
+    def problems(self, count: Count) -> Iterator[WorkspaceProblem]:
         """Yield every problem of the catalogue; call `count` with the name and number of the items
         checked. Errors of the database become problems."""
         sound = True
@@ -102,7 +102,7 @@ class Audit(Ledger):
             )
 
 
-def _sealed(file: Path | None, count: Count) -> Iterator[Problem]:
+def _sealed(file: Path | None, count: Count) -> Iterator[WorkspaceProblem]:
     """The bytes of SQLite's file, where it was sealed."""
     intact = None if file is None else is_intact(file)
     if intact is not None:
@@ -115,7 +115,7 @@ def _sealed(file: Path | None, count: Count) -> Iterator[Problem]:
         )
 
 
-def _database(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _database(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Integrity checks of the database itself: pages and indices where it supports that, foreign
     keys, and the append-only triggers."""
     own = _of_sqlite if connection.dialect.name == "sqlite" else _of_postgresql
@@ -140,7 +140,7 @@ _ENABLED_TRIGGERS: Final = {
 }
 
 
-def _of_sqlite(connection: sa.Connection) -> Iterator[Problem]:
+def _of_sqlite(connection: sa.Connection) -> Iterator[WorkspaceProblem]:
     for (text,) in connection.exec_driver_sql("PRAGMA integrity_check").all():
         if text != "ok":
             yield _catalogue_problem(text, "catalogue.sqlite")
@@ -150,7 +150,7 @@ def _of_sqlite(connection: sa.Connection) -> Iterator[Problem]:
         )
 
 
-def _of_postgresql(connection: sa.Connection) -> Iterator[Problem]:
+def _of_postgresql(connection: sa.Connection) -> Iterator[WorkspaceProblem]:
     """Foreign keys, which a superuser can bypass. Pages are covered by the server's own checksums
     where those are enabled."""
     for name, table in sorted(s.metadata.tables.items()):
@@ -168,7 +168,7 @@ def _of_postgresql(connection: sa.Connection) -> Iterator[Problem]:
                 )
 
 
-def _texts(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _texts(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     c = s.vehicle_texts.c
     for row in connection.execute(sa.select(c.vehicle, c.text, c.sha256)):
         count("vehicle files", 1)
@@ -180,7 +180,7 @@ def _texts(connection: sa.Connection, count: Count) -> Iterator[Problem]:
             )
 
 
-def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _calibrations(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     c = s.calibrations.c
     for row in connection.execute(sa.select(c.id, c.content)):
         count("calibrations", 1)
@@ -194,7 +194,7 @@ def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Problem]:
             )
 
 
-def _versions(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _versions(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Each version: its id recomputed from its inputs, the hash of its numbers, its check
     cases."""
     c, e = s.versions.c, s.version_inputs.c
@@ -229,7 +229,7 @@ def _wrong_with(row: Any, inputs: Sequence[str]) -> str:
     return next(iter(failed_check_cases(database, cases)), "")
 
 
-def _edges(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _edges(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Every input refers to a result, a log, a vehicle text, a version or a calibration.
 
     Two kinds of input refer to things that are not stored: the file that a version without parent
@@ -265,7 +265,7 @@ def _edges(connection: sa.Connection, count: Count) -> Iterator[Problem]:
         )
 
 
-def _names(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _names(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Every move of a name starts at the version where the previous move ended."""
     c = s.name_events.c
     last: dict[tuple[str, str], tuple[int, Any]] = {}
@@ -284,14 +284,14 @@ def _names(connection: sa.Connection, count: Count) -> Iterator[Problem]:
         last = {(row.vehicle, row.name): (row.step, row.version)}
 
 
-def _chain(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _chain(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Every event has the content that it had when it was linked, and none is missing or added."""
     count("linked events", newest_link(connection)[0])
     for what, where in (*broken_links(connection), *broken_rows(connection)):
-        yield Problem(CHAIN, what, where, _RESTORE)
+        yield WorkspaceProblem(CHAIN, what, where, _RESTORE)
 
 
-def _incomplete(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+def _incomplete(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Flights without channels and logs without flights. Both are added in one transaction, so
     there should be none."""
     f, r = s.flights.c, s.results.c

@@ -44,7 +44,7 @@ from aerodb.storage.files import (
 )
 from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
-from aerodb.storage.upkeep.problems import CHAIN, ORPHAN_OBJECT, Problem, require_clean
+from aerodb.storage.upkeep.problems import CHAIN, ORPHAN_OBJECT, WorkspaceProblem, require_clean
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
 from aerodb.storage.workspace_settings import FILE as SETTINGS
@@ -62,7 +62,7 @@ class Backup:
     files: int
     bytes: int
     copied: int
-    problems: tuple[Problem, ...]
+    problems: tuple[WorkspaceProblem, ...]
 
 
 def back_up(workspace: Workspace, target: Path) -> Backup:
@@ -114,9 +114,9 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
     settings : file that replaces the settings of the backup. The catalogue goes into the database
     that they name, which must be empty; so must an object store that is named by the backup's own
     settings only. Everything is verified before the folder gets its name. Returns the manifest with
-    `problems` (`Problem` as dictionaries): differences that already existed when the backup was
-    made. Raises InputError for an incomplete backup and for an existing target; nothing is changed
-    then.
+    `problems` (`WorkspaceProblem` as dictionaries): differences that already existed when the
+    backup was made. Raises InputError for an incomplete backup and for an existing target; nothing
+    is changed then.
     """
     manifest = manifest_of(source)
     _require_free(root)
@@ -124,7 +124,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
         raise InputError(
             "its parent folder does not exist", str(root), "name a path in an existing folder"
         )
-    left: list[Problem] = []
+    left: list[WorkspaceProblem] = []
     inodes: list[int] = []
 
     def write(temporary: Path) -> None:
@@ -245,7 +245,7 @@ def _require_free(root: Path) -> None:
         )
 
 
-def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -> bool:
+def _is_known(problem: WorkspaceProblem, workspace: Workspace, listed: Collection[str]) -> bool:
     """Return whether a problem already existed when the backup was made: in the file, in its
     content, or in the index of its recording."""
     if problem.kind == "catalogue":
@@ -372,7 +372,7 @@ def _take(source: Path, workspace: Workspace, file: StoredFile, listed: Collecti
 
 def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path) -> Backup:
     files, size, copied = 0, 0, 0
-    problems: list[Problem] = []
+    problems: list[WorkspaceProblem] = []
     objects = objects_of(workspace.root)
     for file in named:
         source, place = workspace.resolve(file.path), target / file.path
@@ -386,7 +386,7 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
             what = _fetched_wrongly(objects, place, file, what)
         if what:
             problems.append(
-                Problem(
+                WorkspaceProblem(
                     "changed", what, file.path, "run `aerodb verify`, which says how to repair it"
                 )
             )

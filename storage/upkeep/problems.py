@@ -13,7 +13,7 @@ CHAIN: Final = "chain"
 
 
 @dataclass(frozen=True)
-class Problem:
+class WorkspaceProblem:
     """One inconsistency of a workspace: its kind, what is wrong, where (relative to the workspace),
     and how to repair it."""
 
@@ -29,7 +29,7 @@ class VerificationReport:
     files that another process is writing now (`pending`). chain : hash of the newest event's link
     in the chain of events; empty without one."""
 
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[WorkspaceProblem] = field(default_factory=list)
     checked: dict[str, int] = field(default_factory=dict)
     pending: int = 0
     chain: str = ""
@@ -40,7 +40,7 @@ class VerificationReport:
 
     def add(self, kind: str, what: str, where: str, remedy: str) -> None:
         """Add a problem."""
-        self.problems.append(Problem(kind, what, where, remedy))
+        self.problems.append(WorkspaceProblem(kind, what, where, remedy))
 
 
 def report_lines(report: VerificationReport) -> Iterator[str]:
@@ -55,8 +55,8 @@ def report_lines(report: VerificationReport) -> Iterator[str]:
         yield f"the chain of events ends with {report.chain}"
 
 
-def require_clean(problems: Sequence[Problem], where: str) -> None:
-    """Raise InputError that names the first problem, if there is any (`Problem`)."""
+def require_clean(problems: Sequence[WorkspaceProblem], where: str) -> None:
+    """Raise InputError that names the first problem, if there is any (`WorkspaceProblem`)."""
     if problems:
         first = problems[0]
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""

@@ -47,7 +47,7 @@ LARGEST_SCALE = 0.5
 
 
 @dataclass(frozen=True)
-class Problem:
+class ReconstructionProblem:
     """What is to be solved, with k unknowns.
 
     records : stretches of flight. starts : their initial states, (9,) each.
@@ -72,7 +72,7 @@ class Problem:
         `accumulate`."""
         return accumulate(self.records, self.starts, self.items, vector, self.fixed, self.drivers)
 
-    def thinned(self) -> "Problem | None":
+    def thinned(self) -> "ReconstructionProblem | None":
         """Return the problem with samples `THIN_STEP` [s] apart, for the first steps of a search;
         None where that would lose a channel, or where there is little to save."""
         every = int(THIN_STEP / self.records[0].step + 1e-9)
@@ -118,7 +118,7 @@ def make_problem(
     bounds: Mapping[str, tuple[float, float]] | None,
     noise_floor: Mapping[str, float] | None,
     starts: Sequence[Array] | None,
-) -> Problem:
+) -> ReconstructionProblem:
     """The problem of `reconstruction.reconstruct`, whose arguments these are.
 
     Gives k unknowns with priors (k,) and bounds (k,), SI. Raises InputError without records, or
@@ -153,12 +153,12 @@ def make_problem(
         else tuple(first_states(record, fixed) for record in records)
     )
     noise_floor = {name: value for name, value in (noise_floor or {}).items() if name in measured}
-    return Problem(
+    return ReconstructionProblem(
         tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], noise_floor
     )
 
 
-def information(problem: Problem, sums: NormalEquations) -> Array:
+def information(problem: ReconstructionProblem, sums: NormalEquations) -> Array:
     """(k, k) information matrix of the unknowns: measurements and priors.
 
     Inverse squares of SI units; each channel is divided by its residual variance, priors add to the
@@ -172,7 +172,10 @@ def information(problem: Problem, sums: NormalEquations) -> Array:
 
 
 def search(
-    problem: Problem, vector: Array, least_gain: float = SMALL_GAIN, close: bool = False
+    problem: ReconstructionProblem,
+    vector: Array,
+    least_gain: float = SMALL_GAIN,
+    close: bool = False,
 ) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence, first over thinned samples.
 
@@ -189,7 +192,10 @@ def search(
 
 
 def gauss_newton(
-    problem: Problem, vector: Array, sums: NormalEquations, least_gain: float = SMALL_GAIN
+    problem: ReconstructionProblem,
+    vector: Array,
+    sums: NormalEquations,
+    least_gain: float = SMALL_GAIN,
 ) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
     and fades when it does. A step that is expected to gain less than `SETTLED` is the last; the

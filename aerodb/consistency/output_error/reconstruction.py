@@ -15,7 +15,7 @@ import numpy as np
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.gauss_newton import (
     SMALL_GAIN,
-    Problem,
+    ReconstructionProblem,
     information,
     make_problem,
     search,
@@ -200,7 +200,9 @@ def _winds(record: FlightRecord, near: Reconstruction) -> dict[str, float]:
     return {name: float(np.mean(values)) for name, values in {**every, **own}.items()}
 
 
-def _start(problem: Problem, near: Reconstruction, found: Mapping[str, float]) -> Array:
+def _start(
+    problem: ReconstructionProblem, near: Reconstruction, found: Mapping[str, float]
+) -> Array:
     """(k,) values to start from: those found before; initial states are those of the problem."""
     winds = {record.flight: _winds(record, near) for record in problem.records}
     vector = np.array(
@@ -215,7 +217,7 @@ def _start(problem: Problem, near: Reconstruction, found: Mapping[str, float]) -
 
 
 def _covariances(
-    problem: Problem, vector: Array, sums: NormalEquations, air: VerticalAir | None
+    problem: ReconstructionProblem, vector: Array, sums: NormalEquations, air: VerticalAir | None
 ) -> tuple[Array, Array, Array, float, tuple[ReconstructedPath, ...]]:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
     white residuals, what vertical air adds to the first, and the air's standard deviation [m/s];
@@ -299,7 +301,7 @@ def _swing(record: FlightRecord, own: Sequence[Parameter]) -> tuple[list[int], l
 
 
 def _acting(
-    problem: Problem, vector: Array, record: FlightRecord
+    problem: ReconstructionProblem, vector: Array, record: FlightRecord
 ) -> tuple[list[int], dict[str, float]]:
     """Indices of the unknowns that act on a record, and its parameters' values."""
     index = [number for number, item in enumerate(problem.items) if applies_to(item, record)]
@@ -307,7 +309,11 @@ def _acting(
 
 
 def _detailed(
-    problem: Problem, vector: Array, covariance: Array, number: int, path: ReconstructedPath
+    problem: ReconstructionProblem,
+    vector: Array,
+    covariance: Array,
+    number: int,
+    path: ReconstructedPath,
 ) -> ReconstructedPath:
     """A path with its standard errors and the residuals before the estimation."""
     record, start = problem.records[number], problem.starts[number]
