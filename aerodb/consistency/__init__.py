@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .calibration import Calibration, from_document
     from .corrected import Origin
     from .output_error import joint_calibration
-    from .plan import Plan
+    from .plan import ReconstructionPlan
     from .smoother import StateNoise, state_noise_from
     from .verdict import Verdict, judge
     from .whole_flight import Consistent, make_consistent, unreadable_document

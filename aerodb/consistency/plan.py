@@ -31,7 +31,7 @@ _EARTH: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "e
 
 
 @dataclass(frozen=True)
-class Plan:
+class ReconstructionPlan:
     """What a reconstruction estimates.
 
     free : names of the sensor parameters and winds to estimate.
@@ -85,7 +85,7 @@ class Plan:
         ]
         return {item.name: (-item.size, item.size) for item in bounded}
 
-    def only(self, names: Collection[str]) -> "Plan":
+    def only(self, names: Collection[str]) -> "ReconstructionPlan":
         """Return the plan with these parameters alone, and with those of the flight (wind,
         weather)."""
         return replace(
@@ -97,7 +97,7 @@ class Plan:
 
     def without(
         self, names: Collection[str], remarks: Sequence[str] = (), misplaced: str = ""
-    ) -> "Plan":
+    ) -> "ReconstructionPlan":
         """Return the plan without these parameters, with remarks on why, and where the vanes seem
         to be."""
         return replace(
@@ -107,13 +107,13 @@ class Plan:
             misplaced=misplaced or self.misplaced,
         )
 
-    def with_noise_floor(self, noise_floor: Mapping[str, float]) -> "Plan":
+    def with_noise_floor(self, noise_floor: Mapping[str, float]) -> "ReconstructionPlan":
         """Return the plan with a noise floor (channel -> one sigma, a scalar in SI units) added; a
         channel that has left the estimate stays out."""
         added = {name: size for name, size in noise_floor.items() if name not in self.left_out}
         return replace(self, noise_floor={**self.noise_floor, **added})
 
-    def without_channel(self, name: str, disagreement: float) -> "Plan":
+    def without_channel(self, name: str, disagreement: float) -> "ReconstructionPlan":
         """The plan in which a channel has no weight and its own errors are not sought.
 
         disagreement : rms of its residual while it had weight, SI.
@@ -131,7 +131,7 @@ class Plan:
             left_out={**self.left_out, name: disagreement},
         )
 
-    def in_moving_air(self) -> "Plan":
+    def in_moving_air(self) -> "ReconstructionPlan":
         """Return the plan without delays and scales of the air data. Port errors stay: turns and
         the altitude show them."""
         shape = ("scale", "delay", "probe")
@@ -153,7 +153,9 @@ class Plan:
             not_estimated=(*self.not_estimated, sentence) if late else self.not_estimated,
         )
 
-    def with_calibration(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
+    def with_calibration(
+        self, names: Sequence[str], logged: Collection[str]
+    ) -> "ReconstructionPlan":
         """Return the plan with the parameters `names` of a calibration whose channels are logged,
         and those for which the vehicle file states a prior. Raises UnknownNameError for a name that
         is no parameter."""
@@ -168,7 +170,7 @@ class Plan:
         return plan.in_moving_air() if self.moving_air else plan
 
 
-def make_plan(records: Sequence[FlightRecord], vehicle: Vehicle) -> Plan:
+def make_plan(records: Sequence[FlightRecord], vehicle: Vehicle) -> ReconstructionPlan:
     """Return the plan for records of one or several flights of a vehicle.
 
     Which parameters are free follows from the channels that any record has and from whether a
@@ -224,7 +226,7 @@ def make_plan(records: Sequence[FlightRecord], vehicle: Vehicle) -> Plan:
         name: value for name, value in least.items() if _sensor(vehicle, name).noise == 0.0
     }
     free = tuple(dict.fromkeys([*wanted, *stated_priors, *winds, *weather]))
-    return Plan(
+    return ReconstructionPlan(
         free,
         tuple(initial),
         stated_priors,

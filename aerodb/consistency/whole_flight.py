@@ -22,7 +22,7 @@ from aerodb.consistency.output_error import (
     shared_estimates,
     with_vehicle_priors,
 )
-from aerodb.consistency.plan import Plan, make_plan
+from aerodb.consistency.plan import ReconstructionPlan, make_plan
 from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.records import IGNORED_FLAGS
 from aerodb.consistency.sensor_noise import noise_beyond_declaration
@@ -202,7 +202,7 @@ def _flow(flight: Flight, good: NDArray[np.bool_]) -> FlowCheck | None:
 def _document(
     verdict: Verdict,
     result: Reconstruction,
-    plan: Plan,
+    plan: ReconstructionPlan,
     corrected: CorrectedFlight,
     values: Mapping[str, float],
     drifted: Sequence[Drift],

@@ -15,7 +15,7 @@ from aerodb.logs.found_channels import EXPECTED
 from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
 from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
-from aerodb.logs.time_grid import Signal, common_grid, on_grid
+from aerodb.logs.time_grid import LoggedSignal, common_grid, on_grid
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording
 from aerodb.support import Array
@@ -105,7 +105,7 @@ def map_recording(
     return _completed(flight, mapping, vehicle)
 
 
-def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, Signal], list[str]]:
+def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal], list[str]]:
     """Return the channels of the log by name, and notes on logged channels that cannot be used."""
     entries = {entry.name: entry for entry in log.mapping.channel}
     for name, surface in vehicle.surfaces.items():
@@ -119,7 +119,7 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, Signal], list[
     for name, logged in _named_by_vehicle(vehicle).items():
         sources = (Source(topic=logged.topic, field=logged.field, unit=logged.unit or None),)
         entries[name] = ChannelMapping(name=name, sources=sources)
-    signals: dict[str, Signal] = {}
+    signals: dict[str, LoggedSignal] = {}
     notes: list[str] = []
     for entry in entries.values():
         label = entry.name.removeprefix("delta_")
@@ -130,7 +130,7 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, Signal], list[
                 f" [surfaces.{label}]"
             )
         elif located is not None:
-            signals[entry.name] = Signal(
+            signals[entry.name] = LoggedSignal(
                 entry.name,
                 located.topic,
                 located.values,
@@ -176,7 +176,7 @@ def _first(log: MappedLog, entry: ChannelMapping) -> FieldValues | None:
     return None
 
 
-def _derive(log: MappedLog, derived: Derived) -> list[Signal]:
+def _derive(log: MappedLog, derived: Derived) -> list[LoggedSignal]:
     """Return the channels of a derivation; none unless all of its sources are present."""
     method = METHODS[derived.method]
     unit = method.input_unit or channel(derived.channels[0]).unit
@@ -187,7 +187,7 @@ def _derive(log: MappedLog, derived: Derived) -> list[Signal]:
     results = method.compute(*(entry.values for entry in present))
     topic = present[0].topic
     return [
-        Signal(name, topic, _unwrapped(values) if name in _WRAPPING else values)
+        LoggedSignal(name, topic, _unwrapped(values) if name in _WRAPPING else values)
         for name, values in zip(derived.channels, results, strict=True)
     ]
 

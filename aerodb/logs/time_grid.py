@@ -35,7 +35,7 @@ _REACH = 100
 
 
 @dataclass(frozen=True)
-class Signal:
+class LoggedSignal:
     """One channel on its topic's clock; `surface` calibrates a command."""
 
     name: str
@@ -50,7 +50,9 @@ def _times(log: MappedLog, topic: str) -> Array:
     return clock.time
 
 
-def common_grid(log: MappedLog, essential: Sequence[Signal], vehicle: Vehicle) -> tuple[Array, str]:
+def common_grid(
+    log: MappedLog, essential: Sequence[LoggedSignal], vehicle: Vehicle
+) -> tuple[Array, str]:
     """Return the uniform time grid [s] and a note on its origin.
 
     (n,). Raises InputError when the signals do not overlap, or their clocks cannot be used.
@@ -124,7 +126,7 @@ def _beside_grid(log: MappedLog, topic: str, time: Array, grid: Array) -> slice:
 
 
 def on_grid(
-    log: MappedLog, signals: Iterable[Signal], grid: Array
+    log: MappedLog, signals: Iterable[LoggedSignal], grid: Array
 ) -> tuple[dict[str, Array], dict[str, NDArray[np.uint8]]]:
     """Return channels and gap flags on the grid; fields of one topic share one resampler.
 

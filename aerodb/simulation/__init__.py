@@ -12,8 +12,8 @@ the model (flown_vehicle). Flights with a controller and logs:
 2. `fly` flies many flights of a `FlownVehicle` at once in closed loop, with wind and `DrydenGusts`
    (turbulence), and returns their true channels as a `History` (closed_loop).
 3. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
-   them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
-   (sensors).
+   them with delay, bias and noise into log topics, as each `Instrument` and its `SensorSignal`
+   states (sensors).
 """
 
 from typing import TYPE_CHECKING
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
         stretch_of,
         with_trim_offset,
     )
-    from .sensors import Instrument, Signal, at_instruments, measure
+    from .sensors import Instrument, SensorSignal, at_instruments, measure
     from .stabilisation import stabilising_feedback
     from .sweep import held_sweep, sweep
     from .tolerances import Tolerances, check_responses, parse_tolerances, response_agreement

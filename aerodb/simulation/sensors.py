@@ -13,7 +13,7 @@ from aerodb.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class Signal:
+class SensorSignal:
     """One logged field: its true channel and the errors of the instrument.
 
     ``logged = scale * (true + bias + noise) + offset``; bias and noise are in the channel's SI
@@ -40,7 +40,7 @@ class Instrument:
 
     topic: str
     rate: float
-    signals: tuple[Signal, ...]
+    signals: tuple[SensorSignal, ...]
     delay: float = 0.0
     phase: float = 0.0
 

@@ -18,13 +18,13 @@ from aerodb.loop import (
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.loop_flights import flights_of
-from aerodb.tasks.steps.update import Plan, outside_envelopes
+from aerodb.tasks.steps.update import UpdatePlan, outside_envelopes
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
 
 
 def run_loop(
-    plan: Plan,
+    plan: UpdatePlan,
     library: Library,
     *,
     workspace: str,
@@ -45,7 +45,13 @@ def run_loop(
 
 
 def prove_loop(
-    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str, accept: Accept
+    plan: UpdatePlan,
+    library: Library,
+    loop: LoopResult,
+    *,
+    workspace: str,
+    run: str,
+    accept: Accept,
 ) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...], tuple[StallWindow, ...]]:
     """Validate the loop: dimensionless rms error before and after on flights that were not used for
     identification, both errors of those that leave the envelope, and the errors in the stall of
@@ -63,7 +69,7 @@ def prove_loop(
 
 
 def what_is_left(
-    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
+    plan: UpdatePlan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> tuple[UnexplainedResidual, ...]:
     """Return the unexplained residual, compared with the candidate, that the identification flights
     share; skills are dimensionless (docs/method/tracing.md, section 14).
@@ -76,7 +82,7 @@ def what_is_left(
 
 
 def with_bands(
-    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
+    plan: UpdatePlan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> LoopResult:
     """Return the loop with the errors of its shapes, and the scatter between flights, in the bands
     of what it added; values stay, in SI units; see `with_model_error`."""
@@ -87,7 +93,7 @@ def with_bands(
 
 
 def what_differs(
-    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
+    plan: UpdatePlan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> tuple[FlightDependence, ...]:
     """Return the effects that change with the conditions of the identification flights, slopes in
     SI units (docs/method/tracing.md, section 25).

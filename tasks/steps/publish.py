@@ -35,14 +35,14 @@ from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.inputs import input_remarks
-from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
 
 
 def publish_candidate(
-    plan: Plan,
+    plan: UpdatePlan,
     update: Update,
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
@@ -104,7 +104,7 @@ def publish_candidate(
 
 
 def publish_loop(
-    plan: Plan,
+    plan: UpdatePlan,
     library: Library,
     loop: LoopResult,
     left: tuple[UnexplainedResidual, ...],
@@ -194,7 +194,11 @@ def publish_loop(
 
 
 def _derivatives(
-    access: WorkspaceAccess, plan: Plan, baseline: AeroDatabase, candidate: AeroDatabase, run: str
+    access: WorkspaceAccess,
+    plan: UpdatePlan,
+    baseline: AeroDatabase,
+    candidate: AeroDatabase,
+    run: str,
 ) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """The largest changes of derivatives inside the data, as JSON, and which of them the gate will
     refuse."""
@@ -208,16 +212,16 @@ def _derivatives(
     return derivatives_document(changes, largest), refused
 
 
-def _without_thrust(access: WorkspaceAccess, plan: Plan) -> list[str]:
+def _without_thrust(access: WorkspaceAccess, plan: UpdatePlan) -> list[str]:
     labels = access.catalogue.flight_labels(plan.left_out)
     return left_out_remarks(plan.left_out, labels)
 
 
-def _is_within_flights(plan: Plan, loop: LoopResult) -> bool:
+def _is_within_flights(plan: UpdatePlan, loop: LoopResult) -> bool:
     return loop.by_manoeuvre and plan.hold_out.kind == "cross-validated"
 
 
-def _loop_remarks(plan: Plan, loop: LoopResult, accept: Accept) -> list[str]:
+def _loop_remarks(plan: UpdatePlan, loop: LoopResult, accept: Accept) -> list[str]:
     remarks = [
         *loop.remarks,
         *hold_out_remarks(plan.hold_out, _is_within_flights(plan, loop)),
@@ -233,7 +237,7 @@ def _loop_remarks(plan: Plan, loop: LoopResult, accept: Accept) -> list[str]:
 
 def _keep_report(
     access: WorkspaceAccess,
-    plan: Plan,
+    plan: UpdatePlan,
     document: Mapping[str, Any],
     settings: Mapping[str, Any],
     run: str,
@@ -248,7 +252,7 @@ def _keep_report(
     return result.key
 
 
-def _roles(plan: Plan) -> list[FlightRole]:
+def _roles(plan: UpdatePlan) -> list[FlightRole]:
     roles = [FlightRole(flight, "identified") for flight in plan.hold_out.identified]
     roles += [FlightRole(flight, "held_out") for flight in plan.hold_out.held_out]
     return [*roles, *(FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded)]

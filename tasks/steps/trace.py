@@ -7,13 +7,13 @@ from aerodb.loop import Library, SensorRival, sensor_rivals
 from aerodb.loop import freeze_library as frozen_library
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.loop_flights import flights_of
-from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import NormalEquations
 
 
 def freeze_library(
-    plan: Plan,
+    plan: UpdatePlan,
     *,
     workspace: str,
     run: str,
@@ -35,7 +35,7 @@ def freeze_library(
 
 
 def find_sensor_rivals(
-    plan: Plan, library: Library, update: Update, *, workspace: str, run: str
+    plan: UpdatePlan, library: Library, update: Update, *, workspace: str, run: str
 ) -> tuple[SensorRival, ...]:
     """Return the errors of sensors that explain what a declared update changes
     (`aerodb.loop.sensor_rivals`), in SI units. Raises InputError where a flight lacks what is

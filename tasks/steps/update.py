@@ -57,7 +57,7 @@ class _Excluded:
 
 
 @dataclass(frozen=True)
-class Plan:
+class UpdatePlan:
     """Inputs of an update: baseline (id), flights with their roles, and the keys of the
     comparisons.
 
@@ -89,7 +89,7 @@ def plan_update(
     model: str,
     hold_out: list[str] | None,
     method: str = REGRESSION,
-) -> Plan:
+) -> UpdatePlan:
     """Split flights into identification and validation flights; list those excluded, with reasons.
 
     compared : documents of `compare_with_version` on `baseline` (its id). hold_out : references of
@@ -131,7 +131,7 @@ def plan_update(
         if entry["flight"] not in out and entry.get("left_out")
     }
     why = tuple((each.flight, each.reason) for each in excluded)
-    return Plan(vehicle, baseline, model, split, why, keys, left_out, method)
+    return UpdatePlan(vehicle, baseline, model, split, why, keys, left_out, method)
 
 
 def _by_itself(flight: str, reason: str) -> _Excluded:
@@ -205,7 +205,7 @@ def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
     return (0, [(int(part), "") if part.isdecimal() else (-1, part) for part in digits], row.id)
 
 
-def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
+def estimate(plan: UpdatePlan, *, workspace: str, run: str) -> Update:
     """Estimate the plan's declared increments on its identification flights, by its method: values
     in SI units, covariance (k, k) (docs/method/updates.md, section "Estimation"). Raises InputError
     where no declared term is excited."""
@@ -250,7 +250,7 @@ def _by_method(
 
 
 def validate(
-    plan: Plan, update: Update, *, workspace: str, run: str
+    plan: UpdatePlan, update: Update, *, workspace: str, run: str
 ) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...]]:
     """Return the rms error (dimensionless) before and after the update, on flights that did not
     identify it if there are any, and both errors of those of them that leave the envelope."""
@@ -323,7 +323,7 @@ def _estimated_where_possible(
 
 
 def _loaded(
-    access: WorkspaceAccess, plan: Plan, ids: tuple[str, ...], run: str
+    access: WorkspaceAccess, plan: UpdatePlan, ids: tuple[str, ...], run: str
 ) -> tuple[list[Flight], list[Comparison]]:
     loaded = [load_comparison(access, flight, plan.baseline, run) for flight in ids]
     return [entry.flight for entry in loaded], [entry.comparison for entry in loaded]

@@ -8,7 +8,7 @@ import pytest
 
 import aerodb
 from aerodb.exchange import read_native
-from aerodb.simulation import Instrument, Signal, measure
+from aerodb.simulation import Instrument, SensorSignal, measure
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb as command
 from tests.support.command import asked
@@ -32,29 +32,32 @@ INSTRUMENTS = (
         "IMU",
         50.0,
         (
-            *(Signal(f"Gyr{x}", rate, 6e-4, 2e-4) for x, rate in zip("XYZ", "pqr", strict=True)),
-            *(Signal(f"Acc{x}", f"a{x.lower()}_imu", 0.03, 0.01) for x in "XYZ"),
+            *(
+                SensorSignal(f"Gyr{x}", rate, 6e-4, 2e-4)
+                for x, rate in zip("XYZ", "pqr", strict=True)
+            ),
+            *(SensorSignal(f"Acc{x}", f"a{x.lower()}_imu", 0.03, 0.01) for x in "XYZ"),
         ),
     ),
     Instrument(
         "ATT",
         50.0,
         tuple(
-            Signal(field, channel, 3e-4, scale=DEGREES)
+            SensorSignal(field, channel, 3e-4, scale=DEGREES)
             for field, channel in (("Roll", "phi"), ("Pitch", "theta"), ("Yaw", "psi"))
         ),
         phase=0.003,
     ),
-    Instrument("ARSP", 10.0, (Signal("Airspeed", "calibrated_airspeed", 0.1),), phase=0.004),
-    Instrument("BARO", 10.0, (Signal("Press", "static_pressure", 6.0),), phase=0.007),
-    Instrument("GPS", 5.0, (Signal("Alt", "altitude", 0.3),), phase=0.002),
+    Instrument("ARSP", 10.0, (SensorSignal("Airspeed", "calibrated_airspeed", 0.1),), phase=0.004),
+    Instrument("BARO", 10.0, (SensorSignal("Press", "static_pressure", 6.0),), phase=0.007),
+    Instrument("GPS", 5.0, (SensorSignal("Alt", "altitude", 0.3),), phase=0.002),
     Instrument(
         "XKF1",
         20.0,
         (
-            *(Signal(f"P{x}", to, 0.2) for x, to in (("N", "north"), ("E", "east"))),
+            *(SensorSignal(f"P{x}", to, 0.2) for x, to in (("N", "north"), ("E", "east"))),
             *(
-                Signal(f"V{x}", f"velocity_{to}", 0.04)
+                SensorSignal(f"V{x}", f"velocity_{to}", 0.04)
                 for x, to in (("N", "north"), ("E", "east"), ("D", "down"))
             ),
         ),
@@ -65,7 +68,7 @@ INSTRUMENTS = (
         "RCOU",
         50.0,
         tuple(
-            Signal(f"C{k + 1}", f"servo_{k}", scale=500.0, offset=1500.0, held=True)
+            SensorSignal(f"C{k + 1}", f"servo_{k}", scale=500.0, offset=1500.0, held=True)
             for k in range(4)
         ),
     ),

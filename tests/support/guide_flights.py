@@ -20,7 +20,7 @@ from aerodb.simulation.autopilot import Autopilot, control_derivatives
 from aerodb.simulation.closed_loop import History, fly
 from aerodb.simulation.flown_vehicle import flown_of
 from aerodb.simulation.inputs import Event, superposed
-from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
+from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.support.arrays import Array
@@ -215,28 +215,28 @@ def instruments(
         Instrument(
             "vehicle_angular_velocity",
             50.0,
-            tuple(Signal(f"xyz[{n}]", x, 6e-4, 3e-4 * (n - 1)) for n, x in enumerate("pqr")),
+            tuple(SensorSignal(f"xyz[{n}]", x, 6e-4, 3e-4 * (n - 1)) for n, x in enumerate("pqr")),
         ),
         Instrument(
             "vehicle_acceleration",
             50.0,
             tuple(
-                Signal(f"xyz[{n}]", f"a{x}_imu", 0.03, heave_bias if x == "z" else 0.01)
+                SensorSignal(f"xyz[{n}]", f"a{x}_imu", 0.03, heave_bias if x == "z" else 0.01)
                 for n, x in enumerate("xyz")
             ),
         ),
         Instrument(
             "vehicle_attitude",
             50.0,
-            tuple(Signal(f"q[{n}]", f"q{n}", 3e-4) for n in range(4)),
+            tuple(SensorSignal(f"q[{n}]", f"q{n}", 3e-4) for n in range(4)),
             phase=0.003,
         ),
         Instrument(
             "airspeed_validated",
             10.0,
             (
-                Signal("true_airspeed_m_s", "V_probe", 0.1, 0.05),
-                Signal("calibrated_airspeed_m_s", "calibrated_airspeed", 0.1),
+                SensorSignal("true_airspeed_m_s", "V_probe", 0.1, 0.05),
+                SensorSignal("calibrated_airspeed_m_s", "calibrated_airspeed", 0.1),
             ),
             phase=0.004,
         ),
@@ -244,10 +244,10 @@ def instruments(
             "vehicle_air_data",
             20.0,
             (
-                Signal("rho", "rho", 4e-4),
-                Signal("baro_pressure_pa", "static_pressure", 6.0),
-                Signal("ambient_temperature", "temperature", 0.05, offset=-273.15),
-                Signal("baro_alt_meter", "altitude", 0.3),
+                SensorSignal("rho", "rho", 4e-4),
+                SensorSignal("baro_pressure_pa", "static_pressure", 6.0),
+                SensorSignal("ambient_temperature", "temperature", 0.05, offset=-273.15),
+                SensorSignal("baro_alt_meter", "altitude", 0.3),
             ),
             phase=0.007,
         ),
@@ -256,11 +256,11 @@ def instruments(
             20.0,
             (
                 *(
-                    Signal(field, channel, 0.2)
+                    SensorSignal(field, channel, 0.2)
                     for field, channel in (("x", "north"), ("y", "east"))
                 ),
                 *(
-                    Signal(f"v{x}", f"velocity_{to}", 0.04)
+                    SensorSignal(f"v{x}", f"velocity_{to}", 0.04)
                     for x, to in zip("xyz", ("north", "east", "down"), strict=True)
                 ),
             ),
@@ -270,21 +270,21 @@ def instruments(
         Instrument(
             "actuator_servos",
             50.0,
-            tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(4)),
+            tuple(SensorSignal(f"control[{n}]", f"servo_{n}", held=True) for n in range(4)),
         ),
     )
     vanes = (
         Instrument(
             "airflow_aoa",
             50.0,
-            (Signal("aoa_rad", "alpha_probe", 1e-3, np.deg2rad(0.8)),),
+            (SensorSignal("aoa_rad", "alpha_probe", 1e-3, np.deg2rad(0.8)),),
             0.02,
             0.002,
         ),
         Instrument(
             "airflow_slip",
             50.0,
-            (Signal("slip_rad", "beta_probe", 1e-3, np.deg2rad(-0.5)),),
+            (SensorSignal("slip_rad", "beta_probe", 1e-3, np.deg2rad(-0.5)),),
             0.02,
             0.002,
         ),

@@ -30,7 +30,7 @@ from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import load_consistent, noise_of
 from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.steps.trace import freeze_library, trace_flight
-from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.verdicts import trace
@@ -66,9 +66,9 @@ class Fleet:
     versions: Mapping[str, str]
     true_alpha: Mapping[str, Array]
 
-    def plan(self, wrong: str) -> Plan:
+    def plan(self, wrong: str) -> UpdatePlan:
         """All flights identify."""
-        return Plan(
+        return UpdatePlan(
             NAME, self.versions[wrong], "", HoldOut(self.flights, (), "cross-validated"), (), ()
         )
 

@@ -33,7 +33,7 @@ from aerodb.consistency.output_error.posterior import (
 )
 from aerodb.consistency.output_error.reconciliation import reconciled
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import TRUST, Plan, make_plan
+from aerodb.consistency.plan import TRUST, ReconstructionPlan, make_plan
 from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import flight_of, records_from_flight
 from aerodb.consistency.sensors import (
@@ -109,8 +109,8 @@ def _misfit(result: Reconstruction) -> float:
 
 
 def estimate_sensors(
-    records: Sequence[FlightRecord], plan: Plan, accuracy: Accuracy
-) -> tuple[Reconstruction, Plan]:
+    records: Sequence[FlightRecord], plan: ReconstructionPlan, accuracy: Accuracy
+) -> tuple[Reconstruction, ReconstructionPlan]:
     """Estimate the parameters of a plan and keep the significant ones.
 
     A channel that cannot be reconciled with the others leaves the estimate (`reconciled`). In
@@ -133,7 +133,7 @@ def estimate_sensors(
     """
     samples = sum(np.isfinite(y).sum() for record in records for y in record.outputs.values())
 
-    def looked(those: Plan) -> Reconstruction:
+    def looked(those: ReconstructionPlan) -> Reconstruction:
         return solve(records, those, least_gain=max(LOOK * samples, SMALL_GAIN))
 
     result, plan = reconciled(looked, plan, accuracy)
@@ -161,7 +161,10 @@ def estimate_sensors(
 
 
 def _vane(
-    records: Sequence[FlightRecord], result: Reconstruction, plan: Plan, accuracy: Accuracy
+    records: Sequence[FlightRecord],
+    result: Reconstruction,
+    plan: ReconstructionPlan,
+    accuracy: Accuracy,
 ) -> VanePosition | None:
     """The position of the vanes, where it explains the air data of a reconstruction better than
     their delays, their scales and moving air do."""
@@ -176,8 +179,11 @@ def _vane(
 
 
 def _without_impossible(
-    records: Sequence[FlightRecord], result: Reconstruction, plan: Plan, accuracy: Accuracy
-) -> tuple[Reconstruction, Plan]:
+    records: Sequence[FlightRecord],
+    result: Reconstruction,
+    plan: ReconstructionPlan,
+    accuracy: Accuracy,
+) -> tuple[Reconstruction, ReconstructionPlan]:
     """The reconstruction and its plan without delays and scales that the position of the vanes
     explains better, and without delays that are negative: no sensor leads the motion."""
     vane = None if plan.moving_air else _vane(records, result, plan, accuracy)
@@ -204,7 +210,7 @@ class FlightReconstruction:
 def reconstruct_flight(
     records: Sequence[FlightRecord],
     own: Reconstruction,
-    plan: Plan,
+    plan: ReconstructionPlan,
     calibration: Calibration | None,
 ) -> FlightReconstruction:
     """Combine the sensor estimates (SI units, covariance (k, k)) with their priors, then
@@ -278,7 +284,7 @@ def most_active(records: Sequence[FlightRecord], most: int = MOST_STRETCHES) -> 
 
 def solve(
     records: Sequence[FlightRecord],
-    plan: Plan,
+    plan: ReconstructionPlan,
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
     near: Reconstruction | None = None,
@@ -473,7 +479,7 @@ def joint_calibration(
 def _shared_by_all(
     joint: SensorEstimates,
     by_flight: Sequence[Sequence[FlightRecord]],
-    plan: Plan,
+    plan: ReconstructionPlan,
     vehicle: Vehicle,
 ) -> SensorEstimates:
     """The joint estimates, or without the parameters that a flight alone contradicts.

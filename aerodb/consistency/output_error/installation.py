@@ -16,7 +16,7 @@ import numpy as np
 from aerodb.consistency.output_error.gauss_newton import information, make_problem
 from aerodb.consistency.output_error.posterior import SIGNIFICANT
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import AIR_DATA, FlightRecord, parameter
 from aerodb.support import Array
@@ -79,7 +79,7 @@ class VanePosition:
 def vane_position(
     records: Sequence[FlightRecord],
     result: Reconstruction,
-    plan: Plan,
+    plan: ReconstructionPlan,
     flow_angle: float,
     independent: Callable[[Array], float],
     calm: Callable[[Reconstruction], bool],
@@ -136,7 +136,9 @@ def vane_position(
     return VanePosition(found.value, found.standard_error, instead)
 
 
-def _pulls(records: Sequence[FlightRecord], result: Reconstruction, plan: Plan) -> bool:
+def _pulls(
+    records: Sequence[FlightRecord], result: Reconstruction, plan: ReconstructionPlan
+) -> bool:
     """Return whether one step of the search from a reconstruction would move the vanes by more than
     `FAR` standard errors, for white residuals: a score test, which costs one pass over the
     records."""
@@ -168,7 +170,7 @@ def _pulls(records: Sequence[FlightRecord], result: Reconstruction, plan: Plan) 
     return bool(variance > 0.0 and step * step > FAR**2 * variance)
 
 
-def _unusual(result: Reconstruction, plan: Plan, names: Sequence[str]) -> float:
+def _unusual(result: Reconstruction, plan: ReconstructionPlan, names: Sequence[str]) -> float:
     """Minus the log-likelihood of estimated delays and scales under their usual sizes, without its
     constant: half the square of their distance from zero, by usual sizes and errors together."""
     index = [k for k, each in enumerate(result.estimates) if each.parameter.name in names]

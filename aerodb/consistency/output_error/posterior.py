@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.calibration import Calibration
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.sensors import parameter
 from aerodb.support import Array, Dual, dead_zone
@@ -192,7 +192,7 @@ def pooled(
 
 
 def significant_parameters(
-    result: Reconstruction, plan: Plan, accuracy: Accuracy
+    result: Reconstruction, plan: ReconstructionPlan, accuracy: Accuracy
 ) -> tuple[str, ...]:
     """Names of the sensor parameters to keep, in the order of `plan.free`.
 
@@ -268,7 +268,7 @@ def _both(angle: str) -> tuple[str, str]:
     return ("alpha", "beta") if angle == "alpha" else ("beta", "alpha")
 
 
-def _worthwhile_error(name: str, value: float, error: float, plan: Plan) -> float:
+def _worthwhile_error(name: str, value: float, error: float, plan: ReconstructionPlan) -> float:
     """Standard error from which on an estimate is not applied; half as much where the prior is only
     the natural size, unless the flight has found the parameter beyond that size."""
     stated, size = plan.stated_priors.get(name, np.inf), parameter(name).size
@@ -281,7 +281,7 @@ def _worthwhile_error(name: str, value: float, error: float, plan: Plan) -> floa
 
 def applied_corrections(
     estimates: SensorEstimates,
-    plan: Plan,
+    plan: ReconstructionPlan,
     calibration: Calibration | None,
     doubtful: Collection[str] = (),
 ) -> dict[str, float]:

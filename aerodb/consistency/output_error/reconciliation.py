@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import channels_of
 from aerodb.consistency.verdict import GROSS, disagreements
@@ -26,8 +26,10 @@ _ATTITUDE = ("phi", "theta", "psi")
 
 
 def reconciled(
-    solve: Callable[[Plan], Reconstruction], plan: Plan, accuracy: Accuracy
-) -> tuple[Reconstruction, Plan]:
+    solve: Callable[[ReconstructionPlan], Reconstruction],
+    plan: ReconstructionPlan,
+    accuracy: Accuracy,
+) -> tuple[Reconstruction, ReconstructionPlan]:
     """The reconstruction with a plan, or with one that leaves out the channels that disagree.
 
     One channel at a time leaves, the worst first, if
@@ -80,7 +82,7 @@ def reconciled(
 
 
 def _gross(
-    result: Reconstruction, plan: Plan, accuracy: Accuracy
+    result: Reconstruction, plan: ReconstructionPlan, accuracy: Accuracy
 ) -> dict[str, tuple[float, float]]:
     """Channels beyond `GROSS` limits, without those that have left: rms and limit, SI."""
     return {
@@ -90,7 +92,7 @@ def _gross(
     }
 
 
-def _determined(result: Reconstruction, plan: Plan, leaving: str) -> set[str]:
+def _determined(result: Reconstruction, plan: ReconstructionPlan, leaving: str) -> set[str]:
     """Labels of the parameters that are determined better than by their prior, without those of the
     channel that leaves."""
     return {

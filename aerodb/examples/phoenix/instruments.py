@@ -7,7 +7,7 @@ beyond float32.
 
 import numpy as np
 
-from aerodb.simulation import History, Instrument, Signal
+from aerodb.simulation import History, Instrument, SensorSignal
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -33,10 +33,10 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
 
     def signal(
         field: str, channel: str, sensor: str, scale: float = 1.0, offset: float = 0.0
-    ) -> Signal:
+    ) -> SensorSignal:
         declared = vehicle.sensors[sensor]
         bias = declared.bias_prior * generator.uniform(-1.0, 1.0)
-        return Signal(field, channel, declared.noise, bias, scale, offset)
+        return SensorSignal(field, channel, declared.noise, bias, scale, offset)
 
     def delay(sensor: str) -> float:
         return vehicle.sensors[sensor].delay_prior * generator.uniform(0.5, 1.0)
@@ -60,7 +60,7 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
         Instrument(
             "vehicle_attitude",
             50.0,
-            tuple(Signal(f"q[{n}]", f"q{n}", half) for n in range(4)),
+            tuple(SensorSignal(f"q[{n}]", f"q{n}", half) for n in range(4)),
             phase=0.003,
         ),
         Instrument(
@@ -110,10 +110,12 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
         Instrument(
             "actuator_servos",
             100.0,
-            tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(8)),
+            tuple(SensorSignal(f"control[{n}]", f"servo_{n}", held=True) for n in range(8)),
         ),
         Instrument(
-            "landing_gear", 50.0, (Signal("landing_gear", "gear_command", dtype="int8", held=True),)
+            "landing_gear",
+            50.0,
+            (SensorSignal("landing_gear", "gear_command", dtype="int8", held=True),),
         ),
     )
 

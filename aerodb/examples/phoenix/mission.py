@@ -63,7 +63,7 @@ class SimulatedLog:
 
 
 @dataclass(frozen=True)
-class Plan:
+class MissionPlan:
     """Differences between the flights.
 
     Parameters
@@ -88,7 +88,7 @@ class Plan:
     events: tuple[tuple[Event, ...], ...]
 
 
-def plan(generator: np.random.Generator, flights: int) -> Plan:
+def plan(generator: np.random.Generator, flights: int) -> MissionPlan:
     """Return randomly drawn flights of a campaign.
 
     Speeds [m/s], angles [rad], (k,) each; wind (3, k) [m/s].
@@ -96,7 +96,7 @@ def plan(generator: np.random.Generator, flights: int) -> Plan:
     wind = np.zeros((3, flights))
     wind[:2] = generator.uniform(-4.0, 4.0, (2, flights))
     spread = np.linspace(0.0, 1.0, flights) if flights > 1 else np.array([0.5])
-    return Plan(
+    return MissionPlan(
         speed=92.0 + 14.0 * generator.permutation(spread),
         path=-np.deg2rad(generator.uniform(24.5, 27.5, flights)),
         dive=np.deg2rad(generator.uniform(3.0, 7.0, flights)),
@@ -186,7 +186,7 @@ class Guidance:
 
     flown: FlownVehicle
     autopilot: Autopilot
-    plan: Plan
+    plan: MissionPlan
     capture: NDArray[np.bool_] = field(init=False)
     flare: NDArray[np.bool_] = field(init=False)
     brake: Array = field(init=False)
@@ -315,7 +315,7 @@ def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDeriv
     )
 
 
-def drop_start(planned: Plan) -> dict[str, Array]:
+def drop_start(planned: MissionPlan) -> dict[str, Array]:
     """Return the start of each flight, as `aerodb.simulation.simulate` takes it.
 
     The flight is level at DROP_SPEED through the moving air, at the angle of attack of the dive.

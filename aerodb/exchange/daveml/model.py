@@ -54,7 +54,7 @@ _MOST_TERMS: Final = 200
 
 
 @dataclass(frozen=True)
-class Signal:
+class DavemlSignal:
     """A variable of the file: declaration, roles, description, notes and initial value."""
 
     declared: Declaration
@@ -74,7 +74,7 @@ class Model:
     where: str
     bindings: dict[str, str]
     header: str = ""
-    signals: dict[str, Signal] = field(default_factory=dict)
+    signals: dict[str, DavemlSignal] = field(default_factory=dict)
     tables: dict[str, Table] = field(default_factory=dict)
     scattered: dict[str, ScatteredTable] = field(default_factory=dict)
     limits: dict[str, Callable[[Expression], Expression]] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Model:
     _questions: list[OpenQuestionsError] = field(default_factory=list)
     _taken: set[str] = field(default_factory=lambda: {*CHANNELS, *CONSTANTS, *FUNCTIONS})
 
-    def declare(self, signal: Signal) -> str:
+    def declare(self, signal: DavemlSignal) -> str:
         """Add a signal; return its identifier in the database.
 
         The identifier is the id wherever possible.
@@ -196,7 +196,7 @@ class Model:
     def _meaning(
         self,
         identity: str,
-        signal: Signal,
+        signal: DavemlSignal,
         reference: Reference,
         free: dict[str, str],
         used: set[str],
@@ -268,7 +268,7 @@ class Model:
         except InputError as error:
             raise InputError(error.what, f"{self.where}: binding of {key}", error.remedy) from None
 
-    def _free(self, signal: Signal, free: dict[str, str]) -> str:
+    def _free(self, signal: DavemlSignal, free: dict[str, str]) -> str:
         """Add a free input for this signal; return its name.
 
         The name is the signal's id if that is also its name, otherwise its name.
@@ -322,7 +322,7 @@ class Model:
             values["area"], values["chord"], values["span"], (point[0], point[1], point[2])
         )
 
-    def _metres(self, signal: Signal, unit: str) -> float:
+    def _metres(self, signal: DavemlSignal, unit: str) -> float:
         scale = unit_conversion(signal.declared.unit, unit)
         if scale is None or signal.initial is None:
             raise InputError(
@@ -332,7 +332,7 @@ class Model:
             )
         return signal.initial * scale[0] + scale[1]
 
-    def _position(self, signal: Signal, k: int, chord: float) -> float:
+    def _position(self, signal: DavemlSignal, k: int, chord: float) -> float:
         """One coordinate of the moment reference in body axes.
 
         A fraction of the chord is measured aft from its leading edge.

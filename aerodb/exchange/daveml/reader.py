@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.mathml import read_math
-from aerodb.exchange.daveml.model import Model, Signal
+from aerodb.exchange.daveml.model import DavemlSignal, Model
 from aerodb.exchange.daveml.names import Declaration
 from aerodb.exchange.daveml.root_element import read_root
 from aerodb.exchange.daveml.tables import (
@@ -162,7 +162,9 @@ class _FileReader:
         initial = element.get("initialValue")
         value = None if initial is None else number(initial, f"{self.where}: {identity}")
         return self.model.declare(
-            Signal(declared, roles, note, {k: text for k, text in notes.items() if text}, value)
+            DavemlSignal(
+                declared, roles, note, {k: text for k, text in notes.items() if text}, value
+            )
         )
 
     def _declare_inner(self, element: Any) -> str:

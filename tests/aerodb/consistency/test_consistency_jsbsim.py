@@ -8,7 +8,7 @@ import pytest
 
 from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.verdict import judge
 from aerodb.tasks.steps import load_consistent
@@ -182,7 +182,7 @@ def test_what_the_flight_cannot_tell_is_not_told(flight):
     channels = ("V", "alpha", "beta", "phi", "theta", "psi", "qbar")
     record = _record(flight, {}, channels=channels)
     free = ("ax_bias", "q_bias", "psi_bias", "wind_north", "wind_east", "wind_down")
-    plan = Plan(free, STATES, {}, ())
+    plan = ReconstructionPlan(free, STATES, {}, ())
     result = solve([record], plan)
     for name in ("wind_north", "wind_east", "psi_bias"):
         label = name if name == "psi_bias" else f"{name}[jsbsim]"

@@ -8,7 +8,7 @@ import pytest
 from aerodb.consistency.kinematics import integrate
 from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.sensors import FlightRecord
 from aerodb.consistency.sensors.expected import detect_faults, expected_inputs
 from aerodb.consistency.verdict import judge
@@ -179,7 +179,9 @@ def test_what_cannot_be_separated_keeps_the_width_of_its_prior():
     are one, and the prior of the former is the narrower one."""
     channels = ("V", "alpha", "beta", "phi", "theta", "psi")
     record = simulated(np.random.default_rng(2), {}, channels=channels)
-    plan = Plan(("ax_bias", "q_bias", "wind_north", "wind_east", "psi_bias"), STATES, {}, ())
+    plan = ReconstructionPlan(
+        ("ax_bias", "q_bias", "wind_north", "wind_east", "psi_bias"), STATES, {}, ()
+    )
     result = solve([record], plan)
     for name in ("wind_north", "wind_east"):
         assert result[f"{name}[simulated]"].standard_error > 0.5 * plan.priors[name]

@@ -9,7 +9,7 @@ import pytest
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import Plan
+from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.sensors import FlightRecord, predict_outputs
 from aerodb.consistency.sensors.models import Installation
 from aerodb.consistency.sensors.parameters import (
@@ -244,7 +244,7 @@ def test_what_cannot_be_observed_is_never_reported_with_a_small_error(case, tria
         planted = {name: 0.4 * parameter(name).size * rng.standard_normal() for name in free}
         record = instrumented(rng, planted, channels, step=0.04, seconds=30.0)
         first = [state for state in FIRST if state in channels or state in "uvw"]
-        result = solve([record], Plan(free, tuple(first), {}, ()))
+        result = solve([record], ReconstructionPlan(free, tuple(first), {}, ()))
         for estimate in result.estimates:
             if estimate.parameter.name in planted:
                 distance.append(
@@ -273,7 +273,7 @@ def test_straight_flight_says_nothing_of_arms_delays_and_mounts():
         "alpha_delay",
         "beta_delay",
     )
-    plan = Plan(free, FIRST, {}, ())
+    plan = ReconstructionPlan(free, FIRST, {}, ())
     result = solve([_straight(rng)], plan)
     for name in set(free) - {"alpha_bias"}:
         assert result[name].standard_error > 0.9 * plan.priors[name], name

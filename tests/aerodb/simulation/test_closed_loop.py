@@ -12,7 +12,7 @@ from aerodb.simulation.closed_loop import Actuators, History, fly
 from aerodb.simulation.engine import _DEFAULTS, initial_state
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.layout import SURROUNDINGS
-from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
+from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
 from aerodb.support.arrays import Array
 from aerodb.tables import AeroDatabase, Reference, Term, parse
@@ -177,8 +177,8 @@ def test_instruments_off_the_cg_see_rotation_and_show_their_delay_bias_and_noise
     assert seen["V_probe"][0, 0] == pytest.approx(np.hypot(u, w))
     ramp = {"ramp": 2.0 * time[:, None], "state": np.floor(time)[:, None]}
     signals = (
-        Signal("y", "ramp", noise=0.5, bias=3.0, scale=10.0, offset=1.0),
-        Signal("s", "state", dtype="int8", held=True),
+        SensorSignal("y", "ramp", noise=0.5, bias=3.0, scale=10.0, offset=1.0),
+        SensorSignal("s", "state", dtype="int8", held=True),
     )
     history = History(time, {}, {}, np.zeros((n, 4, 1)), np.array([n]))
     (topic,) = measure(
