@@ -18,9 +18,9 @@ from aerodb.consistency.records import flight_of
 from aerodb.consistency.sensors import (
     AIR_DATA,
     CALM_GUST_SPEED,
-    Fault,
     FlowCheck,
     ProcessNoise,
+    SensorFault,
     VelocityCheck,
     process_noise,
     residual_noise,
@@ -95,7 +95,7 @@ def judge(
     result: Reconstruction,
     flight: str,
     accuracy: Accuracy,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[SensorFault] = (),
     left_out: Mapping[str, float] | None = None,
     calibrated: Collection[str] = (),
 ) -> Verdict:

@@ -27,9 +27,9 @@ from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.records import IGNORED_FLAGS
 from aerodb.consistency.sensor_noise import noise_beyond_declaration
 from aerodb.consistency.sensors import (
-    Fault,
     FlightRecord,
     FlowCheck,
+    SensorFault,
     detect_faults,
     flow_against_velocity,
     position_against_velocity,
@@ -139,9 +139,9 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     )
 
 
-def common_faults(records: Sequence[FlightRecord]) -> tuple[Fault, ...]:
+def common_faults(records: Sequence[FlightRecord]) -> tuple[SensorFault, ...]:
     """Return gross faults that more than half of the records show; see `detect_faults`."""
-    by_channels: dict[str, list[Fault]] = {}
+    by_channels: dict[str, list[SensorFault]] = {}
     for record in records:
         for fault in detect_faults(record):
             by_channels.setdefault("/".join(fault.channels), []).append(fault)

@@ -52,7 +52,7 @@ _PAIRS = (("q", "r"), ("p", "q"), ("p", "r"), ("alpha", "beta"), ("ay", "az"), (
 
 
 @dataclass(frozen=True)
-class Fault:
+class SingleFault:
     """A single fault: kind, channels affected, description, and the function that corrects it.
 
     Kinds: ``sign degrees radians swapped unit``.
@@ -65,7 +65,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class FaultExplanation:
     """A fault that explains a disagreement.
 
     alike : faults that would explain it equally well. disagreed : channels that disagreed. before,
@@ -73,8 +73,8 @@ class Explanation:
     opposite).
     """
 
-    fault: Fault
-    alike: tuple[Fault, ...]
+    fault: SingleFault
+    alike: tuple[SingleFault, ...]
     disagreed: tuple[str, ...]
     before: float
     after: float
@@ -105,7 +105,7 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
     return agreements
 
 
-def explain(channels: Channels, step: float) -> Explanation | None:
+def explain(channels: Channels, step: float) -> FaultExplanation | None:
     """Return the single fault whose correction makes disagreeing channels agree.
 
     None if all channels agree, or if no single fault explains the disagreement.
@@ -120,7 +120,7 @@ def explain(channels: Channels, step: float) -> Explanation | None:
     bad = tuple(name for name, value in before.items() if value < DISAGREES)
     if not bad:
         return None
-    tried: list[tuple[float, float, Fault]] = []
+    tried: list[tuple[float, float, SingleFault]] = []
     for fault in _faults(channels):
         after = _undone(channels, fault, before, step)
         mended = [
@@ -139,11 +139,11 @@ def explain(channels: Channels, step: float) -> Explanation | None:
         return None
     tried.sort(key=lambda entry: -entry[0])
     alike = tuple(fault for total, _, fault in tried[1:] if tried[0][0] - total < ALIKE)
-    return Explanation(tried[0][2], alike, bad, min(before[name] for name in bad), tried[0][1])
+    return FaultExplanation(tried[0][2], alike, bad, min(before[name] for name in bad), tried[0][1])
 
 
 def _undone(
-    channels: Channels, fault: Fault, before: dict[str, float], step: float
+    channels: Channels, fault: SingleFault, before: dict[str, float], step: float
 ) -> dict[str, float]:
     """Return the agreement with a fault corrected; recomputed only for the channels affected."""
     changed = fault.undo(channels)
@@ -152,39 +152,41 @@ def _undone(
     return {**kept, **agreement({**channels, **changed}, step, concerned)}
 
 
-def _faults(channels: Channels) -> list[Fault]:
+def _faults(channels: Channels) -> list[SingleFault]:
     """Return every single fault that these channels could have."""
     faults = []
     for name in _SIGNED:
         if name in channels:
             faults.append(
-                Fault("sign", (name,), f"the sign of {name} is flipped", _scaled(name, -1.0))
+                SingleFault("sign", (name,), f"the sign of {name} is flipped", _scaled(name, -1.0))
             )
     for name in _ANGLES:
         if name in channels:
             per = " per second" if name in "pqr" else ""
             words = f"{name} is in degrees{per}, declared as radians{per}"
-            faults.append(Fault("degrees", (name,), words, _scaled(name, DEGREE)))
+            faults.append(SingleFault("degrees", (name,), words, _scaled(name, DEGREE)))
             words = f"{name} is in radians{per}, declared as degrees{per}"
-            faults.append(Fault("radians", (name,), words, _scaled(name, 1.0 / DEGREE)))
+            faults.append(SingleFault("radians", (name,), words, _scaled(name, 1.0 / DEGREE)))
     if {"p", "q", "r"} <= channels.keys():
         words = "p, q and r are in degrees per second, declared as radians per second"
         faults.append(
-            Fault("degrees", ("p", "q", "r"), words, _all_scaled(("p", "q", "r"), DEGREE))
+            SingleFault("degrees", ("p", "q", "r"), words, _all_scaled(("p", "q", "r"), DEGREE))
         )
     if {"phi", "theta"} <= channels.keys():
         names = tuple(name for name in ("phi", "theta", "psi") if name in channels)
         words = f"{' and '.join(names)} are in degrees, declared as radians"
-        faults.append(Fault("degrees", names, words, _all_scaled(names, DEGREE)))
+        faults.append(SingleFault("degrees", names, words, _all_scaled(names, DEGREE)))
     for name in ("ax", "ay"):
         if name in channels:
             faults.append(
-                Fault("unit", (name,), f"{name} is in g, declared as m/s^2", _scaled(name, GRAVITY))
+                SingleFault(
+                    "unit", (name,), f"{name} is in g, declared as m/s^2", _scaled(name, GRAVITY)
+                )
             )
     for one, other in _PAIRS:
         if one in channels and other in channels:
             faults.append(
-                Fault(
+                SingleFault(
                     "swapped",
                     (one, other),
                     f"{one} and {other} are swapped",

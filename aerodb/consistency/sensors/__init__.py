@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .expected import Fault, detect_faults
+    from .expected import SensorFault, detect_faults
     from .models import installation_from_vehicle
     from .navigation import (
         FlowCheck,

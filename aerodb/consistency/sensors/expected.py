@@ -23,7 +23,7 @@ _LEAST = (0.01, 0.2)
 
 
 @dataclass(frozen=True)
-class Fault:
+class SensorFault:
     """A gross fault: the channels concerned and one sentence that names the likely cause."""
 
     channels: tuple[str, ...]
@@ -90,7 +90,7 @@ def expected_inputs(record: FlightRecord) -> Array:
     return expected
 
 
-def detect_faults(record: FlightRecord) -> tuple[Fault, ...]:
+def detect_faults(record: FlightRecord) -> tuple[SensorFault, ...]:
     """Return gross faults of a record's sensors, inputs (n, 6) [m/s²], [rad/s].
 
     Stuck channels and angles in degrees are tested first; only if there are none, missing gravity,
@@ -117,7 +117,7 @@ def _low(values: Array, step: float) -> Array:
     return smooth(values, step, min(BANDWIDTH, 0.125 / step)).value
 
 
-def _stuck(record: FlightRecord) -> list[Fault]:
+def _stuck(record: FlightRecord) -> list[SensorFault]:
     channels = {**{name: record.inputs[:, k] for k, name in enumerate(INPUTS)}, **record.outputs}
     still = []
     for name, values in channels.items():
@@ -127,12 +127,12 @@ def _stuck(record: FlightRecord) -> list[Fault]:
     if len(still) == len(channels):
         return []
     return [
-        Fault((name,), f"{name} does not change at all: the sensor is stuck or not connected")
+        SensorFault((name,), f"{name} does not change at all: the sensor is stuck or not connected")
         for name in still
     ]
 
 
-def _units(record: FlightRecord) -> list[Fault]:
+def _units(record: FlightRecord) -> list[SensorFault]:
     faults = []
     for name in ("phi", "theta", "alpha", "beta"):
         values = record.outputs.get(name)
@@ -141,7 +141,7 @@ def _units(record: FlightRecord) -> list[Fault]:
             and np.nanmax(np.abs(values)) > (np.pi if name == "phi" else np.pi / 2) * 1.05
         ):
             faults.append(
-                Fault(
+                SensorFault(
                     (name,),
                     f"{name} reaches {np.nanmax(np.abs(values)):.0f} rad: degrees declared as"
                     " radians",
@@ -150,24 +150,26 @@ def _units(record: FlightRecord) -> list[Fault]:
     return faults
 
 
-def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
+def _gravity(expected: Array, shown: Array, gravity: float) -> list[SensorFault]:
     """Faults seen in the mean specific force (n, 3) minus the expected one, in g: gravity missing,
     inverted, or on another axis."""
     across, down = np.mean(shown - expected[:, :3], axis=0)[1:] / gravity
     if 0.8 < down < 1.2 and -1.2 < across < -0.8:
-        return [Fault(("ay", "az"), "ay and az are swapped: ay shows gravity, az does not")]
+        return [SensorFault(("ay", "az"), "ay and az are swapped: ay shows gravity, az does not")]
     if 0.8 < down < 1.2:
         sentence = (
             "az lacks gravity: its mean is 1 g above what attitude and velocity imply (logged as nz"
             " - 1?); subtract g"
         )
-        return [Fault(("az",), sentence)]
+        return [SensorFault(("az",), sentence)]
     if 1.6 < down < 2.4:
-        return [Fault(("az",), "az has the wrong sign: at rest and level it must show -9.81 m/s2")]
+        return [
+            SensorFault(("az",), "az has the wrong sign: at rest and level it must show -9.81 m/s2")
+        ]
     return []
 
 
-def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> list[Fault]:
+def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> list[SensorFault]:
     """Compare each expected axis with each sensor (n, 3): the correlation tells which belong
     together, the slope tells sign and unit."""
     moves = expected - expected.mean(axis=0)
@@ -175,7 +177,7 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
     size, answer = moves.std(axis=0), deviation.std(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         alike = np.nan_to_num((moves.T @ deviation) / len(moves) / np.outer(size, answer))
-    faults: list[Fault] = []
+    faults: list[SensorFault] = []
     for k, name in enumerate(names):
         best = int(np.argmax(np.abs(alike[k])))
         if size[k] < least or abs(alike[k, best]) < 0.8:
@@ -184,14 +186,14 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
         if best != k and int(np.argmax(np.abs(alike[best]))) == k and abs(alike[k, k]) < 0.6:
             if k < best:
                 faults.append(
-                    Fault(
+                    SensorFault(
                         (name, names[best]),
                         f"{name} and {names[best]} are swapped: each shows the other's motion",
                     )
                 )
         elif best == k and slope < 0:
             faults.append(
-                Fault(
+                SensorFault(
                     (name,),
                     f"{name} has the wrong sign: it runs against the motion that the other sensors"
                     " show",
@@ -199,13 +201,13 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
             )
         elif best == k and 30.0 < slope < 90.0:
             faults.append(
-                Fault(
+                SensorFault(
                     (name,), f"{name} is {slope:.0f} times too large: degrees declared as radians"
                 )
             )
         elif best == k and 1 / 90.0 < slope < 1 / 30.0:
             faults.append(
-                Fault(
+                SensorFault(
                     (name,),
                     f"{name} is {1 / slope:.0f} times too small: radians converted to radians once"
                     " more",
