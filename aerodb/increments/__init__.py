@@ -15,7 +15,7 @@ The way through:
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
 8. `judge_release`, `judge_derivatives`, `judge_rivals` and `judge_contradictions` decide whether a
-   version may be released (`Verdict`).
+   version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
 `estimate` the regression, `validation` hold-out and errors, `beyond` flights outside the envelope,
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from .gate import (
         CONTRADICTIONS,
         FILE_CHECKS,
-        Check,
+        GateCheck,
+        GateVerdict,
         Standing,
-        Verdict,
         judge_contradictions,
         judge_import,
         judge_release,

@@ -13,7 +13,7 @@ import numpy as np
 
 from aerodb.coefficients import as_inputs
 from aerodb.flight import Flight
-from aerodb.increments.gate import Check
+from aerodb.increments.gate import GateCheck
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, slopes_by
@@ -135,7 +135,7 @@ def derivatives_document(
 
 def judge_derivatives(
     listed: Sequence[Mapping[str, Any]] | None, largest: float, accepted: Collection[str]
-) -> Check:
+) -> GateCheck:
     """Return the gate's check of a version's changed derivatives.
 
     listed : from its report; None where it has none. largest : greatest relative change,
@@ -144,9 +144,11 @@ def judge_derivatives(
     """
     name = "no unaccepted change of a control, a damping or a main derivative inside the data"
     if listed is None:
-        return Check(name, ("its report does not list its derivatives: create the version again",))
+        return GateCheck(
+            name, ("its report does not list its derivatives: create the version again",)
+        )
     changes = [DerivativeChange(**each) for each in listed]
-    return Check(
+    return GateCheck(
         name,
         tuple(
             f"{reason} (if that is right: --accept {change.name}, and the --reason)"

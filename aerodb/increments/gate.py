@@ -54,7 +54,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Check:
+class GateCheck:
     """One check: its name, and the reasons why it failed; passed where there are none."""
 
     name: str
@@ -67,10 +67,10 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class GateVerdict:
     """The results of all checks; passed where every check passed."""
 
-    checks: tuple[Check, ...]
+    checks: tuple[GateCheck, ...]
 
     @property
     def passed(self) -> bool:
@@ -79,7 +79,7 @@ class Verdict:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons of all checks to refuse, as sentences; see `Check.reasons`."""
+        """Reasons of all checks to refuse, as sentences; see `GateCheck.reasons`."""
         return tuple(reason for check in self.checks for reason in check.reasons)
 
 
@@ -91,7 +91,7 @@ def judge_release(
     axes: Mapping[str, Mapping[str, Any]],
     within_flights: bool = False,
     cross_validated: bool = False,
-) -> Verdict:
+) -> GateVerdict:
     """Judge whether `candidate` may replace `baseline`, the database that is released now.
 
     Parameters
@@ -105,18 +105,18 @@ def judge_release(
         called one of held-out flights.
     """
     error = "excess error of each flight left out in turn falls (not held out)"
-    return Verdict(
+    return GateVerdict(
         (
-            Check("parent is the released version", _parent(standing)),
-            Check("not stale", standing.stale),
-            Check("content as stored", _content(standing)),
-            Check("check cases", _check_cases(candidate, check_cases)),
-            Check(
+            GateCheck("parent is the released version", _parent(standing)),
+            GateCheck("not stale", standing.stale),
+            GateCheck("content as stored", _content(standing)),
+            GateCheck("check cases", _check_cases(candidate, check_cases)),
+            GateCheck(
                 error if cross_validated else "excess held-out error falls",
                 _excess(axes, within_flights),
             ),
-            Check("no axis worse than its repeatability", _repeatability(axes)),
-            Check("no new sign change outside the data", sign_reasons(baseline, candidate)),
+            GateCheck("no axis worse than its repeatability", _repeatability(axes)),
+            GateCheck("no new sign change outside the data", sign_reasons(baseline, candidate)),
         )
     )
 
@@ -156,7 +156,7 @@ def judge_import(
     check_cases: Sequence[CheckCase],
     file_checks: Mapping[str, Any] | None,
     accepted: bool = False,
-) -> Verdict:
+) -> GateVerdict:
     """Judge whether an imported database may become ``released``: as the first one, or in place of
     another import from which nothing was flown yet, or whose successors were rolled back.
 
@@ -171,23 +171,23 @@ def judge_import(
         for first in found.get("failures", ())[:1]
         if not accepted
     )
-    return Verdict(
+    return GateVerdict(
         (
-            Check("not stale", standing.stale),
-            Check("content as stored", _content(standing)),
-            Check("check cases", _check_cases(imported, check_cases)),
-            Check("the file's own check cases", reasons),
+            GateCheck("not stale", standing.stale),
+            GateCheck("content as stored", _content(standing)),
+            GateCheck("check cases", _check_cases(imported, check_cases)),
+            GateCheck("the file's own check cases", reasons),
         )
     )
 
 
-def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str]) -> Check:
+def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str]) -> GateCheck:
     """Return the gate's check of the errors of sensors that explain what an update changes.
 
     rivals : ``rivals`` of its report (docs/reference/contract.md). accepted : their ids that a
     person accepts, with a reason. Each that is not accepted is a reason to refuse the release.
     """
-    return Check(
+    return GateCheck(
         "no error of a sensor explains what changes",
         tuple(
             f"{rival['hypothesis']} explains {', '.join(rival['shares'])} better than declared"
@@ -198,7 +198,7 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     )
 
 
-def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> Check:
+def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> GateCheck:
     """Return the gate's check of flights that contradict their vehicle or the released version.
 
     found : sentences about flights that identified the version. accepted : what a person accepts,
@@ -206,13 +206,13 @@ def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> Che
     """
     name = "no flight contradicts its vehicle or the released version"
     if not found or CONTRADICTIONS in accepted:
-        return Check(name, ())
+        return GateCheck(name, ())
     more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
     words = (
         f"{'; '.join(found[:_LISTED])}{more} (if the flights are right: --accept {CONTRADICTIONS},"
         " and the --reason)"
     )
-    return Check(name, (words,))
+    return GateCheck(name, (words,))
 
 
 def _parent(standing: Standing) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ _ANGLES: Final = ("phi", "theta", "psi", "alpha", "beta")
 
 
 @dataclass(frozen=True)
-class Band:
+class ToleranceBand:
     """A response stays within +-`width` (SI) of the flight, or within `share` of the flight's
     greatest excursion from its value at the start; or, where `of` names a figure of its free
     oscillation (``period``, ``half_time`` [s], ``damping``), this figure does, `share` being that
@@ -60,13 +60,13 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Check:
+class ToleranceCheck:
     """A tolerance: at each sample any of `bands` must hold ("A or B"), over at least
     `required_share` of the samples. It applies to manoeuvres that start with a control of the axes
     `controls`; without any, to all."""
 
     name: str
-    bands: tuple[Band, ...]
+    bands: tuple[ToleranceBand, ...]
     controls: tuple[str, ...] = ()
     required_share: float = 1.0
 
@@ -76,7 +76,7 @@ class Tolerances:
     """A named set of checks."""
 
     name: str
-    checks: tuple[Check, ...]
+    checks: tuple[ToleranceCheck, ...]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def parse_tolerances(text: str, where: str = "tolerances") -> Tolerances:
     return Tolerances(str(document.get("name", where)), checks)
 
 
-def _check(entry: Mapping[str, Any], where: str) -> Check:
+def _check(entry: Mapping[str, Any], where: str) -> ToleranceCheck:
     _known(entry, ("name", "bands", "controls", "required_share"), where)
     controls = tuple(entry.get("controls", ()))
     for axis in controls:
@@ -131,10 +131,10 @@ def _check(entry: Mapping[str, Any], where: str) -> Check:
                          ' "2 deg/s" }]')  # fmt: skip
     if not isinstance(share, int | float) or not 0.0 < share <= 1.0:
         raise InputError(f"required_share is {share!r}", where, "give a number above 0, up to 1")
-    return Check(str(entry.get("name", where)), bands, controls, float(share))
+    return ToleranceCheck(str(entry.get("name", where)), bands, controls, float(share))
 
 
-def _band(entry: Mapping[str, Any], where: str) -> Band:
+def _band(entry: Mapping[str, Any], where: str) -> ToleranceBand:
     _known(entry, ("channel", "width", "share", "of"), where)
     channel = str(entry.get("channel"))
     if channel not in RESPONSES:
@@ -146,7 +146,7 @@ def _band(entry: Mapping[str, Any], where: str) -> Band:
     value = quantity(entry.get("width", 0.0), _UNITS[of] if of else channel_of(channel).unit)
     if not (value > 0.0 or share > 0.0):
         raise InputError(f"the band of {channel} has no width", where, 'give width = "2 deg/s"')
-    return Band(channel, value, float(share), of)
+    return ToleranceBand(channel, value, float(share), of)
 
 
 def _known(entry: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:

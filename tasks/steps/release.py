@@ -10,9 +10,9 @@ from aerodb.exchange import database_content_sha256, from_document
 from aerodb.increments import (
     CONTRADICTIONS,
     FILE_CHECKS,
-    Check,
+    GateCheck,
+    GateVerdict,
     Standing,
-    Verdict,
     judge_contradictions,
     judge_derivatives,
     judge_import,
@@ -59,7 +59,7 @@ def promote(
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
         return _document(current, row, moved=False)
-    verdict = _gate(access, row, current, accept, run) if name == RELEASED else Verdict(())
+    verdict = _gate(access, row, current, accept, run) if name == RELEASED else GateVerdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     if accept:
@@ -124,7 +124,7 @@ def _gate(
     released: NameEvent | None,
     accept: Sequence[str],
     run: str,
-) -> Verdict:
+) -> GateVerdict:
     catalogue = access.catalogue
     replaced = catalogue.version_of_id(released.version) if released is not None else None
     if row.parent is None and (replaced is None or replaced.parent is None):
@@ -170,7 +170,7 @@ def _gate(
             f"version {row.label}",
             f"what can be accepted: aerodb version show {row.label} --vehicle {row.vehicle}",
         )
-    return Verdict(
+    return GateVerdict(
         (
             *verdict.checks,
             derivatives,
@@ -182,7 +182,7 @@ def _gate(
     )
 
 
-def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[str]) -> Verdict:
+def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[str]) -> GateVerdict:
     """The gate of an import that becomes the first released version, or replaces another import."""
     documents = access.catalogue.version_documents(row.id)
     imported = _read(row, documents)
@@ -209,7 +209,7 @@ def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[s
 
 def _enough_flights(
     row: VersionRow, access: WorkspaceAccess, gate: GateSettings
-) -> tuple[Check, ...]:
+) -> tuple[GateCheck, ...]:
     """Return whether enough flights identified and validated a version for the vehicle's settings.
 
     None if the settings set no minimum.
@@ -223,7 +223,7 @@ def _enough_flights(
             shortfalls.append(
                 f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}"
             )
-    return (Check("as many flights as the settings require", tuple(shortfalls)),)
+    return (GateCheck("as many flights as the settings require", tuple(shortfalls)),)
 
 
 def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
@@ -264,7 +264,7 @@ def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
 
 def _responses(
     row: VersionRow, access: WorkspaceAccess, gate: GateSettings, run: str
-) -> tuple[Check, ...]:
+) -> tuple[GateCheck, ...]:
     """Return whether the version flies its held-out flights within tolerance; none where the
     vehicle's settings do not demand it."""
     if not gate.responses:
@@ -276,7 +276,7 @@ def _responses(
     uses = access.catalogue.version_flights(row.id)
     held = [use.flight for use in uses if use.role == "held_out"]
     if not held:
-        return (Check(name, ("not held out: no flight was, so no response can be judged",)),)
+        return (GateCheck(name, ("not held out: no flight was, so no response can be judged",)),)
     folder = str(access.workspace.root)
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
     flown = [
@@ -292,7 +292,7 @@ def _responses(
     ]
     if not summary["checks"]:
         reasons.append("no manoeuvre of the held-out flights could be judged")
-    return (Check(name, tuple(reasons)),)
+    return (GateCheck(name, tuple(reasons)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:

@@ -12,7 +12,7 @@ from aerodb.support.arrays import Array
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.low_pass import Band
+from aerodb.tracing.evidence.low_pass import BandLimitedFlight
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle
@@ -215,7 +215,9 @@ def excess_left(bank: Bank, result: Traced, planted: Mapping[str, float]) -> flo
     return max(_excess(bank.band(number), planted, values) for number in unused)
 
 
-def _excess(band: Band, planted: Mapping[str, float], values: Mapping[str, float]) -> float:
+def _excess(
+    band: BandLimitedFlight, planted: Mapping[str, float], values: Mapping[str, float]
+) -> float:
     before = after = 0.0
     for axis, (record,) in band.records.items():
         effect, added = np.zeros(len(record)), np.zeros(len(record))

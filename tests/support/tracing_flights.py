@@ -31,7 +31,7 @@ from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.low_pass import Band, Records, band_limited, in_band
+from aerodb.tracing.evidence.low_pass import BandLimitedFlight, Records, band_limited, in_band
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of_band
 from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from aerodb.tracing.evidence.thinning import thinned
@@ -208,9 +208,9 @@ class Bank:
             hypotheses,
             settings,
         )
-        self._made: dict[int, Band] = {}
+        self._made: dict[int, BandLimitedFlight] = {}
 
-    def band(self, number: int) -> Band:
+    def band(self, number: int) -> BandLimitedFlight:
         """One flight, noise-free."""
         if number not in self._made:
             self.keep(number, evidence_in(self.cell, self.flights[number], self.hypotheses, number))

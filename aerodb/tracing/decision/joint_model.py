@@ -12,7 +12,7 @@ from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import campaign
 from aerodb.tracing.evidence import (
     NUISANCE,
-    Band,
+    BandLimitedFlight,
     Evidence,
     NormalEquations,
     Records,
@@ -57,7 +57,7 @@ class JointModel:
 
 def joint_bands(
     evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: TracingSettings
-) -> tuple[list[Band], TracingSettings]:
+) -> tuple[list[BandLimitedFlight], TracingSettings]:
     """Return the units (flights or parts) in the band of manoeuvres, records (m, k + 2), with a
     column for each of k hypotheses, and their settings. Units without a usable stretch are left
     out.
@@ -73,7 +73,7 @@ def joint_bands(
 
 
 def joint_fit(
-    bands: Sequence[Band],
+    bands: Sequence[BandLimitedFlight],
     terms: Sequence[int],
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
@@ -147,7 +147,7 @@ def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
 
 
 def _about(
-    band: Band, columns: Sequence[int], values: Array, settings: TracingSettings
+    band: BandLimitedFlight, columns: Sequence[int], values: Array, settings: TracingSettings
 ) -> NormalEquations:
     def left(records: Records) -> dict[str, list[Array]]:
         return {
@@ -168,7 +168,7 @@ def _about(
     return replace(equations, matrix=back.T @ equations.matrix @ back, noisy=again)
 
 
-def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
+def _ordered(band: BandLimitedFlight, hypotheses: Sequence[Hypothesis]) -> BandLimitedFlight:
     """The band with a column for every hypothesis, in the library's order, zero where the unit
     lacks it, and then its nuisances.
     """

@@ -2,8 +2,8 @@
 
 `evidence_of` gives the residual and the column of each hypothesis (`Evidence`). `noisy_copies`,
 `with_shape_terms` and `with_instruments` add to it; `units` cuts it into manoeuvres. `in_band`
-low-passes and decimates it (`Band`), and `normal_equations_of` whitens the columns and returns
-their cross-products (`NormalEquations`), which is all that later steps need.
+low-passes and decimates it (`BandLimitedFlight`), and `normal_equations_of` whitens the columns and
+returns their cross-products (`NormalEquations`), which is all that later steps need.
 
 Modules: `flight_evidence` and `evidence`, `thinning` (long flights at a lower rate), `bandwidth`
 and `low_pass`, `autoregression` and `normal_equations`; `state_errors` and `noise_limits` (errors
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .evidence import NUISANCE, Evidence, halves, units
     from .flight_evidence import evidence_of
     from .instrumental_variables import with_commanded_rates, with_instruments
-    from .low_pass import Band, Records, band_limited, in_band, stretches
+    from .low_pass import BandLimitedFlight, Records, band_limited, in_band, stretches
     from .noise_limits import bounded_noise, with_air_data_noise
     from .normal_equations import (
         NormalEquations,

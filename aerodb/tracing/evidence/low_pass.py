@@ -163,7 +163,7 @@ def _band(ratio: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Band:
+class BandLimitedFlight:
     """One flight in the band of tracing.
 
     step : s, after decimation; names : the hypotheses, in the order of columns. records : see
@@ -179,7 +179,7 @@ class Band:
     instruments: Records
 
 
-def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
+def in_band(evidence: Evidence, settings: TracingSettings) -> BandLimitedFlight:
     """Return the evidence in the band (records (m, k + 2): intercept, k columns, residual;
     bandwidth [Hz]); axes without a usable stretch stay out."""
     names = tuple(evidence.columns)
@@ -201,7 +201,7 @@ def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
                     by_axis[axis].append(record)
         return by_axis
 
-    return Band(
+    return BandLimitedFlight(
         flight=evidence.flight,
         step=evidence.step * decimation(evidence.step, settings.bandwidth),
         names=names,

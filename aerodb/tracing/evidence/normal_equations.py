@@ -16,7 +16,7 @@ from aerodb.errors import InputError
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import NUISANCE, Evidence
-from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band
+from aerodb.tracing.evidence.low_pass import BandLimitedFlight, Records, centred, in_band
 from aerodb.tracing.settings import TracingSettings
 
 #: Form of stored normal equations.
@@ -100,7 +100,7 @@ def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> Normal
     return normal_equations_of_band(in_band(evidence, settings), settings)
 
 
-def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEquations:
+def normal_equations_of_band(band: BandLimitedFlight, settings: TracingSettings) -> NormalEquations:
     """Return the normal equations of one flight that is already in the band.
 
     The filter of an axis is fitted once, to its residual with the mean removed, and used for all
@@ -141,7 +141,9 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
     )
 
 
-def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, float]]) -> Array:
+def _products(
+    band: BandLimitedFlight, source: Records, fitted: Mapping[str, tuple[Array, float]]
+) -> Array:
     """Cross-products (k, k) of whitened columns, summed over the axes."""
     k = len(fitted) + len(band.names) + 1
     total = np.zeros((k, k))
@@ -176,7 +178,7 @@ def eliminated(products: Array, kept: Mask) -> Array:
     return np.asarray(products[np.ix_(kept, kept)] - across.T @ np.linalg.solve(own, across))
 
 
-def _excitation(band: Band, fitted: Mapping[str, tuple[Array, float]]) -> Array:
+def _excitation(band: BandLimitedFlight, fitted: Mapping[str, tuple[Array, float]]) -> Array:
     """Standard deviation of each column on the axis where it is largest against the noise
     (hypotheses,).
     """

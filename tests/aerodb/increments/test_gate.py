@@ -9,7 +9,7 @@ import pytest
 
 from aerodb.exchange.native import database_content_sha256, read_native
 from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.gate import Standing, Verdict, judge_release, notes_on_release
+from aerodb.increments.gate import GateVerdict, Standing, judge_release, notes_on_release
 from aerodb.increments.held_out import held_out_error
 from aerodb.increments.validation import repeatability
 from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, make_check_cases
@@ -73,7 +73,7 @@ def judged(
     standing: Standing = STANDING,
     report: Any = None,
     added: Increment | None = None,
-) -> Verdict:
+) -> GateVerdict:
     candidate = updated(baseline, added or increment("CZ", {"1": -0.02, "alpha": -0.5}))
     return judge_release(
         standing,
