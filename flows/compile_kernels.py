@@ -16,7 +16,7 @@ from aerodb.exchange import read_native
 from aerodb.flight import Flight
 from aerodb.flows.prefect_server import make_template
 from aerodb.identification import flight_dynamics
-from aerodb.simulation import Stretch, flight_model, simulate
+from aerodb.simulation import FlightStretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
 from aerodb.vehicle import parse_vehicle
 
@@ -43,7 +43,7 @@ def compile_kernels() -> None:
     run = simulate(model, time, start, series)
     flown = {name: run.channels[name][:, 0] + 1e-3 * np.sin(99.0 * time) for name in ("V", "q")}
     held = {name: np.full(len(time), value) for name, value in series.items()}
-    stretch = Stretch(time, start, held, flown, (), {})
+    stretch = FlightStretch(time, start, held, flown, (), {})
     dynamics, records = flight_dynamics(
         model, {"any": stretch}, (), outputs=("V", "q"), initial=("V",)
     )

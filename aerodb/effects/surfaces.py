@@ -31,7 +31,7 @@ _TRAVEL: Final = float(np.deg2rad(50.0))
 
 
 @dataclass(frozen=True)
-class Surface:
+class Deflection:
     """A deflection ``delta_<name>``, what it is for, and the right and left surface that it is made
     of, if it is."""
 
@@ -59,7 +59,7 @@ def role_of(name: str) -> Role:
     return next((role for pattern, role in _ROLES if re.search(pattern, name)), "other")
 
 
-def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...]:
+def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Deflection, ...]:
     """Control surfaces among `channels`, sorted by name.
 
     Combinations replace the surfaces they are made of; surfaces fixed by the vehicle's
@@ -86,9 +86,9 @@ def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...
             else by_name
         )
         role = by_name if combination.kind == "asymmetric" and by_name == "yaw" else usual
-        surfaces.append(Surface(name, role, combination.right, combination.left))
+        surfaces.append(Deflection(name, role, combination.right, combination.left))
     single = names - members - {surface.name for surface in surfaces}
-    surfaces += [Surface(name, role_of(name)) for name in single]
+    surfaces += [Deflection(name, role_of(name)) for name in single]
     return tuple(sorted(surfaces, key=lambda surface: surface.name))
 
 

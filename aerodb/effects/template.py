@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Final
 
 from aerodb.effects.hypothesis import Hypothesis, Kind, needed_channels
-from aerodb.effects.surfaces import Surface, surfaces_of
+from aerodb.effects.surfaces import Deflection, surfaces_of
 from aerodb.tables import WIND_AXES, AeroDatabase, Expression, evaluate, parse
 from aerodb.vehicle import Vehicle
 
@@ -75,7 +75,7 @@ class LibraryContext:
     settings: LibrarySettings = LibrarySettings()
 
     @cached_property
-    def surfaces(self) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[Deflection, ...]:
         """Control surfaces that flights have and that may move."""
         return surfaces_of(self.vehicle, self.channels)
 

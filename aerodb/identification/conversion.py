@@ -46,7 +46,7 @@ Combination = dict[str, float]
 
 
 @dataclass(frozen=True)
-class SteadyFlight:
+class LinearisedFlight:
     """The flight condition and the aircraft of a linear model.
 
     Parameters
@@ -126,7 +126,7 @@ def exact(values: Mapping[str, float]) -> Derivatives:
 def dimensional_derivatives(
     coefficients: Derivatives,
     names: Iterable[str],
-    flight: SteadyFlight,
+    flight: LinearisedFlight,
     *,
     axes: Axes = "body",
     forces: Forces = "body",
@@ -145,7 +145,7 @@ def dimensional_derivatives(
     wanted = tuple(names)
     known = coefficients.names
 
-    def at(place: SteadyFlight) -> tuple[Array, Array]:
+    def at(place: LinearisedFlight) -> tuple[Array, Array]:
         rows = [_combination(name, place, axes, forces, primed) for name in wanted]
         matrix = np.array([[row.get(name, 0.0) for name in known] for row in rows])
         return matrix, np.array([row.get("1", 0.0) for row in rows])
@@ -154,7 +154,7 @@ def dimensional_derivatives(
     values = matrix @ coefficients.values + constant
     covariance = matrix @ coefficients.covariance @ matrix.T
 
-    def moved(place: SteadyFlight) -> Array:
+    def moved(place: LinearisedFlight) -> Array:
         other, offset = at(place)
         return other @ coefficients.values + offset
 
@@ -163,7 +163,7 @@ def dimensional_derivatives(
 
 def coefficient_derivatives(
     dimensional: Derivatives,
-    flight: SteadyFlight,
+    flight: LinearisedFlight,
     *,
     axes: Axes = "body",
     forces: Forces = "body",
@@ -180,7 +180,7 @@ def coefficient_derivatives(
     Values (k,) and covariance (k, k).
     """
 
-    def solved(place: SteadyFlight) -> tuple[tuple[str, ...], Array, Array]:
+    def solved(place: LinearisedFlight) -> tuple[tuple[str, ...], Array, Array]:
         rows = [_combination(name, place, axes, forces, primed) for name in dimensional.names]
         names = tuple(dict.fromkeys(key for row in rows for key in row if key != "1"))
         matrix = np.array([[row.get(name, 0.0) for name in names] for row in rows])
@@ -202,7 +202,7 @@ def coefficient_derivatives(
 
 
 def matrix_derivatives(
-    A: Array, B: Array, states: Sequence[str], inputs: Sequence[str], flight: SteadyFlight
+    A: Array, B: Array, states: Sequence[str], inputs: Sequence[str], flight: LinearisedFlight
 ) -> dict[str, float]:
     """Return the dimensional derivatives (body axes, primed) of a linear model ``x' = A x + B u``.
 
@@ -254,10 +254,12 @@ def matrix_derivatives(
 
 
 def _of_flight(
-    function: Callable[[SteadyFlight], Array], flight: SteadyFlight, errors: Mapping[str, float]
+    function: Callable[[LinearisedFlight], Array],
+    flight: LinearisedFlight,
+    errors: Mapping[str, float],
 ) -> Array:
     """Covariance due to errors of the flight's quantities, by central differences."""
-    known = {each.name for each in fields(SteadyFlight)}
+    known = {each.name for each in fields(LinearisedFlight)}
     total = np.zeros((len(function(flight)),) * 2)
     for name, error in errors.items():
         if name not in known:
@@ -275,7 +277,7 @@ def _of_flight(
 
 
 def _combination(
-    name: str, flight: SteadyFlight, axes: Axes, forces: Forces, primed: bool
+    name: str, flight: LinearisedFlight, axes: Axes, forces: Forces, primed: bool
 ) -> Combination:
     """A dimensional derivative as a combination of coefficients."""
     found = _NAME.fullmatch(name)
@@ -313,7 +315,7 @@ def _combination(
     return total
 
 
-def _turned_inertias(flight: SteadyFlight) -> tuple[float, float]:
+def _turned_inertias(flight: LinearisedFlight) -> tuple[float, float]:
     """Ixx and Izz in stability axes."""
     sine, cosine = float(np.sin(flight.alpha)), float(np.cos(flight.alpha))
     coupled = 2.0 * flight.Ixz * sine * cosine
@@ -324,7 +326,7 @@ def _turned_inertias(flight: SteadyFlight) -> tuple[float, float]:
 
 
 def _body(
-    row: str, variable: str, flight: SteadyFlight, forces: Forces, primed: bool
+    row: str, variable: str, flight: LinearisedFlight, forces: Forces, primed: bool
 ) -> Combination:
     """A derivative in body axes; u, w and v by those of airspeed and flow angles."""
     if variable in ("u", "w"):

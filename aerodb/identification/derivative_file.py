@@ -45,7 +45,7 @@ from aerodb.identification.conversion import (
     Axes,
     Derivatives,
     Forces,
-    SteadyFlight,
+    LinearisedFlight,
     coefficient_derivatives,
     dimensional_derivatives,
     exact,
@@ -144,7 +144,7 @@ def converted(file: DerivativeFile) -> Derivatives:
     suffice. Derivatives are SI (coefficients per rad or dimensionless rate), with covariance (k,
     k).
     """
-    flight = SteadyFlight(**file.flight)
+    flight = LinearisedFlight(**file.flight)
     if file.linear_model is not None:
         linear = file.linear_model
         b = np.array(linear.B).reshape(len(linear.states), len(linear.inputs))

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import MOST_DELAY, Parameter, Parameters, TimeHistory, Values, delayed
-from aerodb.simulation import FlightModel, Simulation, Stretch, simulate
+from aerodb.simulation import FlightModel, FlightStretch, Simulation, simulate
 from aerodb.support import Array, Integers, Mask
 
 #: From the CG [m], body axes.
@@ -222,7 +222,7 @@ class FlightDynamics:
 
 def flight_dynamics(
     model: FlightModel,
-    stretches: Mapping[str, Stretch],
+    stretches: Mapping[str, FlightStretch],
     unknown: Sequence[str],
     *,
     outputs: Sequence[str] = OUTPUTS,
@@ -284,7 +284,7 @@ def flight_dynamics(
     return made, records
 
 
-def _record(name: str, stretch: Stretch, outputs: Sequence[str]) -> TimeHistory:
+def _record(name: str, stretch: FlightStretch, outputs: Sequence[str]) -> TimeHistory:
     """The stretch as a record; outputs that it cannot judge are not compared."""
     n = len(stretch.time)
     inputs = {key: np.broadcast_to(value, (n,)) for key, value in stretch.series.items()}

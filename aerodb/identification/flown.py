@@ -22,7 +22,7 @@ from aerodb.increments import (
     with_chosen_knots,
 )
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
-from aerodb.simulation import FlightModel, Stretch, stretch_model, stretch_of
+from aerodb.simulation import FlightModel, FlightStretch, stretch_model, stretch_of
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Increment
 
@@ -181,9 +181,9 @@ def _stretches(
     flights: Sequence[IdentificationFlight],
     declared: frozenset[str],
     support: Sequence[Increment],
-) -> tuple[dict[str, Stretch], list[str]]:
+) -> tuple[dict[str, FlightStretch], list[str]]:
     """Record -> stretch, and why others were left out."""
-    stretches: dict[str, Stretch] = {}
+    stretches: dict[str, FlightStretch] = {}
     reasons: list[str] = []
     for each in flights:
         first = float(each.flight.time[0])
@@ -206,12 +206,12 @@ def _stretches(
 
 
 def _as_flown(
-    stretch: Stretch,
+    stretch: FlightStretch,
     flight: IdentificationFlight,
     database: AeroDatabase,
     declared: frozenset[str],
     support: Sequence[Increment],
-) -> Stretch:
+) -> FlightStretch:
     """The stretch with the residual forces and moments of the axes that are not declared, beyond
     those of `support`."""
     comparison, reference = flight.comparison, database.reference
@@ -252,6 +252,6 @@ def _filled(values: Array) -> Array:
     return np.asarray(np.interp(np.arange(len(values)), good, values[good]))
 
 
-def _judged(stretch: Stretch, name: str) -> bool:
+def _judged(stretch: FlightStretch, name: str) -> bool:
     values = stretch.flown.get(name)
     return name not in stretch.free and values is not None and bool(np.isfinite(values).any())

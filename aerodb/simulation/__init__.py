@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     )
     from .replay import (
         RESPONSES,
-        Stretch,
+        FlightStretch,
         fly_stretch,
         moved_controls,
         stretch_of,

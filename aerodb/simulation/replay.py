@@ -30,7 +30,7 @@ Wind = Literal["mean", "measured"]
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class FlightStretch:
     """A stretch of a flight in the form of a run.
 
     Parameters
@@ -59,7 +59,7 @@ def stretch_of(
     until: float,
     *,
     wind: Wind = "measured",
-) -> Stretch:
+) -> FlightStretch:
     """Return a stretch of a flight as start and inputs of a run.
 
     Parameters
@@ -113,11 +113,11 @@ def stretch_of(
     start |= {state.name: float(flight[state.name][whole][0]) for state in model.total.states}
     references = {FEEDBACK[int(channel)] for channel in model.numbers.gains[:, 1]}
     series |= {f"reference_{channel}": known[channel] for channel in references}
-    return Stretch(time, start, series, flown, tuple(notes), free)
+    return FlightStretch(time, start, series, flown, tuple(notes), free)
 
 
 def fly_stretch(
-    model: FlightModel, stretch: Stretch, parameters: Mapping[str, Array] | None = None
+    model: FlightModel, stretch: FlightStretch, parameters: Mapping[str, Array] | None = None
 ) -> Simulation:
     """Fly a stretch open loop, or with the model's feedback; see `simulate`, whose arrays are (n,
     k) in SI units."""
@@ -138,8 +138,8 @@ class TrimOffset:
 
 
 def with_trim_offset(
-    model: FlightModel, stretch: Stretch, duration: float
-) -> tuple[Stretch, TrimOffset]:
+    model: FlightModel, stretch: FlightStretch, duration: float
+) -> tuple[FlightStretch, TrimOffset]:
     """Return the stretch with the constant force and moment that the database lacks on average over
     its first `duration` [s]: as when a simulator is trimmed before the manoeuvre, and only the
     changes of the controls are flown (AC 120-40B, appendix 2)."""
@@ -180,7 +180,7 @@ def with_trim_offset(
     return replace(stretch, series=own), offset
 
 
-def moved_controls(model: FlightModel, stretch: Stretch) -> tuple[str, ...]:
+def moved_controls(model: FlightModel, stretch: FlightStretch) -> tuple[str, ...]:
     """Return the axes (roll, pitch, yaw) on which the inputs' movements act most: those with at
     least 40 % of the greatest angular acceleration [rad/s²] that the movements make at the start.
     See `simulate`."""

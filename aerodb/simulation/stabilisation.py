@@ -7,7 +7,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from aerodb.simulation.engine import FlightModel, simulate
 from aerodb.simulation.layout import FEEDBACK
-from aerodb.simulation.replay import Stretch
+from aerodb.simulation.replay import FlightStretch
 from aerodb.support import Array
 
 #: Perturbation of each state: m/s for V, else rad or rad/s.
@@ -17,7 +17,9 @@ _STEPS: Final = np.array([0.1, *[1e-4] * 7])
 _SMALLEST: Final = 1e-3
 
 
-def stabilising_feedback(model: FlightModel, stretch: Stretch) -> dict[tuple[str, str], float]:
+def stabilising_feedback(
+    model: FlightModel, stretch: FlightStretch
+) -> dict[tuple[str, str], float]:
     """Return gains (input, channel) -> gain on (flown - simulated) that stabilise a stretch; none
     where no motion grows by more than e over it.
 
@@ -50,7 +52,7 @@ def stabilising_feedback(model: FlightModel, stretch: Stretch) -> dict[tuple[str
     }
 
 
-def _linear(model: FlightModel, stretch: Stretch, moved: list[str]) -> tuple[Array, Array]:
+def _linear(model: FlightModel, stretch: FlightStretch, moved: list[str]) -> tuple[Array, Array]:
     """Derivatives of the rates of `FEEDBACK` by these states (8, 8) and by inputs (8, m)."""
     m = len(FEEDBACK)
     steps = np.concatenate([_STEPS, np.full(len(moved), 1e-4)])

@@ -13,7 +13,7 @@ from aerodb.flows.cli.references import AsOf, Vehicle
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import VersionRow
-    from aerodb.tasks.view import SteadyFlight
+    from aerodb.tasks.view import StatedCondition
 
 Speed = Annotated[str, typer.Option(help="Airspeed, with unit or in m/s.")]
 Altitude = Annotated[str, typer.Option(help="Altitude, with unit or in m.")]
@@ -66,12 +66,12 @@ class _Stated:
     vehicle: Vehicle = None
     as_of: AsOf = None
 
-    def flight(self, glides: bool) -> "SteadyFlight":
+    def flight(self, glides: bool) -> "StatedCondition":
         """The flight; a vehicle that `glides` does so unless a path angle is given."""
         from aerodb.errors import InputError
         from aerodb.simulation import Condition
         from aerodb.tasks.references import value_of
-        from aerodb.tasks.view import SteadyFlight
+        from aerodb.tasks.view import StatedCondition
 
         if self.glide and self.climb is not None:
             raise InputError("--glide and --climb together", remedy="in a glide the path is found")
@@ -80,7 +80,7 @@ class _Stated:
             return None if text is None else value_of(name, text)
 
         free = self.glide or (glides and self.climb is None)
-        return SteadyFlight(
+        return StatedCondition(
             Condition(
                 value_of("V", self.speed),
                 value_of("altitude", self.altitude),
@@ -106,7 +106,7 @@ def steady_flight(
     glide: bool,
     fuel: str | None,
     given: list[str] | None,
-) -> "SteadyFlight":
+) -> "StatedCondition":
     """A straight steady flight of a version, as its options state it."""
     from aerodb.tasks.view import glides
 
@@ -142,7 +142,7 @@ def _steady(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @_steady
-def trim(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
+def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
     """Find the steady flight of a version at a condition: angles, surfaces, thrust, with standard
     errors.
 
@@ -156,7 +156,7 @@ def trim(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
 
 
 @_steady
-def modes(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
+def modes(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
     """Show the modes about a steady flight of a version; --json also gives the linear model.
 
     Example: aerodb version modes released --speed 70 --altitude 1000
@@ -187,7 +187,7 @@ def modes(session: Session, row: "VersionRow", flight: "SteadyFlight") -> None:
 def sweep(
     session: Session,
     row: "VersionRow",
-    flight: "SteadyFlight",
+    flight: "StatedCondition",
     variable: Annotated[
         str, typer.Option(help="V, altitude, climb, bank, ..., a mass property, or an input.")
     ],

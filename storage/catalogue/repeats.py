@@ -11,7 +11,7 @@ import sqlalchemy as sa
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.ledger import Ledger, in_parts
-from aerodb.storage.catalogue.rows import RepeatRow, Stretch
+from aerodb.storage.catalogue.rows import RepeatedStretch, RepeatRow
 
 
 class RepeatLedger(Ledger):
@@ -102,5 +102,8 @@ class RepeatLedger(Ledger):
 
 def _repeat(flight: str, original: str, share: float, stretches: str) -> RepeatRow:
     return RepeatRow(
-        flight, original, share, tuple(Stretch(**entry) for entry in enc.from_json(stretches))
+        flight,
+        original,
+        share,
+        tuple(RepeatedStretch(**entry) for entry in enc.from_json(stretches)),
     )

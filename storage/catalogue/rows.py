@@ -84,7 +84,7 @@ class UserRow:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RepeatedStretch:
     """``start..end`` [s] of a flight are ``original_start..original_end`` of another, each on its
     own clock.
 
@@ -108,7 +108,7 @@ class RepeatRow:
     flight: str
     original: str
     share: float
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[RepeatedStretch, ...]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from aerodb.simulation import (
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.methods import identification_flights
-from aerodb.tasks.view import SteadyFlight, trim_of
+from aerodb.tasks.view import StatedCondition, trim_of
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Axes that the pitch control drives.
@@ -33,7 +33,7 @@ def design_flight(
     workspace: str,
     run: str,
     model: str,
-    steady: SteadyFlight,
+    steady: StatedCondition,
     limits: Mapping[str, tuple[float, float]],
     duration: float,
     flights: Sequence[str] = (),
@@ -110,7 +110,7 @@ def _known(
     return information, [f"{len(flights)} flights are counted, by regression"]
 
 
-def _document(found: DesignedManoeuvre, trimmed: Trim, steady: SteadyFlight) -> dict[str, Any]:
+def _document(found: DesignedManoeuvre, trimmed: Trim, steady: StatedCondition) -> dict[str, Any]:
     before, after = (np.sqrt(np.diag(c)) for c in (found.before, found.after))
     given = dict(text.split("=", 1) for text in steady.given)
     manoeuvre = replace(found.manoeuvre, given=given)

@@ -7,7 +7,7 @@ from aerodb.identification import METHODS, REGRESSION, fits_of, parameter_name, 
 from aerodb.increments import expand, parse_model_file
 from aerodb.simulation import Growth, Margins
 from aerodb.tasks.steps.methods import identification_flights
-from aerodb.tasks.view import SteadyFlight, expansion_document
+from aerodb.tasks.view import StatedCondition, expansion_document
 from aerodb.tasks.workspace_access import access_workspace
 
 
@@ -16,7 +16,7 @@ def expand_flight(
     *,
     workspace: str,
     run: str,
-    steady: SteadyFlight,
+    steady: StatedCondition,
     variable: str,
     reach: tuple[float, float],
     largest_step: float,

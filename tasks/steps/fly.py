@@ -15,9 +15,9 @@ from aerodb.flight import Flight
 from aerodb.simulation import (
     RESPONSES,
     FlightModel,
+    FlightStretch,
     Oscillation,
     Simulation,
-    Stretch,
     Tolerances,
     at_rest_from,
     check_responses,
@@ -243,7 +243,7 @@ def _fly(
     if wind not in ("mean", "measured"):
         raise InputError(f"wind '{wind}' is not known", remedy="mean or measured")
 
-    def prepared(feedback: Mapping[tuple[str, str], float]) -> tuple[FlightModel, Stretch]:
+    def prepared(feedback: Mapping[tuple[str, str], float]) -> tuple[FlightModel, FlightStretch]:
         model = stretch_model(database, flight, feedback)
         return model, stretch_of(
             model,
@@ -305,7 +305,7 @@ def _fly(
 
 
 def _oscillations(
-    model: FlightModel, stretch: Stretch, simulated: Mapping[str, Array]
+    model: FlightModel, stretch: FlightStretch, simulated: Mapping[str, Array]
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
     """Oscillations of the rates and the airspeed once the controls rest, where the flight has
     them."""
@@ -330,7 +330,9 @@ def _figures(found: Oscillation) -> dict[str, float]:
     }
 
 
-def _corrections(flown: Simulation, stretch: Stretch, surfaces: Iterable[str]) -> dict[str, float]:
+def _corrections(
+    flown: Simulation, stretch: FlightStretch, surfaces: Iterable[str]
+) -> dict[str, float]:
     """Greatest deflection [rad] that the feedback added to each input."""
     return {
         name: float(np.nanmax(np.abs(flown.channels[name][:, 0] - stretch.series[name])))

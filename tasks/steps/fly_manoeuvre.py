@@ -8,8 +8,8 @@ from aerodb.errors import InputError, nearest
 from aerodb.report import FlownStretch, response_report
 from aerodb.simulation import (
     RESPONSES,
+    FlightStretch,
     Manoeuvre,
-    Stretch,
     parse_manoeuvre,
     simulate,
     stabilising_feedback,
@@ -21,7 +21,7 @@ from aerodb.support import Array
 from aerodb.tasks.actors import user
 from aerodb.tasks.page_head import head_of_result
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.view import SteadyFlight, trim_document, trim_of
+from aerodb.tasks.view import StatedCondition, trim_document, trim_of
 from aerodb.tasks.workspace_access import access_workspace
 
 #: Integration step [s].
@@ -80,7 +80,7 @@ def fly_manoeuvre(
 def _flown(
     catalogue: Catalogue, row: VersionRow, stated: Manoeuvre, stabilise: bool
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    steady = SteadyFlight(
+    steady = StatedCondition(
         stated.condition, [f"{name}={value}" for name, value in stated.given.items()]
     )
     trimmed = trim_of(catalogue, row, steady)
@@ -98,7 +98,7 @@ def _flown(
     series |= {name: series[name] + added for name, added in moved.items()}
     gains: dict[tuple[str, str], float] = {}
     if stabilise:
-        gains = stabilising_feedback(model, Stretch(time, trimmed.start, series, {}, (), {}))
+        gains = stabilising_feedback(model, FlightStretch(time, trimmed.start, series, {}, (), {}))
         model = with_feedback(model, gains)
         for _, channel in gains:
             series[f"reference_{channel}"] = np.full(len(time), trimmed.channels[channel])

@@ -5,7 +5,7 @@
 
 from aerodb.conditioning import FEWEST_MARKS, Shared, shared_samples
 from aerodb.flight import Flight
-from aerodb.storage.catalogue import RepeatRow, Stretch
+from aerodb.storage.catalogue import RepeatedStretch, RepeatRow
 from aerodb.storage.files import read_flight
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -40,8 +40,8 @@ def compare_with_stored(access: WorkspaceAccess, flight: Flight, other: str) -> 
     return RepeatRow(later.id, earlier.id, share, tuple(_stretch(stretch) for stretch in shared))
 
 
-def _stretch(shared: Shared) -> Stretch:
-    return Stretch(
+def _stretch(shared: Shared) -> RepeatedStretch:
+    return RepeatedStretch(
         shared.start_a,
         shared.end_a,
         shared.start_b,

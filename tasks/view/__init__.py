@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from .status import status_of
     from .table_documents import table_document
     from .trimming import (
-        SteadyFlight,
+        StatedCondition,
         expansion_document,
         glides,
         modes_document,

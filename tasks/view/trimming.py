@@ -34,7 +34,7 @@ MOST_SWEEP_POINTS: Final = 501
 
 
 @dataclass(frozen=True)
-class SteadyFlight:
+class StatedCondition:
     """A condition as a user states it.
 
     Parameters
@@ -59,7 +59,7 @@ class _Flown:
         self,
         catalogue: Catalogue,
         row: VersionRow,
-        flight: SteadyFlight,
+        flight: StatedCondition,
         database: AeroDatabase | None = None,
     ) -> None:
         vehicle = parse_vehicle(catalogue.vehicle(row.vehicle).text, f"vehicle {row.vehicle}")
@@ -90,7 +90,7 @@ def glides(catalogue: Catalogue, row: VersionRow) -> bool:
 def trim_of(
     catalogue: Catalogue,
     row: VersionRow,
-    flight: SteadyFlight,
+    flight: StatedCondition,
     database: AeroDatabase | None = None,
 ) -> Trim:
     """Trim a version, or a `database` made of it; a vehicle without thrust glides. Raises
@@ -98,7 +98,7 @@ def trim_of(
     return _Flown(catalogue, row, flight, database).trim()
 
 
-def trim_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
+def trim_document(catalogue: Catalogue, row: VersionRow, flight: StatedCondition) -> dict[str, Any]:
     """Trim a version.
 
     Returns a document: version, channels and inputs (name -> value [SI]), standard_errors (of
@@ -108,7 +108,9 @@ def trim_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -
     return {"version": row.id, **_trim_part(_Flown(catalogue, row, flight).trim())}
 
 
-def modes_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) -> dict[str, Any]:
+def modes_document(
+    catalogue: Catalogue, row: VersionRow, flight: StatedCondition
+) -> dict[str, Any]:
     """The document of `trim_document` with the modes and the linear model.
 
     modes : name, real and imaginary part [1/s], figures, standard_errors, participation, note.
@@ -127,7 +129,7 @@ def modes_document(catalogue: Catalogue, row: VersionRow, flight: SteadyFlight) 
 def sweep_document(
     catalogue: Catalogue,
     row: VersionRow,
-    flight: SteadyFlight,
+    flight: StatedCondition,
     variable: str,
     reach: tuple[float, float],
     steps: int,
@@ -190,7 +192,7 @@ def sweep_document(
 def expansion_document(
     catalogue: Catalogue,
     row: VersionRow,
-    flight: SteadyFlight,
+    flight: StatedCondition,
     variable: str,
     reach: tuple[float, float],
     largest_step: float,

@@ -28,8 +28,8 @@ from aerodb.simulation import (
     Condition,
     Expansion,
     FlightModel,
+    FlightStretch,
     Margins,
-    Stretch,
     Trim,
     expand_envelope,
     flight_model,
@@ -130,7 +130,7 @@ def fly_campaign(kind: str, seed: int, step: float = STEP) -> Campaign:
     while (exact := expansion_of(truth, TARGET)) is None:
         truth = planted(kind, rng)
     known, prior = _handbook(rng)
-    flown, records = [START], dict[str, Stretch]()
+    flown, records = [START], dict[str, FlightStretch]()
     value, reached, ended = START, False, ""
     while not reached:
         stretch = _flight(known, truth, value, rng)
@@ -191,7 +191,7 @@ def _card(time, trimmed: Trim) -> dict[str, np.ndarray]:
 
 def _flight(
     known: FlightModel, truth: FlightModel, value: float, rng: np.random.Generator
-) -> Stretch | None:
+) -> FlightStretch | None:
     """A noisy record of the card from the truth's trim; None where it cannot be flown."""
     condition = Condition(value, ALTITUDE)
     time = np.arange(round(_SECONDS / _SAMPLE) + 1) * _SAMPLE
@@ -211,11 +211,11 @@ def _flight(
     }
     start = {name: number for name, number in steady.start.items() if np.ndim(number) == 0}
     start |= {name: float(record[name][0]) for name in start if name in record}
-    return Stretch(time, start, series, record, (), {})
+    return FlightStretch(time, start, series, record, (), {})
 
 
 def _estimated(
-    known: FlightModel, prior: Mapping[str, float], records: Mapping[str, Stretch]
+    known: FlightModel, prior: Mapping[str, float], records: Mapping[str, FlightStretch]
 ) -> FlightModel:
     """The known model with all its derivatives and their covariance from all records."""
     names = tuple(known.parameters)

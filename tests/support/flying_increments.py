@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerodb.simulation import FlightModel, Stretch, flight_model, simulate
+from aerodb.simulation import FlightModel, FlightStretch, flight_model, simulate
 from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.tables import AeroDatabase, Increment, Reference, Term, parse
 
@@ -78,7 +78,7 @@ def stretches(
     model: FlightModel | None = None,
     noise: dict[str, float] = NOISE,
     wind_at_6m: float = 0.0,
-) -> dict[str, Stretch]:
+) -> dict[str, FlightStretch]:
     """Simulated flights with white noise, as `stretch_of` would give them; in Dryden's turbulence of
     a wind [m/s], which the stretch does not tell."""
     model, made = model or light_aircraft(), {}
@@ -96,7 +96,7 @@ def stretches(
         first = {name: float(flown[name][0]) for name in NOISE if name[0] != "a" or name == "alpha"}
         whole = {name: np.broadcast_to(value, time.shape) for name, value in series.items()}
         first |= {"psi": 0.0, "altitude": ALTITUDE}
-        made[f"flight {number}"] = Stretch(time, first, whole, flown, (), {})
+        made[f"flight {number}"] = FlightStretch(time, first, whole, flown, (), {})
     return made
 
 

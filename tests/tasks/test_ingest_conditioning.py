@@ -19,7 +19,7 @@ from aerodb.flows.cli.main import app
 from aerodb.recording import Topic
 from aerodb.remarks import said
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import RepeatRow, Stretch
+from aerodb.storage.catalogue.rows import RepeatedStretch, RepeatRow
 from aerodb.storage.files.flights import read_flight
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.writers.ulog import write_ulog
@@ -386,7 +386,7 @@ def test_of_a_chain_of_repetitions_the_first_counts_and_what_repeats_only_the_se
     with Catalogue.open(tmp_path / "catalogue.sqlite") as catalogue:
         catalogue.add_vehicle(VEHICLE, "text")
         add_family(catalogue)
-        part = (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)
+        part = (RepeatedStretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)
         for flight, original in (("f2", "f1"), ("f3", "f2")):
             catalogue.add_repeat(RepeatRow(h(flight), h(original), 0.5, part))
             catalogue.add_repeat(RepeatRow(h(flight), h(original), 0.5, part))

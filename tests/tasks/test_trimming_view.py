@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.exchange import to_document
 from aerodb.simulation import Condition, NoTrimError
 from aerodb.tables import AeroDatabase, Reference, Term, parse
-from aerodb.tasks.view import SteadyFlight, glides, sweep_value, trim_document
+from aerodb.tasks.view import StatedCondition, glides, sweep_value, trim_document
 
 VEHICLE = """\
 name = "twin"
@@ -60,7 +60,7 @@ TERMS = {
     "Cn": "0.065*beta - 0.1*r_hat - 0.07*delta_rudder",
 }
 ROW: Any = SimpleNamespace(id="v", vehicle="twin")
-FLIGHT = SteadyFlight(Condition(60.0, 1000.0), fuel=100.0)
+FLIGHT = StatedCondition(Condition(60.0, 1000.0), fuel=100.0)
 
 
 def catalogue(vehicle: str = VEHICLE) -> Any:
@@ -91,10 +91,10 @@ def test_fuel_gives_the_masses_and_the_engines_their_moment() -> None:
 
 def test_combinations_are_limited_by_their_surfaces() -> None:
     """-20 to 10 deg on both sides: the elevator has the same, the aileron +- 15 deg."""
-    slow = SteadyFlight(Condition(33.0, 1000.0), fuel=100.0)
+    slow = StatedCondition(Condition(33.0, 1000.0), fuel=100.0)
     with pytest.raises(NoTrimError, match=r"delta_elevator is at its lower limit, -20 deg"):
         trim_document(catalogue(VEHICLE.replace("[-0.1, 0, 0]", "[1.5, 0, 0]")), ROW, slow)
-    slipping = SteadyFlight(Condition(60.0, 1000.0, beta=-0.6), fuel=100.0)
+    slipping = StatedCondition(Condition(60.0, 1000.0, beta=-0.6), fuel=100.0)
     with pytest.raises(
         NoTrimError, match=r"delta_(aileron|rudder) is at its .* limit, -?(15|20) deg"
     ):
@@ -104,7 +104,7 @@ def test_combinations_are_limited_by_their_surfaces() -> None:
 @pytest.mark.parametrize("fuel", [None, 300.0])
 def test_a_table_of_masses_needs_the_fuel(fuel: float | None) -> None:
     with pytest.raises(InputError, match="--fuel, from 0 to 200 kg"):
-        trim_document(catalogue(), ROW, SteadyFlight(Condition(60.0, 1000.0), fuel=fuel))
+        trim_document(catalogue(), ROW, StatedCondition(Condition(60.0, 1000.0), fuel=fuel))
 
 
 def test_logged_masses_are_asked_for() -> None:
@@ -114,7 +114,7 @@ def test_logged_masses_are_asked_for() -> None:
         trim_document(catalogue(logged), ROW, FLIGHT)
     stated = ("mass=1100 kg", "cg_x=-5 cm", "cg_y=0", "cg_z=0", "Ixx=1400", "Iyy=1900", "Izz=2950",
               "Ixz=60")  # fmt: skip
-    found = trim_document(catalogue(logged), ROW, SteadyFlight(FLIGHT.condition, stated))
+    found = trim_document(catalogue(logged), ROW, StatedCondition(FLIGHT.condition, stated))
     same = trim_document(catalogue(), ROW, FLIGHT)
     assert found["channels"] == pytest.approx(same["channels"], abs=1e-9)
 
@@ -123,8 +123,8 @@ def test_controls_are_named_with_signs() -> None:
     """An interconnected rudder: the same surfaces, stated as other controls."""
     condition = Condition(60.0, 1000.0, beta=0.05)
     interconnected = ("roll=-delta_aileron + delta_rudder", "yaw=delta_rudder")
-    found = trim_document(catalogue(), ROW, SteadyFlight(condition, (), interconnected, 100.0))
-    same = trim_document(catalogue(), ROW, SteadyFlight(condition, fuel=100.0))
+    found = trim_document(catalogue(), ROW, StatedCondition(condition, (), interconnected, 100.0))
+    same = trim_document(catalogue(), ROW, StatedCondition(condition, fuel=100.0))
     assert "-delta_aileron + delta_rudder" in found["controls"]
     assert found["inputs"] == pytest.approx(same["inputs"], rel=1e-6, abs=1e-8)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.surfaces import Role, Surface
+from aerodb.effects.surfaces import Deflection, Role
 from aerodb.effects.template import LibraryContext, Template, additive
 
 #: Kind of surface -> body axis -> largest believable correction.
@@ -35,7 +35,7 @@ def per_surface(
                 expanded.append(_one(context, surface, axis, size))
         return expanded
 
-    def _one(context: LibraryContext, surface: Surface, axis: str, size: float) -> Hypothesis:
+    def _one(context: LibraryContext, surface: Deflection, axis: str, size: float) -> Hypothesis:
         alone = sum(other.role == surface.role for other in context.surfaces) == 1
         return additive(
             context,

@@ -21,7 +21,7 @@ from functools import partial
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import BELIEVED, bias_prior, predicted_change, sensor
-from aerodb.effects.surfaces import Surface
+from aerodb.effects.surfaces import Deflection
 from aerodb.effects.template import LibraryContext, Template
 
 SOURCE = "003, eq. 6"
@@ -54,9 +54,9 @@ def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side:
     return predicted_change(view, **{name: change for name, change in changes.items() if name})
 
 
-def pairs(context: LibraryContext) -> dict[tuple[str, str], list[Surface]]:
+def pairs(context: LibraryContext) -> dict[tuple[str, str], list[Deflection]]:
     """(right, left) -> the combinations that flights have of these two surfaces."""
-    by_sides: dict[tuple[str, str], list[Surface]] = {}
+    by_sides: dict[tuple[str, str], list[Deflection]] = {}
     for surface in context.surfaces:
         if surface.right:
             by_sides.setdefault((surface.right, surface.left), []).append(surface)

@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.simulation.engine import FlightModel, simulate, with_feedback
 from aerodb.simulation.inputs import Event
 from aerodb.simulation.manoeuvre import Manoeuvre, Wave
-from aerodb.simulation.replay import Stretch
+from aerodb.simulation.replay import FlightStretch
 from aerodb.simulation.stabilisation import stabilising_feedback
 from aerodb.simulation.trim import Trim
 from aerodb.simulation.trim_problem import control_inputs
@@ -196,7 +196,7 @@ def _stabilised(
     series = {name: np.full(len(time), value) for name, value in trimmed.series.items()}
     for each in {e.target: e for inputs in candidates for e in inputs}.values():
         series[each.target] = series[each.target] + 1e-3 * np.sin(time)
-    gains = stabilising_feedback(model, Stretch(time, trimmed.start, series, {}, (), {}))
+    gains = stabilising_feedback(model, FlightStretch(time, trimmed.start, series, {}, (), {}))
     return with_feedback(model, gains), gains
 
 

@@ -10,7 +10,7 @@ import scipy.io
 from aerodb.errors import InputError
 from aerodb.identification.conversion import (
     Derivatives,
-    SteadyFlight,
+    LinearisedFlight,
     coefficient_derivatives,
     dimensional_derivatives,
     exact,
@@ -40,7 +40,7 @@ LATERAL = np.array(
     ]
 )
 AILERON_RUDDER = np.array([[0.4644, -0.0322], [-47.7787, 17.8867], [-1.4142, -25.8652], [0.0, 0.0]])
-YF22 = SteadyFlight(
+YF22 = LinearisedFlight(
     mass=20.64, Ixx=1.6073, Iyy=7.5085, Izz=7.1865, Ixz=-0.56144, area=1.37, chord=0.76, span=1.96,
     pressure=0.5 * 1.19 * 42.0**2, V=42.0, alpha=0.0, theta=0.0,
     thrust=54.62,
@@ -136,7 +136,7 @@ def flown():
     """A trim in a climb with an angle of attack, and its flight condition."""
     found = trim(flight_model(database()), Condition(V=45.0, altitude=1500.0, climb=0.04), MASS)
     channels = found.channels
-    place = SteadyFlight(
+    place = LinearisedFlight(
         **MASS, area=AREA, chord=CHORD, span=SPAN,
         pressure=float(channels["qbar"]), V=45.0, alpha=float(channels["alpha"]),
         theta=float(channels["theta"]), thrust=float(found.deflections["force_x"]),
@@ -181,7 +181,7 @@ def test_attas_output_error_and_least_squares_agree(measured):
         if not key.startswith("_")
     )
     speed, density = float(data[:, 14].mean()), float(data[:, 33].mean())
-    place = SteadyFlight(
+    place = LinearisedFlight(
         mass=17631.0, Ixx=133367.0, Iyy=252687.0, Izz=359593.0, Ixz=11442.0, area=64.0,
         chord=3.159, span=2 * 10.75, pressure=0.5 * density * speed**2, V=speed,
         alpha=float(np.deg2rad(data[:, 12].mean())),
@@ -202,7 +202,7 @@ def test_attas_output_error_and_least_squares_agree(measured):
         assert half[name] == pytest.approx(published, rel=0.05), name
 
 
-PLACE = SteadyFlight(
+PLACE = LinearisedFlight(
     **MASS, area=AREA, chord=CHORD, span=SPAN, pressure=1500.0, V=52.0, alpha=0.11, theta=0.15,
     thrust=1800.0, thrust_angle=0.04,
 )  # fmt: skip

@@ -6,7 +6,7 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.identification import converted, parse_derivative_file
-from aerodb.identification.conversion import SteadyFlight, coefficient_derivatives, exact
+from aerodb.identification.conversion import LinearisedFlight, coefficient_derivatives, exact
 from tests.aerodb.identification.test_conversion import AILERON_RUDDER, LATERAL, YF22, dict_of
 from tests.support.command import asked
 
@@ -42,7 +42,7 @@ def test_the_matrices_of_the_yf22():
     found = dict_of(converted(parse_derivative_file(LINEAR, "f")))
     assert found["CY_beta"] == pytest.approx(YF22.mass * YF22.V / YF22.force * LATERAL[0, 0])
     named = {"Lp": -5.4624, "Np": -1.6375}
-    direct = coefficient_derivatives(exact(named), SteadyFlight(**vars(YF22)))
+    direct = coefficient_derivatives(exact(named), LinearisedFlight(**vars(YF22)))
     assert found["Cl_p_hat"] == pytest.approx(direct["Cl_p_hat"])
 
 

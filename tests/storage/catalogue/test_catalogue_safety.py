@@ -30,7 +30,7 @@ from aerodb.remarks import said
 from aerodb.storage.catalogue import schema
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.names import NameMovedError
-from aerodb.storage.catalogue.rows import InboxEvent, RepeatRow, Stretch
+from aerodb.storage.catalogue.rows import InboxEvent, RepeatedStretch, RepeatRow
 from aerodb.storage.upkeep.audit import Audit
 from tests.support.catalogue_samples import V, add_family, add_version, h
 from tests.support.end_to_end import environment
@@ -106,7 +106,9 @@ def filled(family: Catalogue) -> None:
     family.add_user("anna", "release", h("token"), by="me")
     family.add_note(h("v"), "tag", "flight-tested", user="me")
     family.dismiss_run(run.id, "disk replaced", user="me")
-    family.add_repeat(RepeatRow(h("f2"), h("f1"), 0.5, (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)))
+    family.add_repeat(
+        RepeatRow(h("f2"), h("f1"), 0.5, (RepeatedStretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),))
+    )
 
 
 def test_nothing_is_changed_or_deleted_even_by_hand(

@@ -17,7 +17,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.chain import CHAINED, broken_links, has_link, link_of, newest_link
 from aerodb.storage.catalogue.copying import copy_catalogue
 from aerodb.storage.catalogue.database import migrate
-from aerodb.storage.catalogue.rows import InboxEvent, RepeatRow, Stretch
+from aerodb.storage.catalogue.rows import InboxEvent, RepeatedStretch, RepeatRow
 from tests.support.catalogue_samples import V, add_family, add_flight, h
 from tests.support.postgresql import by_hand
 
@@ -42,7 +42,7 @@ def filled(catalogue: Catalogue) -> None:
         expected = h(version)
     for flight, verdict in (("f1", "good"), ("f2", "limited"), ("f3", "rejected")):
         catalogue.judge_flight(h(flight), verdict, [said("because")])  # type: ignore[arg-type]
-        stretch = (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)
+        stretch = (RepeatedStretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)
         catalogue.add_repeat(RepeatRow(h(flight), h("f4"), 0.5, stretch))
         catalogue.add_file(f"results/{flight}.parquet", h(flight), 10)
         event = InboxEvent(f"{V}/{flight}.ulg", V, 10, 5, "stored", h(flight))

@@ -8,7 +8,7 @@ from aerodb.estimation import TimeHistory, output_error
 from aerodb.identification import flight_dynamics
 from aerodb.simulation import (
     Condition,
-    Stretch,
+    FlightStretch,
     design_manoeuvre,
     manoeuvre_text,
     parse_manoeuvre,
@@ -56,7 +56,7 @@ def test_output_error_reaches_the_promised_standard_errors(trimmed, designed) ->
         for name, sigma in NOISE.items()
     }
     start = {name: value for name, value in trimmed.start.items() if np.ndim(value) == 0}
-    stretch = Stretch(time, start, series, flown, (), {})
+    stretch = FlightStretch(time, start, series, flown, (), {})
     dynamics, records = flight_dynamics(model, {"flight": stretch}, tuple(PITCH))
     assert isinstance(records[0], TimeHistory)
     fit = output_error(dynamics, records)
