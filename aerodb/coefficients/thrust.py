@@ -12,7 +12,7 @@ from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.physics import GRAVITY
 from aerodb.signals import bridge
 from aerodb.support import Array
-from aerodb.tables import Reference, transfer_moments
+from aerodb.tables import ReferenceGeometry, transfer_moments
 from aerodb.vehicle import Thrust, ThrustLine, Vehicle, cg_positions, mass_channels
 
 #: What a user does about a flight whose thrust is not known.
@@ -47,7 +47,11 @@ class ThrustShare:
         )
 
     def moved(
-        self, factor: Mapping[str, float], from_point: Array, to_point: Array, reference: Reference
+        self,
+        factor: Mapping[str, float],
+        from_point: Array,
+        to_point: Array,
+        reference: ReferenceGeometry,
     ) -> "ThrustShare":
         """The same for coefficients in another geometry: each axis times its `factor`, moments
         about `to_point` (`aerodb.tables.transfer_moments`).
@@ -90,7 +94,7 @@ def thrust_share(flight: Flight, vehicle: Vehicle, point: Array) -> ThrustShare 
         loads[axis] = moment[:, k] / length
     logged = all(name in flight for name in lines)
     known = flight.usable(lines) if logged else np.zeros(len(qbar), dtype=np.bool_)
-    geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))
+    geometry = ReferenceGeometry(area, chord, span, (0.0, 0.0, 0.0))
     return ThrustShare(transfer_moments(loads, cg, point, geometry), known)
 
 

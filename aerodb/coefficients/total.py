@@ -27,7 +27,7 @@ from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.physics import inertial_moment, specific_force_at_cg
 from aerodb.signals import FEWEST_SAMPLES, bridge, smooth
 from aerodb.support import Array
-from aerodb.tables import Reference, transfer_moments
+from aerodb.tables import ReferenceGeometry, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels
 
 #: Bandwidth of the differentiated rates [Hz] when the vehicle file states none: above the
@@ -119,7 +119,7 @@ def total_coefficients(
     qbar = np.where(np.abs(qbar) > STILL, qbar, 0.0)
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
     # Only the lengths are used: the moment reference moves with the CG.
-    geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))
+    geometry = ReferenceGeometry(area, chord, span, (0.0, 0.0, 0.0))
     properties = mass_channels(flight, vehicle)
     cg = cg_positions(flight, vehicle)
     reference = (

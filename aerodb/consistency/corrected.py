@@ -39,7 +39,7 @@ from aerodb.consistency.sensors import delayed, delays_of
 from aerodb.consistency.smoother import (
     Gusts,
     Intensities,
-    Smoothed,
+    SmoothedFlight,
     SmoothedPath,
     Source,
     StateNoise,
@@ -197,12 +197,12 @@ def corrected_flight(
 
 def _smoothed(
     result: Reconstruction, scopes: Sequence[str], by: Intensities, held: Mapping[str, float]
-) -> list[Smoothed]:
+) -> list[SmoothedFlight]:
     """Smooth every stretch of constant wind with common intensities; some of them, spread over the
     flight, with draws."""
     drawn = set(np.linspace(0, len(scopes) - 1, MOST_DRAWN).round().astype(int).tolist())
 
-    def smoothed(number: int) -> Smoothed:
+    def smoothed(number: int) -> SmoothedFlight:
         draws = DRAWS if number in drawn else 0
         return smooth_flight(result, scopes[number], fixed=held, intensities=by, draws=draws)
 
@@ -249,7 +249,7 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
 
 
 def _noise(
-    stretches: Sequence[Smoothed], source: Source, used: Mapping[str, ChannelSource]
+    stretches: Sequence[SmoothedFlight], source: Source, used: Mapping[str, ChannelSource]
 ) -> StateNoise:
     own: dict[str, Source] = {
         name: "smoother" if each.smoothed else "sensor" for name, each in used.items()

@@ -21,7 +21,7 @@ from aerodb.tables import (
     HAT_RATES,
     LIFT_INCREMENTS,
     AeroDatabase,
-    Reference,
+    ReferenceGeometry,
     hat_rate,
     slopes_by,
     slopes_by_lift,
@@ -93,7 +93,7 @@ class FlightView:
         return all(name in self.channels and name not in self.poor for name in names)
 
     @property
-    def reference(self) -> Reference:
+    def reference(self) -> ReferenceGeometry:
         """The database's reference geometry: columns are coefficients over its area [m²] and
         lengths [m], moments about its point (3,)."""
         return self.database.reference

@@ -37,7 +37,7 @@ from aerodb.tables import (
     Interval,
     Number,
     Operation,
-    Reference,
+    ReferenceGeometry,
     RefinedShape,
     Refit,
     ScatteredTable,
@@ -83,7 +83,7 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
         ]
         return AeroDatabase(
             name=file.name,
-            reference=Reference(**dict(file.reference)),
+            reference=ReferenceGeometry(**dict(file.reference)),
             variables={
                 name: Variable(
                     _parsed(v.expression, f"variable {name}"),

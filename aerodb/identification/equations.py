@@ -22,7 +22,7 @@ from aerodb.increments import (
     with_model_rates,
 )
 from aerodb.support import Array, Mask
-from aerodb.tables import AeroDatabase, Reference
+from aerodb.tables import AeroDatabase, ReferenceGeometry
 from aerodb.vehicle import Reference as VehicleReference
 
 #: Shortest stretch of usable samples that makes a record [s]: methods of the frequency domain and
@@ -39,9 +39,9 @@ def parameter_name(axis: str, term: str) -> str:
     return f"{axis}_{'0' if term == CONSTANT else term}"
 
 
-def no_database(reference: Reference) -> AeroDatabase:
+def no_database(reference: ReferenceGeometry) -> AeroDatabase:
     """Return a database of zeros: increments on it are the whole derivatives (dimensionless
-    coefficients, `Reference` [m], [m²])."""
+    coefficients, `ReferenceGeometry` [m], [m²])."""
     return AeroDatabase("none", reference, description="zero on all axes")
 
 
@@ -49,7 +49,7 @@ def no_database_beside(coefficients: Coefficients, own: VehicleReference) -> Aer
     """Return a database of zeros in a vehicle's reference geometry, about the moment reference of
     the coefficients of its flight, or its mean [m] over (n, 3) where that is the moving CG."""
     x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
-    return no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
+    return no_database(ReferenceGeometry(own.area, own.chord, own.span, (x, y, z)))
 
 
 def axis_equations(

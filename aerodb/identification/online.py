@@ -27,7 +27,7 @@ from aerodb.identification.equations import SHORTEST, axis_equations, no_databas
 from aerodb.increments import ModelFile
 from aerodb.logs import Mapping, map_recording
 from aerodb.recording import Recording
-from aerodb.tables import AeroDatabase, Reference
+from aerodb.tables import AeroDatabase, ReferenceGeometry
 from aerodb.vehicle import Vehicle, with_mass_channels
 
 OnlineMethod = Literal["recursive", "normalised-recursive", "fourier-regression"]
@@ -132,7 +132,7 @@ class OnlineEstimation:
         if self.database is None:
             x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
             own = self.vehicle.reference
-            self.database = no_database(Reference(own.area, own.chord, own.span, (x, y, z)))
+            self.database = no_database(ReferenceGeometry(own.area, own.chord, own.span, (x, y, z)))
         comparison = compare(flight, coefficients, self.database, self.vehicle.reference)
         until = float(flight.time[-1]) - (0.0 if final else self.edge)
         taken, problems = 0, []

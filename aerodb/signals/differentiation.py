@@ -24,7 +24,7 @@ FEWEST_SAMPLES = 8
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmoothedRecord:
     """A smoothed record.
 
     value : (n,). rate : (n,), its time derivative. bandwidth : Hz. noise : standard deviation of
@@ -39,7 +39,9 @@ class Smoothed:
     rate_sigma: float
 
 
-def smooth(values: Array, step: float, bandwidth: float, noise: float | None = None) -> Smoothed:
+def smooth(
+    values: Array, step: float, bandwidth: float, noise: float | None = None
+) -> SmoothedRecord:
     """Low-pass and differentiate a uniformly sampled record with zero phase.
 
     Parameters
@@ -69,7 +71,7 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
     cosine[1:-1] = gain * series * omega
     rate += 0.5 * dct(cosine, type=1)
     share = noise / np.sqrt(n - 1)
-    return Smoothed(
+    return SmoothedRecord(
         value=value,
         rate=rate,
         bandwidth=bandwidth,

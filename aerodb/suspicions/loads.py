@@ -20,7 +20,7 @@ from aerodb.signals import low_passed
 from aerodb.support import Array
 from aerodb.suspicions.derivatives import INFLATION, AxisShares, Share
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
-from aerodb.tables import Reference
+from aerodb.tables import ReferenceGeometry
 from aerodb.vehicle import Vehicle
 
 #: Kind of suspicion that aerodynamics may explain as well: said, but no fault of the flight.
@@ -188,7 +188,7 @@ def mass_beside(
     return [Suspicion("mass", POSSIBLE, words, evidence)]
 
 
-def cg_beside(axes: Mapping[str, AxisShares], reference: Reference) -> list[Suspicion]:
+def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> list[Suspicion]:
     """Return a shift of the CG that explains what pitching and yawing moment have in proportion to
     normal and side force.
 

@@ -3,7 +3,7 @@
 The way through:
 
 1. `parse` reads an `Expression`; `Table` and `ScatteredTable` interpolate values. `Term`s over
-   them, with a `Reference` geometry, `Variable`s, `StateModel`s and `Increment`s, make an
+   them, with a `ReferenceGeometry` geometry, `Variable`s, `StateModel`s and `Increment`s, make an
    `AeroDatabase`.
 2. `AeroDatabase.predict` gives the six coefficients (`Prediction`); `evaluate_database` adds
    standard errors and places (`Evaluation`, `Place`).
@@ -81,7 +81,7 @@ if TYPE_CHECKING:
         HAT_RATES,
         INCREMENT_AXES,
         WIND_AXES,
-        Reference,
+        ReferenceGeometry,
         body_to_wind,
         hat_rate,
         transfer_moments,

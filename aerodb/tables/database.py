@@ -29,7 +29,7 @@ from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
 from aerodb.tables.program import AnyTable, Program, compile_program
-from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference, hat_rate, wind_to_body
+from aerodb.tables.reference import HAT_RATES, WIND_AXES, ReferenceGeometry, hat_rate, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
@@ -109,7 +109,7 @@ class AeroDatabase:
     """
 
     name: str
-    reference: Reference
+    reference: ReferenceGeometry
     variables: Mapping[str, Variable] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     terms: tuple[Term, ...] = ()

@@ -14,7 +14,7 @@ from aerodb.support import Array
 
 Point = tuple[float, float, float]
 
-#: Dimensionless rate -> the rate, and the length of `Reference` that scales it.
+#: Dimensionless rate -> the rate, and the length of `ReferenceGeometry` that scales it.
 HAT_RATES: Final[dict[str, tuple[str, str]]] = {
     "p_hat": ("p", "span"),
     "q_hat": ("q", "chord"),
@@ -29,7 +29,7 @@ WIND_AXES: Final[tuple[str, ...]] = ("C_drag", "C_side", "C_lift")
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceGeometry:
     """Reference geometry of a database.
 
     Parameters
@@ -64,7 +64,7 @@ class Reference:
         object.__setattr__(self, "moment_reference", point)
 
 
-def hat_rate(name: str, channels: Mapping[str, Any], reference: Reference) -> Array:
+def hat_rate(name: str, channels: Mapping[str, Any], reference: ReferenceGeometry) -> Array:
     """Dimensionless rate, such as ``p b/(2V)``.
 
     Parameters
@@ -91,7 +91,7 @@ def transfer_moments(
     coefficients: Mapping[str, Array],
     from_point: ArrayLike,
     to_point: ArrayLike,
-    reference: Reference,
+    reference: ReferenceGeometry,
 ) -> dict[str, Array]:
     """Transfer moment coefficients to another point: ``M_to = M_from + (r_from - r_to) x F``.
 

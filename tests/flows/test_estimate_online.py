@@ -20,7 +20,7 @@ from aerodb.increments import parse_model_file
 from aerodb.logs import map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.ulog import read_ulog
-from aerodb.tables import Reference
+from aerodb.tables import ReferenceGeometry
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked
 from tests.support.glider_ulog import ULOG_VEHICLE, write_glider_ulog
@@ -57,7 +57,7 @@ def equations(folder: Path):
     recording = read_ulog(folder / "flight.ulg")
     flight = flag_unusable(map_recording(recording, builtin_mappings()["px4"], vehicle))
     coefficients = total_coefficients(flight, vehicle)
-    database = no_database(Reference(AREA, CHORD, 3.6, (-0.4, 0.0, 0.0)))
+    database = no_database(ReferenceGeometry(AREA, CHORD, 3.6, (-0.4, 0.0, 0.0)))
     comparison = compare(flight, coefficients, database, vehicle.reference)
     return axis_equations([flight], [comparison], parse_model_file(MODEL), database)
 

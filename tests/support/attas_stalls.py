@@ -27,7 +27,7 @@ from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import Operation, number, parse
 from aerodb.tables.program import evaluate
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.consistency_records import ATTAS_BIASES, BOOM
 
@@ -139,7 +139,7 @@ def corrected(flight: Flight, biases: dict[str, float], moved: bool = True) -> F
 
 
 def empty_database() -> AeroDatabase:
-    return AeroDatabase("attas", Reference(64.0, 3.159, 21.5, (-0.02, -0.01, -0.12)))
+    return AeroDatabase("attas", ReferenceGeometry(64.0, 3.159, 21.5, (-0.02, -0.01, -0.12)))
 
 
 def compared(flight: Flight, database: AeroDatabase) -> Comparison:

@@ -9,7 +9,7 @@ import numpy as np
 from aerodb.estimation import EquationRecord, LinearEquation, Parameter, Parameters
 from aerodb.simulation import flight_model, parse_manoeuvre, simulate, trim
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Reference, Table, Term, parse
+from aerodb.tables import AeroDatabase, ReferenceGeometry, Table, Term, parse
 from tests.support.equations import coloured
 
 AREA, CHORD, SPAN = 25.96, 1.98, 15.87
@@ -36,7 +36,7 @@ class Flown:
 def database() -> AeroDatabase:
     return AeroDatabase(
         name="caravan-like",
-        reference=Reference(AREA, CHORD, SPAN, (0.0, 0.0, 0.0)),
+        reference=ReferenceGeometry(AREA, CHORD, SPAN, (0.0, 0.0, 0.0)),
         tables={"CLA": Table("CLA", ("alpha",), (ALPHA,), LIFT)},
         terms=(
             Term(

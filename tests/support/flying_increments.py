@@ -4,7 +4,7 @@ import numpy as np
 
 from aerodb.simulation import FlightModel, FlightStretch, flight_model, simulate
 from aerodb.simulation.turbulence import DrydenGusts
-from aerodb.tables import AeroDatabase, Increment, Reference, Term, parse
+from aerodb.tables import AeroDatabase, Increment, ReferenceGeometry, Term, parse
 
 BODY = {"mass": 1043.0, "Ixx": 1285.0, "Iyy": 1825.0, "Izz": 2667.0}
 TERMS = {
@@ -41,7 +41,7 @@ def light_aircraft(
     ]
     database = AeroDatabase(
         name="light aircraft",
-        reference=Reference(16.2, 1.49, 10.9, (0.0, 0.0, 0.0)),
+        reference=ReferenceGeometry(16.2, 1.49, 10.9, (0.0, 0.0, 0.0)),
         terms=tuple(Term(axis, axis, parse(text)) for axis, text in (TERMS | terms).items()),
         increments=tuple(increments),
     )

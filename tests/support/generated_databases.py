@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import Expression, parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
@@ -61,7 +61,9 @@ def generated(seed: int, increments: int = 2, uncertain: bool = True) -> AeroDat
     identified = tuple(
         _increment(str(rng.choice([term.axis for term in terms])), rng) for _ in range(increments)
     )
-    reference = Reference(*rng.uniform(1.0, 20.0, 3).tolist(), tuple(rng.normal(size=3).tolist()))
+    reference = ReferenceGeometry(
+        *rng.uniform(1.0, 20.0, 3).tolist(), tuple(rng.normal(size=3).tolist())
+    )
     return AeroDatabase(
         f"generated {seed}",
         reference,

@@ -19,7 +19,7 @@ from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.flight import Flight
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simulator
 
@@ -242,7 +242,11 @@ def vehicle_text(aircraft: Aircraft, database: AeroDatabase) -> str:
 
 
 def vehicle_file(
-    name: str, aircraft: str, reference: Reference, thrust: str, noise: Mapping[str, float] = NOISE
+    name: str,
+    aircraft: str,
+    reference: ReferenceGeometry,
+    thrust: str,
+    noise: Mapping[str, float] = NOISE,
 ) -> str:
     """The text of a vehicle file: the accelerometers are at the pilot's eyes, as the aircraft's own
     file states them. thrust : lines of its section, and sections after it; noise : of the

@@ -10,7 +10,7 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.exchange import to_document
 from aerodb.simulation import Condition, NoTrimError
-from aerodb.tables import AeroDatabase, Reference, Term, parse
+from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
 from aerodb.tasks.view import StatedCondition, glides, sweep_value, trim_document
 
 VEHICLE = """\
@@ -66,7 +66,7 @@ FLIGHT = StatedCondition(Condition(60.0, 1000.0), fuel=100.0)
 def catalogue(vehicle: str = VEHICLE) -> Any:
     database = AeroDatabase(
         name="twin",
-        reference=Reference(16.0, 1.5, 11.0, (0.0, 0.0, 0.0)),
+        reference=ReferenceGeometry(16.0, 1.5, 11.0, (0.0, 0.0, 0.0)),
         terms=tuple(Term(f"{axis}_all", axis, parse(text)) for axis, text in TERMS.items()),
     )
     content = json.dumps(to_document(database))

@@ -89,7 +89,7 @@ class SmoothedPath:
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmoothedFlight:
     """A smoothed flight.
 
     flight : id. paths : one per record. values : parameter name -> value, SI.
@@ -118,7 +118,7 @@ def smooth_flight(
     draws: int = 0,
     seed: int = 0,
     intensities: Intensities | None = None,
-) -> Smoothed:
+) -> SmoothedFlight:
     """Smooth the records of one flight of a reconstruction.
 
     The reconstruction's sensor errors and mean winds are kept, with their covariance in air without
@@ -158,7 +158,7 @@ def smooth_flight(
         smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
         paths.append(smoothed)
         total += likelihood
-    return Smoothed(flight, tuple(paths), values, by, total)
+    return SmoothedFlight(flight, tuple(paths), values, by, total)
 
 
 def intensities_of(

@@ -18,7 +18,7 @@ from scipy.fft import next_fast_len
 
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import inertial_noise
-from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath
+from aerodb.consistency.smoother.smoothing import SmoothedFlight, SmoothedPath
 from aerodb.errors import InputError
 from aerodb.signals import bridge
 from aerodb.support import Array
@@ -112,7 +112,7 @@ def state_noise_from(document: Mapping[str, Any]) -> StateNoise:
 
 
 def state_noise(
-    smoothed: Smoothed,
+    smoothed: SmoothedFlight,
     source: Source = "smoother",
     seed: int = 0,
     own: Mapping[str, Source] | None = None,
@@ -173,7 +173,7 @@ def state_noise(
 
 
 def _from_steady_path(
-    entry: SmoothedPath, smoothed: Smoothed, name: str, source: Source
+    entry: SmoothedPath, smoothed: SmoothedFlight, name: str, source: Source
 ) -> Array | None:
     """Difference (n,) of an air-data channel of the estimate from the path in steady wind; None
     where no sensor measured the channel."""
@@ -188,7 +188,7 @@ def _from_steady_path(
 
 def _errors(
     entry: SmoothedPath,
-    smoothed: Smoothed,
+    smoothed: SmoothedFlight,
     name: str,
     source: Source,
     generator: np.random.Generator,

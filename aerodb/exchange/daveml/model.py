@@ -37,7 +37,7 @@ from aerodb.tables import (
     Negation,
     Number,
     Operation,
-    Reference,
+    ReferenceGeometry,
     ScatteredTable,
     Table,
     TableCall,
@@ -138,7 +138,7 @@ class Model:
         self._taken.add(name)
         return name
 
-    def database(self, reference: Reference | None) -> AeroDatabase:
+    def database(self, reference: ReferenceGeometry | None) -> AeroDatabase:
         """Return the database of everything that was read, in SI units. Raises InputError, or
         OpenQuestionsError for inputs without a meaning.
 
@@ -197,7 +197,7 @@ class Model:
         self,
         identity: str,
         signal: DavemlSignal,
-        reference: Reference,
+        reference: ReferenceGeometry,
         free: dict[str, str],
         used: set[str],
     ) -> tuple[Expression, dict[str, str]]:
@@ -231,7 +231,7 @@ class Model:
             raw = Name(self._free(signal, free))
         return raw, {"input": str(raw)}
 
-    def _plain(self, identity: str, reference: Reference) -> Expression:
+    def _plain(self, identity: str, reference: ReferenceGeometry) -> Expression:
         """The expression of a defined signal.
 
         The constants and hat rates of the database, which an export writes out, are restored.
@@ -291,7 +291,7 @@ class Model:
                 nearest(unused[0], known),
             )
 
-    def _reference(self) -> Reference:
+    def _reference(self) -> ReferenceGeometry:
         """Reference geometry by standard names, in SI."""
         values: dict[str, float] = {}
         for key, attribute in CONSTANTS.items():
@@ -318,7 +318,7 @@ class Model:
             if signal.declared.name in POSITIONS and signal.initial is not None:
                 k = POSITIONS.index(signal.declared.name)
                 point[k] = self._position(signal, k, values["chord"])
-        return Reference(
+        return ReferenceGeometry(
             values["area"], values["chord"], values["span"], (point[0], point[1], point[2])
         )
 

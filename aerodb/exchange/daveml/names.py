@@ -49,7 +49,7 @@ STANDARD_INPUTS: Final = {known: name for name, (known, _, _) in reversed(_INPUT
 STANDARD_SIGNS: Final = {
     row[0]: row[1].split()[0] for row in (*_INPUTS.values(), *_OUTPUTS.values()) if row[1]
 }
-#: Reference geometry: standard name -> attribute of `Reference`; positions are from the datum.
+#: Standard name -> attribute of `ReferenceGeometry`; positions are from the datum.
 REFERENCES: Final = {
     "referenceWingArea": "area",
     "referenceWingChord": "chord",

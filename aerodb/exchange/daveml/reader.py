@@ -29,7 +29,14 @@ from aerodb.exchange.daveml.tables import (
     read_point_lists,
 )
 from aerodb.exchange.xml_elements import children, find, number, plain, required, tag, unsupported
-from aerodb.tables import AeroDatabase, Expression, Reference, ScatteredTable, Table, TableCall
+from aerodb.tables import (
+    AeroDatabase,
+    Expression,
+    ReferenceGeometry,
+    ScatteredTable,
+    Table,
+    TableCall,
+)
 from aerodb.tables import number as constant
 
 _ROLES: Final = (
@@ -58,7 +65,7 @@ def import_daveml(
     *,
     name: str = "",
     bindings: Mapping[str, str] | None = None,
-    reference: Reference | None = None,
+    reference: ReferenceGeometry | None = None,
 ) -> AeroDatabase:
     """Return the aerodynamics of a DAVE-ML file.
 

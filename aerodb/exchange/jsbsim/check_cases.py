@@ -23,7 +23,7 @@ from aerodb.tables import (
     CheckCase,
     Expression,
     Name,
-    Reference,
+    ReferenceGeometry,
     TableCall,
     transfer_moments,
 )
@@ -204,7 +204,7 @@ def fly_cases(
     executive: Any,
     conditions: Sequence[Mapping[str, float]],
     properties: Mapping[str, tuple[str, float]],
-    reference: Reference,
+    reference: ReferenceGeometry,
 ) -> JsbsimRun:
     """Bring `executive` to each of `conditions`; return inputs, forces and moments read back.
 

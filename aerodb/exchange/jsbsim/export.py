@@ -29,7 +29,7 @@ from aerodb.exchange.jsbsim.properties import (
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
 from aerodb.nomenclature import axis_description, channel
-from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, Reference, Term, parse
+from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, ReferenceGeometry, Term, parse
 
 _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
@@ -140,7 +140,7 @@ def _header(database: AeroDatabase) -> Element:
     return node("fileheader", node("description", text=(text)))
 
 
-def _metrics(reference: Reference) -> Element:
+def _metrics(reference: ReferenceGeometry) -> Element:
     sizes = {
         "wingarea": ("FT2", reference.area / FOOT**2),
         "wingspan": ("FT", reference.span / FOOT),

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from aerodb.errors import InputError, nearest
 from aerodb.exchange.xml_elements import parsed, shortened
-from aerodb.tables import Reference
+from aerodb.tables import ReferenceGeometry
 from aerodb.units import convert
 
 _MAX_BYTES: Final = 20_000_000
@@ -119,7 +119,7 @@ def _convert(element: Any, text: str | None, default: str, to: str, where: str) 
     return float(convert(read_number(text, f"{where}: <{element.tag}>"), _UNITS[unit], to))
 
 
-def read_reference(metrics: Any, where: str) -> Reference:
+def read_reference(metrics: Any, where: str) -> ReferenceGeometry:
     """Return area, chord, span and moment reference (AERORP) in SI units.
 
     Positions are in body axes from the structural origin, (3,). Raises InputError where one is
@@ -140,7 +140,7 @@ def read_reference(metrics: Any, where: str) -> Reference:
     x, y, z = (
         _convert(point, only_child(point, axis, where).text, "IN", "m", where) for axis in "xyz"
     )
-    return Reference(
+    return ReferenceGeometry(
         area=_convert(area, area.text, "FT2", "m^2", where),
         chord=_convert(chord, chord.text, "FT", "m", where),
         span=_convert(span, span.text, "FT", "m", where),

@@ -45,7 +45,7 @@ from aerodb.tables import (
     Negation,
     Number,
     Operation,
-    Reference,
+    ReferenceGeometry,
     Relay,
     StateModel,
     Term,
@@ -156,7 +156,7 @@ class _AircraftReader:
             raise InputError(f"<{element.tag}> must contain exactly one function", self._where)
         return self._functions.function(functions[0])
 
-    def database(self, reference: Reference) -> AeroDatabase:
+    def database(self, reference: ReferenceGeometry) -> AeroDatabase:
         """Return the database of everything that was read."""
         terms = self._terms()
         variables: dict[str, Variable] = {}
@@ -201,7 +201,7 @@ class _AircraftReader:
 
     def _resolve(
         self,
-        reference: Reference,
+        reference: ReferenceGeometry,
         terms: list[Term],
         variables: dict[str, Variable],
         free: dict[str, str],
@@ -288,7 +288,9 @@ class _AircraftReader:
                 expression = cancelled
         return Operation("/", expression, reduce(times, rest)) if rest else expression
 
-    def _meaning(self, name: str, reference: Reference, terms: list[Term]) -> Variable | None:
+    def _meaning(
+        self, name: str, reference: ReferenceGeometry, terms: list[Term]
+    ) -> Variable | None:
         """The variable that a property stands for; None for a free input."""
         note = property_description(name)
         if name in self._bindings:
@@ -321,7 +323,7 @@ class _AircraftReader:
         text = self._text(name, reference)
         return Variable(parse(text), "", note) if text else None
 
-    def _text(self, name: str, reference: Reference) -> str:
+    def _text(self, name: str, reference: ReferenceGeometry) -> str:
         """The expression of a property of JSBSim or of an earlier export; '' if there is none."""
         if name == "aero/h_b-mac-ft":
             return height_of_reference_point(*reference.moment_reference)

@@ -17,7 +17,7 @@ from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, t
 from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
-from aerodb.tables.reference import WIND_AXES, Reference, wind_to_body
+from aerodb.tables.reference import WIND_AXES, ReferenceGeometry, wind_to_body
 
 #: Changes below this fraction of the largest coefficient at the nodes are rounding.
 _ROUNDING = 1e-12
@@ -206,8 +206,8 @@ def _effect(
     return turned(own.value)[k], np.abs(turned(own.standard_error)[k]), own.inside
 
 
-def _reference(before: Reference, after: Reference) -> list[TermChange]:
-    names = [field.name for field in fields(Reference)]
+def _reference(before: ReferenceGeometry, after: ReferenceGeometry) -> list[TermChange]:
+    names = [field.name for field in fields(ReferenceGeometry)]
     pairs = [(name, str(getattr(before, name)), str(getattr(after, name))) for name in names]
     return [TermChange("reference", name, "", old, new) for name, old, new in pairs if old != new]
 

@@ -15,7 +15,7 @@ from aerodb.physics.rigid_body import inertial_moment, specific_force_at_cg
 from aerodb.signals.differentiation import smooth
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.any_format import read_log
-from aerodb.tables.reference import Reference, hat_rate
+from aerodb.tables.reference import ReferenceGeometry, hat_rate
 from aerodb.vehicle import parse_vehicle
 from tests.aerodb.estimation.test_ordinary_least_squares import PUBLISHED
 from tests.support.paths import VEHICLES
@@ -127,7 +127,7 @@ def test_slopes_from_our_coefficients_and_rates_within_two_standard_errors(recor
     # band-limited moment on regressors that are not attenuates the slope.
     flight, column = record("totter_f1_017_data.mat")
     ours = total_coefficients(flight, twin_otter, bandwidth=3.0)
-    geometry = Reference(
+    geometry = ReferenceGeometry(
         *(getattr(twin_otter.reference, k) for k in ("area", "chord", "span")), (0, 0, 0)
     )
     x = {

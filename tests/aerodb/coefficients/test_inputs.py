@@ -12,7 +12,7 @@ from aerodb.nomenclature import AXES
 from aerodb.signals.error_measures import rms
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import parse_vehicle
 from tests.support.small_glider import VEHICLE
 
@@ -29,7 +29,7 @@ TERMS = {
 def database(**more):
     return AeroDatabase(
         "d",
-        Reference(0.9, 0.25, 3.6, (-0.4, 0.0, 0.0)),
+        ReferenceGeometry(0.9, 0.25, 3.6, (-0.4, 0.0, 0.0)),
         variables={"size_of_beta": Variable(parse("abs(beta)"), "1", "size of beta")},
         terms=tuple(Term(f"t{axis}", axis, parse(text)) for axis, text in TERMS.items()),
         free_inputs={"brake": "air brake"},

@@ -25,7 +25,7 @@ from aerodb.tables.analysis.consolidation import consolidate
 from aerodb.tables.analysis.evaluation import evaluate_database
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import Vehicle, add_combinations, parse_vehicle
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support import effect_flights
@@ -347,7 +347,7 @@ def test_an_effect_that_flew_comes_back_through_the_whole_chain(
     truth = replace(database, terms=(*database.terms, Term("undeclared", axis, parse(expression))))
     log = effect_flights.logged(effect_flights.flown(6, truth), vehicle)
     flight = add_combinations(air_data_at_cg(log, vehicle), vehicle)
-    geometry = Reference(AREA, CHORD, SPAN, (0.0, 0.0, 0.0))
+    geometry = ReferenceGeometry(AREA, CHORD, SPAN, (0.0, 0.0, 0.0))
     compared = compare(flight, total_coefficients(flight, vehicle), database, geometry)
     view = view_of(flight, compared, database, vehicle)
     hypothesis = next(

@@ -21,7 +21,7 @@ from aerodb.support.arrays import Array
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import Vehicle, add_combinations
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database, flown, logged, vehicle
@@ -134,7 +134,9 @@ PERTURBATIONS: dict[str, tuple[float, Perturbed]] = {
 
 def _processed(flight: Flight, of: Vehicle, wind: bool) -> tuple[Flight, dict[str, Array]]:
     flight = add_combinations(air_data_at_cg(flight, of), of)
-    geometry = Reference(of.reference.area, of.reference.chord, of.reference.span, (0.0, 0.0, 0.0))
+    geometry = ReferenceGeometry(
+        of.reference.area, of.reference.chord, of.reference.span, (0.0, 0.0, 0.0)
+    )
     compared = compare(flight, total_coefficients(flight, of), _database(wind), geometry)
     return flight, {axis: compared.residual(axis) for axis in AXES}
 
@@ -149,7 +151,9 @@ def _prepared(wind: bool) -> tuple[Flight, Vehicle, FlightView, tuple[Hypothesis
     of = vehicle()
     log = logged(flown(3, _database(wind)), of)
     flight = add_combinations(air_data_at_cg(log, of), of)
-    geometry = Reference(of.reference.area, of.reference.chord, of.reference.span, (0.0, 0.0, 0.0))
+    geometry = ReferenceGeometry(
+        of.reference.area, of.reference.chord, of.reference.span, (0.0, 0.0, 0.0)
+    )
     compared = compare(flight, total_coefficients(flight, of), _database(wind), geometry)
     view = view_of(flight, compared, _database(wind), of)
     library = hypotheses_for(_database(wind), of, flight.channels)

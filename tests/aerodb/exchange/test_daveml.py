@@ -23,7 +23,7 @@ from aerodb.nomenclature import AXES
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
@@ -31,7 +31,7 @@ from aerodb.tables.uncertainty import Uncertainty
 Measured = Callable[[str], Path]
 BODY_FLAPS = ("upper_left", "upper_right", "lower_left", "lower_right")
 BINDINGS = {"DLG": "90*delta_landing_gear"}
-REFERENCE = Reference(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
+REFERENCE = ReferenceGeometry(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
 
 
 def difference(one: AeroDatabase, other: AeroDatabase, points: dict[str, np.ndarray]) -> float:

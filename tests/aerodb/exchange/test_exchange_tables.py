@@ -27,7 +27,7 @@ from aerodb.tables.analysis.check_cases import CheckCase
 from aerodb.tables.analysis.consolidation import consolidate
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.table import Table
 from aerodb.tasks.steps.importing import read_database
 from tests.support.generated_databases import equal, generated, points
@@ -223,7 +223,7 @@ def test_units_are_stated_where_they_are_known() -> None:
     """A table asked at alpha in degrees is labelled alpha; its file must not say rad."""
     database = AeroDatabase(
         "degrees",
-        Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)),
+        ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)),
         {"a": Variable(parse("alpha"))},
         {
             name: Table(

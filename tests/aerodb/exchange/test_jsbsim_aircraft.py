@@ -16,7 +16,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.storage.files.aircraft_files import files_beside
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from tests.support.jsbsim_flights import (
     FOOT,
     INCH,
@@ -125,7 +125,7 @@ def test_every_aircraft_agrees_or_is_refused_by_name(aircraft: str) -> None:
     assert error <= 1.0
 
 
-def as_jsbsim_rounds(aircraft: str, exact: Reference) -> Reference:
+def as_jsbsim_rounds(aircraft: str, exact: ReferenceGeometry) -> ReferenceGeometry:
     executive = simulator(aircraft)
     x, y, z = (executive[f"metrics/aero-rp-{axis}-in"] * INCH for axis in "xyz")
     area, chord, span = (
@@ -133,7 +133,7 @@ def as_jsbsim_rounds(aircraft: str, exact: Reference) -> Reference:
         executive["metrics/cbarw-ft"],
         executive["metrics/bw-ft"],
     )
-    rounded = Reference(area * FOOT**2, chord * FOOT, span * FOOT, (-x, y, -z))
+    rounded = ReferenceGeometry(area * FOOT**2, chord * FOOT, span * FOOT, (-x, y, -z))
     assert (rounded.area, rounded.chord, rounded.span) == pytest.approx(
         (exact.area, exact.chord, exact.span), rel=4e-9
     )

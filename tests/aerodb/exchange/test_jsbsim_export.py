@@ -25,12 +25,12 @@ from aerodb.tables.analysis.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from tests.support.jsbsim_flights import INCH, aircraft_file, random_condition, simulator
 
-REFERENCE = Reference(12.5, 1.4, 9.1, (-2.31, 0.04, 0.37))
+REFERENCE = ReferenceGeometry(12.5, 1.4, 9.1, (-2.31, 0.04, 0.37))
 ARGUMENTS = (
     "alpha",
     "beta",

@@ -22,7 +22,7 @@ from aerodb.support.identity import canonical_json
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval, RefinedShape, Refit
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.table import Table
 
 REFERENCE = """name = "handbook"
@@ -182,7 +182,7 @@ def full_database(seed: int) -> AeroDatabase:
         Term("a", "CZ", parse("k*T(alpha, mach)"), "text é"),
         Term("b", "C_drag", number(-rng.random())),
     )
-    reference = Reference(rng.random() + 0.1, 1 / 3, 2.0, (-0.0, rng.normal(), 1e-300))
+    reference = ReferenceGeometry(rng.random() + 0.1, 1 / 3, 2.0, (-0.0, rng.normal(), 1e-300))
     return AeroDatabase(
         "full",
         reference,

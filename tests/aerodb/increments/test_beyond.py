@@ -13,7 +13,7 @@ from aerodb.signals.error_measures import rms
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import parse_vehicle
 from tests.support.small_glider import VEHICLE
 
@@ -29,7 +29,7 @@ def database(low=0.0, high=0.15):
         np.zeros((2, 2)),
         {"alpha": Interval(low, high, 0.02)},
     )
-    reference = Reference(0.9, 0.25, 3.6, (-0.4, 0.0, 0.0))
+    reference = ReferenceGeometry(0.9, 0.25, 3.6, (-0.4, 0.0, 0.0))
     return AeroDatabase("d", reference, increments=(increment,))
 
 

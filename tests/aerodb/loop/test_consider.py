@@ -14,7 +14,7 @@ from aerodb.loop.consider import sensor_consider_parameters
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.vehicle import add_combinations
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database as whole_database
@@ -106,7 +106,7 @@ def test_without_doubts_nothing_changes() -> None:
 def _residuals(of: Flight) -> tuple[Flight, dict[str, Array]]:
     described = vehicle()
     of = add_combinations(air_data_at_cg(of, described), described)
-    geometry = Reference(
+    geometry = ReferenceGeometry(
         described.reference.area,
         described.reference.chord,
         described.reference.span,

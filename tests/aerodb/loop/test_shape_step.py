@@ -11,14 +11,14 @@ from aerodb.loop.remarks import on_shapes
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, RefinedShape, Refit
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tracing.decision.refinement import Refined, downgraded_on_axes
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_small import LIBRARY, evidence
 
-EMPTY = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
+EMPTY = AeroDatabase("empty", ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
 LIFT = RefinedShape("stall@C_lift:loop", "C_lift", ("alpha", "mach"), 0.2)
 
 

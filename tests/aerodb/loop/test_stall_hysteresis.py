@@ -8,7 +8,7 @@ from aerodb.effects.stall import lift_hysteresis
 from aerodb.effects.stall.stall_shape import StallFlight
 from aerodb.errors import InputError
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.state_model import Relay
 
 TRUTH, GAIN, ALPHA_0 = Relay(0.09, 0.33), -80.0, -0.04
@@ -45,7 +45,7 @@ def test_no_stall_no_loop() -> None:
 
 
 def test_a_database_has_one_law_of_separation() -> None:
-    empty = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
+    empty = AeroDatabase("empty", ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
     once = lift_hysteresis.with_state(empty, TRUTH)
     assert once.states[0].law == TRUTH
     with pytest.raises(InputError, match="already has a state model of flow_attachment"):

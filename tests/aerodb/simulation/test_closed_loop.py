@@ -15,7 +15,7 @@ from aerodb.simulation.layout import SURROUNDINGS
 from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
 from aerodb.support.arrays import Array
-from aerodb.tables import AeroDatabase, Reference, Term, parse
+from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
 from aerodb.vehicle import Surface, parse_vehicle
 
 PLAIN = """
@@ -46,7 +46,7 @@ def plain(**changed: float) -> FlownVehicle:
         "CZ": "-4*alpha",
         "Cm": "0.02*alpha - 0.3*q/V - 0.5*delta_elevator",
     }
-    reference = Reference(2.0, 1.0, 4.0, (changed.get("ahead", 0.1), 0.0, 0.0))
+    reference = ReferenceGeometry(2.0, 1.0, 4.0, (changed.get("ahead", 0.1), 0.0, 0.0))
     database = AeroDatabase(
         name="plain",
         reference=reference,
@@ -218,7 +218,7 @@ def test_a_vehicle_that_cannot_be_simulated_is_refused(change: str) -> None:
         else f"{PLAIN}\n{change}"
     )
     database = AeroDatabase(
-        name="plain", reference=Reference(2.0, 1.0, 4.0, (0.0, 0.0, 0.0)), terms=()
+        name="plain", reference=ReferenceGeometry(2.0, 1.0, 4.0, (0.0, 0.0, 0.0)), terms=()
     )
     with pytest.raises(InputError, match=r"gliding|logged in flight"):
         fly(

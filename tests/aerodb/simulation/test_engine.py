@@ -10,7 +10,7 @@ from aerodb.errors import InputError
 from aerodb.physics import EARTH_RATE, GRAVITY, Earth, normal_gravity, standard_atmosphere
 from aerodb.simulation import Actuator, Propulsion, flight_model, simulate
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Reference, Term, parse
+from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
 
 BRICK = {"mass": 2.267962, "Ixx": 0.002568, "Iyy": 0.008421, "Izz": 0.009755}
 HEAVY = {"mass": 800.0, "Ixx": 1e3, "Iyy": 1.5e4, "Izz": 1.6e4}
@@ -22,7 +22,7 @@ _A, _F, _GM = 6378137.0, 1.0 / 298.257223563, 3.986004418e14
 def database(**terms: str) -> AeroDatabase:
     return AeroDatabase(
         name="body",
-        reference=Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)),
+        reference=ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)),
         terms=tuple(Term(f"{axis}_all", axis, parse(text)) for axis, text in terms.items()),
     )
 

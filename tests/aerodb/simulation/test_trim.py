@@ -20,7 +20,7 @@ from aerodb.simulation import (
     sweep,
     trim,
 )
-from aerodb.tables import AeroDatabase, Increment, Reference, StateModel, Term, parse
+from aerodb.tables import AeroDatabase, Increment, ReferenceGeometry, StateModel, Term, parse
 from aerodb.tables.state_model import GomanKhrabrov
 
 AREA, CHORD, SPAN = 16.0, 1.5, 11.0
@@ -40,7 +40,7 @@ LIMITS = dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), (-0.
 def database(increments: tuple[Increment, ...] = (), **terms: str) -> AeroDatabase:
     return AeroDatabase(
         name="light",
-        reference=Reference(AREA, CHORD, SPAN, (0.0, 0.0, 0.0)),
+        reference=ReferenceGeometry(AREA, CHORD, SPAN, (0.0, 0.0, 0.0)),
         terms=tuple(Term(f"{axis}_all", axis, parse(t)) for axis, t in {**TERMS, **terms}.items()),
         increments=increments,
     )

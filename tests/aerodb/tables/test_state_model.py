@@ -27,7 +27,7 @@ from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.program import evaluate
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.state_model import GomanKhrabrov, Kirchhoff, Relay, StateModel
 from tests.support.command import asked
 from tests.support.small_glider import DATABASE, NAME, VEHICLE
@@ -55,7 +55,7 @@ def database(*states: StateModel, **changed) -> AeroDatabase:
         {"alpha": Interval(0, 0.3, 0.05)},
     )
     parts = {"terms": (lift,), "increments": (drag,), "states": states, **changed}
-    return AeroDatabase("wing", Reference(64.0, CHORD, 21.5, (0.0, 0.0, 0.0)), **parts)
+    return AeroDatabase("wing", ReferenceGeometry(64.0, CHORD, 21.5, (0.0, 0.0, 0.0)), **parts)
 
 
 @cache

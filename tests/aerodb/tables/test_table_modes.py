@@ -9,12 +9,12 @@ from aerodb.errors import InputError
 from aerodb.tables.database import BLOCK, AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.program import compile_program
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
 
-REFERENCE = Reference(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
+REFERENCE = ReferenceGeometry(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
 X, Y = np.array([0.0, 1.0, 3.0]), np.array([2.0, 4.0, -1.0])
 
 

@@ -17,10 +17,10 @@ from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, ma
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference, transfer_moments, wind_to_body
+from aerodb.tables.reference import ReferenceGeometry, transfer_moments, wind_to_body
 from aerodb.tables.table import Table
 
-REFERENCE = Reference(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
+REFERENCE = ReferenceGeometry(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
 
 
 def random_table(
@@ -394,7 +394,7 @@ def test_a_check_case_with_other_inputs_fails_and_says_so():
 
 def test_check_cases_of_a_database_without_inputs():
     """The empty baseline from which everything is to be identified."""
-    empty = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
+    empty = AeroDatabase("empty", ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
     cases = make_check_cases(empty)
     assert len(cases) == 25
     assert failed_check_cases(empty, cases) == ()

@@ -26,12 +26,12 @@ from aerodb.tables.analysis.multilinear import NotMultilinearError, breaks, merg
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
 from tests.support.generated_databases import equal, generated, points
 
-REFERENCE = Reference(10.0, 2.0, 8.0, (0.0, 0.0, 0.0))
+REFERENCE = ReferenceGeometry(10.0, 2.0, 8.0, (0.0, 0.0, 0.0))
 ALPHA = np.array([0.0, 0.1, 0.2, 0.3])
 SLOPE = Increment(
     "CZ",

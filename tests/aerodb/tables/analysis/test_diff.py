@@ -16,7 +16,7 @@ from aerodb.tables.analysis.nodes import neutral_point, table_axes, table_grids
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
+from aerodb.tables.reference import ReferenceGeometry
 from aerodb.tables.table import Table
 from tests.support.small_glider import DATABASE
 
@@ -165,7 +165,7 @@ def test_drag_and_lift_increments_show_on_the_body_axes(handbook: AeroDatabase) 
 
 
 def test_nodes_over_scaled_channels_and_tables_that_have_none() -> None:
-    reference = Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))
+    reference = ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))
     degrees = Table(
         "T",
         ("alpha_deg", "flap"),

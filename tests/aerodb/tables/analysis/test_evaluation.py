@@ -16,13 +16,13 @@ from aerodb.tables.analysis.evaluation import Place, evaluate_database
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference, body_to_wind, transfer_moments, wind_to_body
+from aerodb.tables.reference import ReferenceGeometry, body_to_wind, transfer_moments, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
 from aerodb.units import convert
 
-REFERENCE = Reference(10.0, 2.0, 8.0, (-1.0, 0.0, 0.5))
+REFERENCE = ReferenceGeometry(10.0, 2.0, 8.0, (-1.0, 0.0, 0.5))
 ALPHA = np.array([0.0, 0.1, 0.2, 0.3])
 ENVELOPE = {"alpha": Interval(0.05, 0.15, 0.05), "beta": Interval(-0.1, 0.1, 0.1)}
 IN_DATA = {"alpha": 0.12, "beta": 0.08}
