@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.sensors import FlightRecord, Parameter
+from aerodb.consistency.sensors import FlightRecord, SensorParameter
 from aerodb.support import Array
 
 
@@ -14,7 +14,7 @@ class Estimate:
     """One estimated parameter, SI: value, standard error for coloured residuals and for white ones,
     and whether the value is at a bound."""
 
-    parameter: Parameter
+    parameter: SensorParameter
     value: float
     standard_error: float
     white_standard_error: float

@@ -11,7 +11,7 @@ from aerodb.effects import FlightView
 from aerodb.flight import Flight
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import NormalEquations
+from aerodb.tracing import FlightNormalEquations
 from aerodb.vehicle import Vehicle
 
 
@@ -80,7 +80,7 @@ class FlightSource(Protocol):
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
+    ) -> FlightNormalEquations:
         """Return the normal equations of a flight compared with a database, for all columns of the
         library.
 

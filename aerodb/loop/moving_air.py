@@ -15,7 +15,7 @@ from aerodb.loop.frozen_library import Library
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
-    NormalEquations,
+    FlightNormalEquations,
     Traced,
     driven_by_rates,
     lost_in_rotating_air,
@@ -91,7 +91,7 @@ def beside_rotating_air(
         return traced
     settings = library.settings
 
-    def beside(flight: str) -> NormalEquations:
+    def beside(flight: str) -> FlightNormalEquations:
         evidence = evidence_beside(source, flight, database, library, rotating_air=True)
         return normal_equations_of(evidence, settings)
 

@@ -7,7 +7,7 @@ from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import NormalEquations, normal_equations_of, thinned
+from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
 
 
 class WithoutStore:
@@ -26,7 +26,7 @@ class WithoutStore:
 
     def normal_equations(
         self: FlightSource, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
+    ) -> FlightNormalEquations:
         """Return the normal equations of a flight compared with a database: `matrix` (k, k),
         whitened. Raises InputError where no axis is usable."""
         return normal_equations_of(

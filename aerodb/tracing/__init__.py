@@ -9,7 +9,7 @@ docs/method/tracing.md has the method at length; its section numbers stand in br
    flights [21].
 2. `normal_equations_of` low-passes and decimates all columns alike (band: `tracing_bandwidth`),
    whitens them by an autoregression fitted to the residual, and keeps their cross-products per
-   flight: `NormalEquations` [5, 6]. No later step uses samples.
+   flight: `FlightNormalEquations` [5, 6]. No later step uses samples.
 3. `estimates.campaign` puts the flights on one order of columns and projects out the intercepts
    (trims). `estimates.elimination` eliminates the sensor parameters under their priors, then the
    accepted terms. What remains is, per flight and hypothesis, an estimate and its information:
@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from .evidence import (
         LONG,
         Evidence,
-        NormalEquations,
+        FlightNormalEquations,
         SamplingUnit,
         bounded_noise,
         evidence_of,

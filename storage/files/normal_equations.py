@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from aerodb.storage.files.flights import read_results, write_results
-from aerodb.tracing import NormalEquations, normal_equations_from_arrays
+from aerodb.tracing import FlightNormalEquations, normal_equations_from_arrays
 
 #: The matrices, and the registered columns that hold them.
 _MATRICES = {"matrix": "product", "noisy": "product_noisy"}
 
 
-def write_normal_equations(path: Path, equations: NormalEquations) -> None:
+def write_normal_equations(path: Path, equations: FlightNormalEquations) -> None:
     """Store the normal equations of a flight.
 
     Matrices (k, k), flattened by rows; `read_normal_equations` reads them.
@@ -26,7 +26,7 @@ def write_normal_equations(path: Path, equations: NormalEquations) -> None:
     )
 
 
-def read_normal_equations(path: Path) -> NormalEquations:
+def read_normal_equations(path: Path) -> FlightNormalEquations:
     """Stored normal equations; InputError when they are missing, damaged or of another form.
 
     Matrices (k, k); absent ones are (0, 0).

@@ -26,7 +26,7 @@ from aerodb.tasks.steps.segments import segments_of
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workers import cached
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import NormalEquations, normal_equations_of, thinned
+from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
 from aerodb.vehicle import Vehicle
 
 Value = TypeVar("Value")
@@ -126,7 +126,7 @@ class StoredFlights:
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
-    ) -> NormalEquations:
+    ) -> FlightNormalEquations:
         """Return the normal equations of a flight; read back if stored, else computed and stored.
 
         Matrices (k, k). Raises UnknownNameError for an unknown flight, InputError as

@@ -9,7 +9,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.loop_flights import flights_of
 from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.workspace_access import access_workspace
-from aerodb.tracing import NormalEquations
+from aerodb.tracing import FlightNormalEquations
 
 
 def freeze_library(
@@ -47,7 +47,7 @@ def find_sensor_rivals(
 
 def trace_flight(
     flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
-) -> NormalEquations:
+) -> FlightNormalEquations:
     """Return the normal equations of a flight (its id) compared with a database; stored if new.
 
     Reads coefficients and vehicle. Matrices (k, k). Raises UnknownNameError for an unknown id.

@@ -32,7 +32,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.low_pass import BandLimitedFlight, Records, band_limited, in_band
-from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of_band
+from aerodb.tracing.evidence.normal_equations import FlightNormalEquations, normal_equations_of_band
 from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from aerodb.tracing.evidence.thinning import thinned
 from aerodb.tracing.settings import TracingSettings
@@ -222,7 +222,7 @@ class Bank:
 
     def draw(
         self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None
-    ) -> list[NormalEquations]:
+    ) -> list[FlightNormalEquations]:
         """Normal equations of `count` different flights with a fresh residual each, and `planted`
         columns of the library besides."""
         chosen = generator.choice(len(self.flights), count, replace=False)
@@ -230,7 +230,7 @@ class Bank:
 
     def _normal_equations(
         self, number: int, generator: np.random.Generator, planted: Mapping[str, float]
-    ) -> NormalEquations:
+    ) -> FlightNormalEquations:
         band, n = self.band(number), len(self.flights[number].time)
         every = np.ones(n, dtype=bool)
         index = [band.names.index(name) + 1 for name in planted]

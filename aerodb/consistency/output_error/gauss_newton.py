@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
-from aerodb.consistency.output_error.normal_equations import NormalEquations, accumulate
-from aerodb.consistency.sensors import MAX_DELAY, FlightRecord, Parameter, thinned, unknowns
+from aerodb.consistency.output_error.normal_equations import ChannelNormalEquations, accumulate
+from aerodb.consistency.sensors import MAX_DELAY, FlightRecord, SensorParameter, thinned, unknowns
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -59,7 +59,7 @@ class ReconstructionProblem:
 
     records: tuple[FlightRecord, ...]
     starts: tuple[Array, ...]
-    items: tuple[Parameter, ...]
+    items: tuple[SensorParameter, ...]
     fixed: Mapping[str, float]
     prior: Array
     lower: Array
@@ -67,7 +67,7 @@ class ReconstructionProblem:
     noise_floor: Mapping[str, float]
     drivers: tuple[FlightRecord, ...] | None = None
 
-    def sums(self, vector: Array) -> NormalEquations:
+    def sums(self, vector: Array) -> ChannelNormalEquations:
         """The sums of the normal equations (k, k) at the unknowns `vector` (k,), SI; see
         `accumulate`."""
         return accumulate(self.records, self.starts, self.items, vector, self.fixed, self.drivers)
@@ -88,11 +88,11 @@ class ReconstructionProblem:
                     return None
         return replace(self, records=records, drivers=self.records)
 
-    def cost(self, vector: Array, sums: NormalEquations) -> float:
+    def cost(self, vector: Array, sums: ChannelNormalEquations) -> float:
         """Negative log of the posterior density at `vector` (k,), SI, without constants.
 
-        sums : at that vector. It is `NormalEquations.cost` plus half the squares of `vector` over
-        its priors.
+        sums : at that vector. It is `ChannelNormalEquations.cost` plus half the squares of `vector`
+        over its priors.
         """
         return sums.cost(self.noise_floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
 
@@ -104,7 +104,7 @@ class ReconstructionSolution:
     search converged, and the number of iterations."""
 
     vector: Array
-    equations: NormalEquations
+    equations: ChannelNormalEquations
     converged: bool
     iterations: int
 
@@ -158,7 +158,7 @@ def make_problem(
     )
 
 
-def information(problem: ReconstructionProblem, sums: NormalEquations) -> Array:
+def information(problem: ReconstructionProblem, sums: ChannelNormalEquations) -> Array:
     """(k, k) information matrix of the unknowns: measurements and priors.
 
     Inverse squares of SI units; each channel is divided by its residual variance, priors add to the
@@ -194,7 +194,7 @@ def search(
 def gauss_newton(
     problem: ReconstructionProblem,
     vector: Array,
-    sums: NormalEquations,
+    sums: ChannelNormalEquations,
     least_gain: float = SMALL_GAIN,
 ) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve

@@ -10,7 +10,12 @@ import numpy as np
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.normal_equations import in_blocks, usable_samples
-from aerodb.consistency.sensors import FlightRecord, Parameter, RecordPrediction, corrected_inputs
+from aerodb.consistency.sensors import (
+    FlightRecord,
+    RecordPrediction,
+    SensorParameter,
+    corrected_inputs,
+)
 from aerodb.support import Array
 
 #: Smallest number of blocks of a record: the effect of a sample's noise changes slowly along it.
@@ -30,7 +35,7 @@ def drift_information(
     values: Mapping[str, float],
     response: RecordPrediction,
     swing: Sequence[int],
-    unknowns: Sequence[Parameter],
+    unknowns: Sequence[SensorParameter],
     slopes: Mapping[str, Array],
     noise: Mapping[str, float],
 ) -> Array:

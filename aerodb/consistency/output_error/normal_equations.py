@@ -14,8 +14,8 @@ from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.sensors import (
     MAX_DELAY,
     FlightRecord,
-    Parameter,
     RecordPrediction,
+    SensorParameter,
     delays_of,
     predict_outputs,
 )
@@ -30,7 +30,7 @@ VERTICAL = float(np.deg2rad(80.0))
 
 
 @dataclass(frozen=True)
-class NormalEquations:
+class ChannelNormalEquations:
     """Sums over all records by channel, for k unknowns, unweighted.
 
     count : samples used. squares : sum of squared residuals.
@@ -64,13 +64,13 @@ class NormalEquations:
         )
 
 
-def applies_to(item: Parameter, record: FlightRecord) -> bool:
+def applies_to(item: SensorParameter, record: FlightRecord) -> bool:
     """Return whether a parameter acts on this record."""
     return item.scope in ("", record.name if item.kind == "initial" else record.flight)
 
 
 def usable_samples(
-    record: FlightRecord, name: str, free: Sequence[Parameter], values: Mapping[str, float]
+    record: FlightRecord, name: str, free: Sequence[SensorParameter], values: Mapping[str, float]
 ) -> NDArray[np.bool_]:
     """(n,) samples of an output that are used.
 
@@ -103,7 +103,10 @@ def residuals(record: FlightRecord, response: RecordPrediction) -> dict[str, Arr
 
 
 def record_values(
-    items: Sequence[Parameter], vector: Array, record: FlightRecord, fixed: Mapping[str, float]
+    items: Sequence[SensorParameter],
+    vector: Array,
+    record: FlightRecord,
+    fixed: Mapping[str, float],
 ) -> dict[str, float]:
     """Name -> value, SI, of the parameters that act on a record: fixed ones and those in `vector`.
 
@@ -125,11 +128,11 @@ def first_state(start: Array, values: Mapping[str, float]) -> Array:
 def accumulate(
     records: Sequence[FlightRecord],
     starts: Sequence[Array],
-    items: Sequence[Parameter],
+    items: Sequence[SensorParameter],
     vector: Array,
     fixed: Mapping[str, float],
     drivers: Sequence[FlightRecord] | None = None,
-) -> NormalEquations:
+) -> ChannelNormalEquations:
     """Normal equations over all records at the values `vector` (k,) of the unknowns `items`.
 
     starts : initial states, (9,) each. fixed : other parameters, name -> value, SI. drivers : the
@@ -168,7 +171,7 @@ def accumulate(
         raise InputError(
             f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out"
         )
-    return NormalEquations(count, squares, information, gradient)
+    return ChannelNormalEquations(count, squares, information, gradient)
 
 
 def _as_slice(good: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:

@@ -23,7 +23,7 @@ from aerodb.consistency.output_error.gauss_newton import (
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.input_noise import drift_information
 from aerodb.consistency.output_error.normal_equations import (
-    NormalEquations,
+    ChannelNormalEquations,
     applies_to,
     first_state,
     record_values,
@@ -41,7 +41,7 @@ from aerodb.consistency.output_error.vertical_air import (
 from aerodb.consistency.reconstructed import Estimate, ReconstructedPath, Reconstruction
 from aerodb.consistency.sensors import (
     FlightRecord,
-    Parameter,
+    SensorParameter,
     corrected_inputs,
     parameter,
     predict_outputs,
@@ -217,7 +217,10 @@ def _start(
 
 
 def _covariances(
-    problem: ReconstructionProblem, vector: Array, sums: NormalEquations, air: VerticalAir | None
+    problem: ReconstructionProblem,
+    vector: Array,
+    sums: ChannelNormalEquations,
+    air: VerticalAir | None,
 ) -> tuple[Array, Array, Array, float, tuple[ReconstructedPath, ...]]:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
     white residuals, what vertical air adds to the first, and the air's standard deviation [m/s];
@@ -284,12 +287,14 @@ def _covariances(
     return np.asarray(covariance), white, moved, sigma, tuple(paths)
 
 
-def _swing(record: FlightRecord, own: Sequence[Parameter]) -> tuple[list[int], list[Parameter]]:
+def _swing(
+    record: FlightRecord, own: Sequence[SensorParameter]
+) -> tuple[list[int], list[SensorParameter]]:
     """Numbers of the initial values of a record's integrated states among its unknowns `own`, and
     the further parameters for those that are not among them, which follow."""
     known = {item.name: number for number, item in enumerate(own)}
     numbers: list[int] = []
-    more: list[Parameter] = []
+    more: list[SensorParameter] = []
     for state in STATES:
         if state in record.given:
             continue

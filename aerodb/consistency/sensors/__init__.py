@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         AIR_DATA,
         OUTPUTS,
         PER_FLIGHT,
-        Parameter,
+        SensorParameter,
         channels_of,
         delays_of,
         parameter,

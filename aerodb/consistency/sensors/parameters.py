@@ -102,7 +102,7 @@ PER_FLIGHT: Final = ("wind", "terrain", "weather")
 
 
 @dataclass(frozen=True)
-class Parameter:
+class SensorParameter:
     """One unknown.
 
     name : as in `known_names`.
@@ -125,7 +125,7 @@ class Parameter:
         return f"{self.name}[{self.scope}]" if self.scope else self.name
 
 
-def parameter(name: str, scope: str = "") -> Parameter:
+def parameter(name: str, scope: str = "") -> SensorParameter:
     """The parameter of that name; raises UnknownNameError with the nearest name otherwise.
 
     Its natural size is in the unit of its channel ([rad], [m/s²], ...), that of a scale [-], of a
@@ -137,15 +137,15 @@ def parameter(name: str, scope: str = "") -> Parameter:
     head, _, tail = name.rpartition("_")
     if name in _OWN:
         kind, size = _OWN[name]
-        return Parameter(
+        return SensorParameter(
             name, kind, head if kind == "delay" else tail if kind == "wind" else name, scope, size
         )
     if tail in ("bias", "scale") and head in _CHANNELS:
-        return Parameter(name, tail, head, scope, _SIZE[head] if tail == "bias" else _SCALE)
+        return SensorParameter(name, tail, head, scope, _SIZE[head] if tail == "bias" else _SCALE)
     if tail == "delay" and head in _CHANNELS and head not in INPUTS:
-        return Parameter(name, tail, head, scope, _DELAY)
+        return SensorParameter(name, tail, head, scope, _DELAY)
     if name.startswith("initial_") and name[8:] in STATES:
-        return Parameter(name, "initial", name[8:], scope, _SIZE[name[8:]])
+        return SensorParameter(name, "initial", name[8:], scope, _SIZE[name[8:]])
     raise UnknownNameError(
         f"unknown reconstruction parameter '{name}'", remedy=nearest(name, known_names())
     )
@@ -194,7 +194,7 @@ def channels_of(name: str) -> tuple[str, ...]:
 
 def unknowns(
     names: Sequence[str], flights: Sequence[str], records: Sequence[str]
-) -> tuple[Parameter, ...]:
+) -> tuple[SensorParameter, ...]:
     """The parameters of a joint reconstruction: winds, terrain and weather once per flight, initial
     states once per record, all others shared.
 
@@ -202,7 +202,7 @@ def unknowns(
 
     Raises UnknownNameError for a name that is not in `known_names`.
     """
-    parameters: list[Parameter] = []
+    parameters: list[SensorParameter] = []
     for name in dict.fromkeys(names):
         kind = parameter(name).kind
         scopes = (

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import INPUTS, STATES, STEEPEST, integrate
 from aerodb.consistency.sensors.models import Installation, SensorModels
-from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
+from aerodb.consistency.sensors.parameters import (
+    FURTHER_OUTPUTS,
+    OUTPUTS,
+    SensorParameter,
+    delays_of,
+)
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.physics import GRAVITY, Earth
 from aerodb.support import Array, Dual
@@ -136,7 +141,7 @@ def predict_outputs(
     record: FlightRecord,
     values: Mapping[str, float],
     initial: Array,
-    unknowns: Sequence[Parameter],
+    unknowns: Sequence[SensorParameter],
     slopes: bool = True,
     driver: FlightRecord | None = None,
 ) -> RecordPrediction:
@@ -277,7 +282,7 @@ def _full(value: Array | float, path: "_Path") -> Array:
     return np.broadcast_to(value, path.states.shape[1:])
 
 
-def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Dual:
+def _rate(name: str, inputs: Array, wanted: Sequence[SensorParameter]) -> Dual:
     moved = any(item.subject == name and item.kind in ("bias", "scale") for item in wanted)
     return Dual(inputs[:, INPUTS.index(name)], {name: 1.0} if moved else {})
 
@@ -298,7 +303,7 @@ class _Path:
     states: Array
     sensitivity: Array
     columns: list[int]
-    wanted: Sequence[Parameter]
+    wanted: Sequence[SensorParameter]
     rates: Mapping[str, Sequence[tuple[int, Array | float]]]
     number: Mapping[str, int]
 
@@ -343,7 +348,7 @@ def _path(
     record: FlightRecord,
     values: Mapping[str, float],
     initial: Array,
-    wanted: Sequence[Parameter],
+    wanted: Sequence[SensorParameter],
     inputs: Array,
     driver: FlightRecord | None,
 ) -> _Path:
@@ -413,7 +418,7 @@ def _shown(
     true: Array,
     slope: Array,
     values: Mapping[str, float],
-    wanted: Sequence[Parameter],
+    wanted: Sequence[SensorParameter],
     record: FlightRecord,
 ) -> tuple[Array, Array]:
     """Output of a sensor for the true quantity (n,), and its derivatives (n, k): adds delay, scale

@@ -22,7 +22,7 @@ from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.reconstructed import ReconstructedPath
 from aerodb.consistency.sensors import (
     FlightRecord,
-    Parameter,
+    SensorParameter,
     delays_of,
     earth_to_body,
     outputs_along,
@@ -96,7 +96,7 @@ class PathError:
 def path_error(
     path: ReconstructedPath,
     values: Mapping[str, float],
-    free: Sequence[Parameter],
+    free: Sequence[SensorParameter],
     coarse: float = COARSE,
     unused: Sequence[str] = (),
 ) -> PathError:
@@ -424,7 +424,7 @@ def _dynamics(
 
 
 def _by_unknowns(
-    system: PathError, values: Mapping[str, float], free: Sequence[Parameter], m: int
+    system: PathError, values: Mapping[str, float], free: Sequence[SensorParameter], m: int
 ) -> tuple[Array, Array]:
     """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, with
     the initial state fixed."""

@@ -17,7 +17,7 @@ from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
-from aerodb.consistency.sensors import Parameter, earth_to_body
+from aerodb.consistency.sensors import SensorParameter, earth_to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
     SEARCH_STEP,
@@ -207,7 +207,7 @@ def _paths(result: Reconstruction, flight: str) -> list[ReconstructedPath]:
 
 def _parameters(
     result: Reconstruction, flight: str, fixed: Mapping[str, float] | None
-) -> tuple[list[Parameter], dict[str, float], list[int]]:
+) -> tuple[list[SensorParameter], dict[str, float], list[int]]:
     """Estimated sensor errors and winds of a flight; values of these and of the fixed ones; their
     indices in the reconstruction's estimates."""
     chosen = {

@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.output_error.likelihood import (
     Covariance,
-    Measured,
+    MeasuredOutputs,
     Noise,
     Normal,
     measured,
@@ -53,7 +53,7 @@ class OutputErrorSolution:
     """
 
     vector: Array
-    records: tuple[Measured, ...]
+    records: tuple[MeasuredOutputs, ...]
     responses: tuple[ModelResponse, ...]
     noise: Noise
     normal: Normal
@@ -119,7 +119,9 @@ class _Search:
         cost = 0.5 * float(away @ away) - noise.log_likelihood
         return _State(vector, responses, noise, cost if np.isfinite(cost) else np.inf)
 
-    def _pairs(self, responses: Sequence[ModelResponse]) -> list[tuple[ModelResponse, Measured]]:
+    def _pairs(
+        self, responses: Sequence[ModelResponse]
+    ) -> list[tuple[ModelResponse, MeasuredOutputs]]:
         return list(zip(responses, self.records, strict=True))
 
     def equations(self, state: _State) -> tuple[Normal, Array, Array]:

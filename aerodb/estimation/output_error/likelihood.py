@@ -19,7 +19,7 @@ _SMALLEST = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredOutputs:
     """Outputs of one record (n, o), and which of them were measured (n, o); others are 0."""
 
     values: Array
@@ -30,11 +30,11 @@ class Measured:
         return np.where(self.mask, self.values - outputs, 0.0)
 
 
-def measured(values: Array) -> Measured:
+def measured(values: Array) -> MeasuredOutputs:
     """Return outputs (n, o) of a record, in SI units, with NaN where they were not measured, as
     values and mask."""
     mask = np.isfinite(values)
-    return Measured(np.where(mask, values, 0.0), mask)
+    return MeasuredOutputs(np.where(mask, values, 0.0), mask)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,9 @@ class Noise:
     log_likelihood: float
 
 
-def noise_of(records: Sequence[Measured], residuals: Sequence[Array], kind: Covariance) -> Noise:
+def noise_of(
+    records: Sequence[MeasuredOutputs], residuals: Sequence[Array], kind: Covariance
+) -> Noise:
     """Covariance of the residuals, at which their likelihood is greatest for the parameters as they
     are: the relaxation step of output error.
 
@@ -93,7 +95,7 @@ def _patterns(mask: Mask) -> list[tuple[Mask, Mask]]:
     return [(row, (mask == row).all(axis=1)) for row in np.unique(mask, axis=0) if row.any()]
 
 
-def _log_determinants(record: Measured, noise: Noise) -> float:
+def _log_determinants(record: MeasuredOutputs, noise: Noise) -> float:
     total = 0.0
     for outputs, samples in _patterns(record.mask):
         part = 2.0 * np.pi * noise.covariance[np.ix_(outputs, outputs)]
@@ -101,7 +103,9 @@ def _log_determinants(record: Measured, noise: Noise) -> float:
     return total
 
 
-def whitened(record: Measured, residual: Array, slopes: Array, noise: Noise) -> tuple[Array, Array]:
+def whitened(
+    record: MeasuredOutputs, residual: Array, slopes: Array, noise: Noise
+) -> tuple[Array, Array]:
     """Residual (n, o) and slopes (n, o, g) in units of the noise, uncorrelated between outputs; 0
     where not measured."""
     off = noise.covariance - np.diag(np.diag(noise.covariance))
@@ -148,7 +152,7 @@ def no_equations(unknowns: int) -> Normal:
 
 
 def normal_equations(
-    records: Sequence[Measured],
+    records: Sequence[MeasuredOutputs],
     responses: Sequence[ModelResponse],
     noise: Noise,
     unknowns: int,
@@ -193,7 +197,10 @@ def normal_equations(
 
 
 def coloured_information(
-    records: Sequence[Measured], responses: Sequence[ModelResponse], noise: Noise, unknowns: int
+    records: Sequence[MeasuredOutputs],
+    responses: Sequence[ModelResponse],
+    noise: Noise,
+    unknowns: int,
 ) -> tuple[Array, float]:
     """``sum_ij S_i' R^-1 Rvv(i-j) R^-1 S_j`` (f, f), with the autocorrelation Rvv of the residuals
     v, which is the information where they are white; and how many independent samples the residuals

@@ -19,7 +19,7 @@ from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.selection import CrossFlightTests, Decision
 from aerodb.tracing.decision.verdicts import judged
 from aerodb.tracing.estimates import campaign
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
 
 #: Effects of an increment model, besides the constant of its axis.
@@ -33,7 +33,7 @@ _ONE = 1
 
 
 def cross_flight_tests(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> CrossFlightTests:
@@ -139,7 +139,7 @@ def supported_axes(
 
 def trace_increment_models(
     tests: CrossFlightTests,
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     terms: Sequence[int],
     beside: Sequence[int],
     barred: Collection[int],

@@ -20,7 +20,7 @@ from aerodb.tracing.decision.few_flights import LINEAR
 from aerodb.tracing.decision.findings import Traced, Vote, with_unit
 from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign, holm
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which a slope over a condition is tested.
@@ -91,7 +91,7 @@ class FlightDependence:
 
 
 def dependences_on_conditions(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
     traced: Traced,

@@ -14,7 +14,7 @@ from aerodb.tracing.evidence import (
     NUISANCE,
     BandLimitedFlight,
     Evidence,
-    NormalEquations,
+    FlightNormalEquations,
     Records,
     in_band,
     normal_equations_of_band,
@@ -46,7 +46,7 @@ class JointModel:
 
     terms: tuple[int, ...]
     values: Array
-    normal_equations: tuple[NormalEquations, ...]
+    normal_equations: tuple[FlightNormalEquations, ...]
     tests: CrossFlightTests
 
     def value(self, index: int) -> float:
@@ -148,7 +148,7 @@ def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
 
 def _about(
     band: BandLimitedFlight, columns: Sequence[int], values: Array, settings: TracingSettings
-) -> NormalEquations:
+) -> FlightNormalEquations:
     def left(records: Records) -> dict[str, list[Array]]:
         return {
             axis: [

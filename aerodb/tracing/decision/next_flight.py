@@ -14,7 +14,7 @@ from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import with_unit
 from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision
 from aerodb.tracing.estimates import POWER
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 
 #: Sentences about hypotheses that no flight could show, at most.
 MOST = 5
@@ -24,7 +24,7 @@ def next_flights(
     tests: CrossFlightTests,
     decision: Decision,
     explanations: Sequence[Explanation],
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
 ) -> tuple[str, ...]:
     """Return sentences on alias groups, on sensors that may explain a finding, on suspected terms,
     and on what was never excited. Numbers in them carry SI units; docs/method/tracing.md, section
@@ -75,7 +75,7 @@ def _separation(
     decision: Decision,
     index: int,
     rival: int,
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
 ) -> str:
     """Return how much the one has to move without the other."""
     names, sensors = tests.campaign.hypotheses, set(tests.campaign.sensors)
@@ -113,7 +113,7 @@ def _separation(
 
 
 def _amount(
-    hypothesis: Hypothesis, normal_equations: Sequence[NormalEquations], factor: float
+    hypothesis: Hypothesis, normal_equations: Sequence[FlightNormalEquations], factor: float
 ) -> str:
     """Rms of the motion: in degrees for a deflection or an angle, else relative to that flown."""
     flown = [

@@ -12,7 +12,7 @@ from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import campaign
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
 
 _RATES: Final = frozenset(
@@ -28,7 +28,7 @@ def driven_by_rates(hypothesis: Hypothesis) -> bool:
 
 def lost_in_rotating_air(
     findings: Sequence[Finding],
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
     earlier: Mapping[str, float] | None = None,

@@ -11,12 +11,12 @@ from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict,
 from aerodb.tracing.decision.next_flight import next_flights
 from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision, decide
 from aerodb.tracing.estimates import OFFSET, Tested, campaign
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
 
 
 def trace(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
     earlier: Mapping[str, float] | None = None,
@@ -49,7 +49,7 @@ def trace(
 def judged(
     tests: CrossFlightTests,
     decide: Callable[[CrossFlightTests], Decision],
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     notes: Sequence[str] = (),
 ) -> Traced:
     """Return the findings of a decision with their rivals, and bounds for everything else.
@@ -82,12 +82,14 @@ def judged(
     )
 
 
-def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquations], list[str]]:
+def _once(
+    normal_equations: Sequence[FlightNormalEquations],
+) -> tuple[list[FlightNormalEquations], list[str]]:
     """Each flight once: normal equations equal to earlier ones under another name are the same
     flight.
     """
-    kept: list[NormalEquations] = []
-    alike: dict[str, list[NormalEquations]] = {}
+    kept: list[FlightNormalEquations] = []
+    alike: dict[str, list[FlightNormalEquations]] = {}
     notes = []
     for equations in normal_equations:
         candidates = alike.setdefault(f"{equations.matrix[-1, -1]:.6e}", [])

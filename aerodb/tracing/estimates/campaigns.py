@@ -9,14 +9,14 @@ from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
-from aerodb.tracing.evidence import NormalEquations, parent, shape_term_columns
+from aerodb.tracing.evidence import FlightNormalEquations, parent, shape_term_columns
 
 #: The effect whose column is the axis' own constant.
 OFFSET = "zero_offset"
 
 
 def campaign(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     hypotheses: Sequence[Hypothesis],
     earlier: Mapping[str, float] | None = None,
     extrapolated: bool = True,
@@ -75,7 +75,9 @@ def campaign(
     )
 
 
-def _check(normal_equations: Sequence[NormalEquations], hypotheses: Sequence[Hypothesis]) -> None:
+def _check(
+    normal_equations: Sequence[FlightNormalEquations], hypotheses: Sequence[Hypothesis]
+) -> None:
     names = [h.id for h in hypotheses]
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.support import Array
-from aerodb.tracing.evidence import NormalEquations
+from aerodb.tracing.evidence import FlightNormalEquations
 
 #: Part of a column's sum of squares below which what varies about its level is no excitation.
 _VARIES = 1e-8
@@ -107,7 +107,7 @@ class Products:
 
 
 def products_of(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     known: Mapping[str, int],
     offsets: Mapping[int, str],
     shape_terms: Mapping[int, int],
@@ -146,7 +146,7 @@ def products_of(
 
 
 def _aligned(
-    normal_equations: Sequence[NormalEquations],
+    normal_equations: Sequence[FlightNormalEquations],
     matrices: Sequence[Array],
     known: Mapping[str, int],
     offsets: Mapping[int, str],

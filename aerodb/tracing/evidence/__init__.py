@@ -3,7 +3,7 @@
 `evidence_of` gives the residual and the column of each hypothesis (`Evidence`). `noisy_copies`,
 `with_shape_terms` and `with_instruments` add to it; `units` cuts it into manoeuvres. `in_band`
 low-passes and decimates it (`BandLimitedFlight`), and `normal_equations_of` whitens the columns and
-returns their cross-products (`NormalEquations`), which is all that later steps need.
+returns their cross-products (`FlightNormalEquations`), which is all that later steps need.
 
 Modules: `flight_evidence` and `evidence`, `thinning` (long flights at a lower rate), `bandwidth`
 and `low_pass`, `autoregression` and `normal_equations`; `state_errors` and `noise_limits` (errors
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .low_pass import BandLimitedFlight, Records, band_limited, in_band, stretches
     from .noise_limits import bounded_noise, with_air_data_noise
     from .normal_equations import (
-        NormalEquations,
+        FlightNormalEquations,
         normal_equations_from_arrays,
         normal_equations_of,
         normal_equations_of_band,

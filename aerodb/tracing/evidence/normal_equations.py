@@ -24,7 +24,7 @@ NORMAL_EQUATIONS_VERSION = 1
 
 
 @dataclass(frozen=True)
-class NormalEquations:
+class FlightNormalEquations:
     """Whitened cross-products of one flight, k = intercepts + hypotheses + 1 columns.
 
     flight : id of the unit. axes : those that carry residuals, in the order of the intercepts.
@@ -63,8 +63,10 @@ class NormalEquations:
         }
 
 
-def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> NormalEquations:
-    """Invert `NormalEquations.to_arrays`. Raises InputError for another format."""
+def normal_equations_from_arrays(
+    arrays: Mapping[str, NDArray[np.generic]],
+) -> FlightNormalEquations:
+    """Invert `FlightNormalEquations.to_arrays`. Raises InputError for another format."""
     version = int(np.asarray(arrays["version"], dtype=np.int64)) if "version" in arrays else 0
     if version != NORMAL_EQUATIONS_VERSION:
         raise InputError(
@@ -76,7 +78,7 @@ def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> N
     def numbers(name: str) -> Array:
         return np.asarray(arrays[name], dtype=np.float64)
 
-    return NormalEquations(
+    return FlightNormalEquations(
         flight=str(arrays["flight"]),
         axes=tuple(str(axis) for axis in arrays["axes"]),
         hypotheses=tuple(str(name) for name in arrays["hypotheses"]),
@@ -89,7 +91,7 @@ def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> N
     )
 
 
-def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> NormalEquations:
+def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> FlightNormalEquations:
     """Return the normal equations of one flight.
 
     Axes without a usable stretch, or whose residual is exactly constant, stay out. A column that
@@ -100,7 +102,9 @@ def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> Normal
     return normal_equations_of_band(in_band(evidence, settings), settings)
 
 
-def normal_equations_of_band(band: BandLimitedFlight, settings: TracingSettings) -> NormalEquations:
+def normal_equations_of_band(
+    band: BandLimitedFlight, settings: TracingSettings
+) -> FlightNormalEquations:
     """Return the normal equations of one flight that is already in the band.
 
     The filter of an axis is fitted once, to its residual with the mean removed, and used for all
@@ -128,7 +132,7 @@ def normal_equations_of_band(band: BandLimitedFlight, settings: TracingSettings)
     kept = np.array([not name.startswith(NUISANCE) for name in band.names], dtype=np.bool_)
     whole = np.r_[np.ones(len(fitted), dtype=np.bool_), kept, True]
     noisy = [eliminated(_products(band, copy, fitted), whole) for copy in band.noisy]
-    return NormalEquations(
+    return FlightNormalEquations(
         flight=band.flight,
         axes=tuple(fitted),
         hypotheses=tuple(name for name, keep in zip(band.names, kept, strict=True) if keep),

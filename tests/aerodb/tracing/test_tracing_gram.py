@@ -12,7 +12,7 @@ from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence, units
 from aerodb.tracing.evidence.low_pass import band_limited, decimation, ends_left_out
 from aerodb.tracing.evidence.normal_equations import (
-    NormalEquations,
+    FlightNormalEquations,
     normal_equations_from_arrays,
     normal_equations_of,
 )
@@ -90,7 +90,7 @@ def test_bad_evidence_is_refused_with_its_place() -> None:
     )
 
 
-def normal_equations(count: int) -> list[NormalEquations]:
+def normal_equations(count: int) -> list[FlightNormalEquations]:
     return [normal_equations_of(evidence(seed), SETTINGS) for seed in range(count)]
 
 

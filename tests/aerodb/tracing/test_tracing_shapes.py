@@ -12,7 +12,7 @@ from aerodb.tables.expression import parse
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
+from aerodb.tracing.evidence.normal_equations import FlightNormalEquations, normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import (
     LEAST,
     TOLERANCE,
@@ -96,7 +96,7 @@ def claims(
     error: float, with_companion: bool, earlier: dict[str, float] | None = None
 ) -> list[str]:
     flights = [shaped(seed, error) for seed in range(6)]
-    normal_equations: list[NormalEquations] = [
+    normal_equations: list[FlightNormalEquations] = [
         normal_equations_of(f if with_companion else without_shape_terms(f), TracingSettings())
         for f in flights
     ]

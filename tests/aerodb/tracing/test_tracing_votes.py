@@ -12,7 +12,7 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates.campaigns import OFFSET, campaign
 from aerodb.tracing.estimates.per_flight import Campaign
-from aerodb.tracing.evidence.normal_equations import NormalEquations
+from aerodb.tracing.evidence.normal_equations import FlightNormalEquations
 from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE
 from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_small import instrument, term
@@ -38,7 +38,7 @@ class Flown:
     intercepts: Array
     columns: dict[str, Array]
     residual: Array
-    equations: NormalEquations
+    equations: FlightNormalEquations
 
 
 def flown(seed: int) -> Flown:
@@ -70,7 +70,7 @@ def flown(seed: int) -> Flown:
     again = stacked + 0.05 * rng.standard_normal(stacked.shape) * (stacked != 0.0)
     again[:, : len(axes)] = intercepts
     names, none = tuple(columns), np.zeros(0)
-    equations = NormalEquations(
+    equations = FlightNormalEquations(
         f"f{seed}",
         axes,
         names,
