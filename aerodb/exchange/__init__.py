@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from .file_checks import FileChecks, check_file
     from .input_names import propose_bindings, written_name
     from .jsbsim import (
-        Agreement,
+        JsbsimAgreement,
         MassBalance,
         check_in_jsbsim,
         export_jsbsim,

@@ -16,7 +16,13 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError, StoreError
-from aerodb.exchange import Agreement, check_in_jsbsim, from_document, input_properties, to_document
+from aerodb.exchange import (
+    JsbsimAgreement,
+    check_in_jsbsim,
+    from_document,
+    input_properties,
+    to_document,
+)
 from aerodb.storage.confinement import confine, confined_environment, how_it_ended, subordinate
 from aerodb.storage.limits import Limits
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
@@ -30,7 +36,7 @@ _turns: Final = threading.BoundedSemaphore(os.cpu_count() or 1)
 
 def agreement_in_jsbsim(
     database: AeroDatabase, xml: bytes, cases: Sequence[CheckCase], limits: Limits
-) -> Agreement:
+) -> JsbsimAgreement:
     """`check_in_jsbsim` of the exported file `xml`, in another process under `limits`.
 
     Raises InputError when JSBSim cannot load or run the file, exceeds the limits or crashes, and
@@ -47,7 +53,7 @@ def agreement_in_jsbsim(
     if answer.pop("ended") == "refused":
         raise InputError(**answer)
     reached, followed = tuple(answer["reached"]), tuple(answer["followed"])
-    return Agreement(answer["cases"], answer["errors"], reached, followed)
+    return JsbsimAgreement(answer["cases"], answer["errors"], reached, followed)
 
 
 def _answer(job: bytes, limits: Limits) -> dict[str, Any]:

@@ -60,7 +60,7 @@ class CheckSignal:
 
 
 @dataclass(frozen=True)
-class CheckCase:
+class StaticShot:
     """A static shot."""
 
     name: str
@@ -87,7 +87,7 @@ class CaseResult:
         return not self.failures
 
 
-def read_check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
+def read_check_cases(xml: bytes, *, name: str = "") -> tuple[StaticShot, ...]:
     """Return the check cases of a DAVE-ML file; empty if it has none.
 
     Raises InputError for a signal that matches no variable, or several that its unit cannot tell
@@ -106,7 +106,7 @@ def read_check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
             declared.append(
                 (Declaration(identity, shown, unit), frozenset(map(tag, children(element))))
             )
-    cases: list[CheckCase] = []
+    cases: list[StaticShot] = []
     for block in children(root):
         for shot in children(block) if tag(block) == "checkData" else ():
             if tag(shot) == "staticShot":
@@ -118,7 +118,7 @@ def read_check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
 
 def _case(
     shot: Any, declared: list[tuple[Declaration, frozenset[str]]], where: str, count: int
-) -> CheckCase:
+) -> StaticShot:
     name = (shot.get("name") or f"shot {count}").strip()
     parts: dict[str, tuple[CheckSignal, ...]] = {}
     for part in children(shot):
@@ -132,7 +132,7 @@ def _case(
             )
         elif tag(part) not in ("description", "provenance", "provenanceRef"):
             raise unsupported(part, "<staticShot>", where)
-    return CheckCase(name, *(parts.get(each, ()) for each in _PARTS))
+    return StaticShot(name, *(parts.get(each, ()) for each in _PARTS))
 
 
 def _signals(part: Any, where: str) -> Iterator[Any]:
@@ -293,7 +293,7 @@ class SignalEvaluator:
 
 
 def verify_cases(
-    database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE
+    database: AeroDatabase, cases: tuple[StaticShot, ...], relative: float = RELATIVE
 ) -> tuple[CaseResult, ...]:
     """Compare `database`, imported from DAVE-ML, with check cases of its file.
 

@@ -10,7 +10,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal
+from aerodb.exchange.daveml.check_cases import CheckSignal, StaticShot
 from aerodb.exchange.daveml.names import (
     STANDARD_INPUTS,
     STANDARD_SIGNS,
@@ -49,7 +49,7 @@ _DECLARED_ATTRIBUTES: Final = {
 }
 
 
-class Document:
+class DavemlDocument:
     """A document that collects elements; `finish` puts them in the standard's order."""
 
     def __init__(self, database: AeroDatabase, created: str, author: str) -> None:
@@ -230,7 +230,7 @@ class Document:
         self._root.extend(self._points(table) for table in self._database.scattered.values())
         self._root.extend(self._functions)
 
-    def write_cases(self, cases: tuple[CheckCase, ...]) -> None:
+    def write_cases(self, cases: tuple[StaticShot, ...]) -> None:
         """Write ``checkData``: inputs and outputs by name and unit, internal signals by id."""
         data = _child(self._root, "checkData")
         for case in cases:

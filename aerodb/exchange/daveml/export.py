@@ -13,8 +13,13 @@ from typing import Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal, SignalEvaluator, verify_cases
-from aerodb.exchange.daveml.document import Document
+from aerodb.exchange.daveml.check_cases import (
+    CheckSignal,
+    SignalEvaluator,
+    StaticShot,
+    verify_cases,
+)
+from aerodb.exchange.daveml.document import DavemlDocument
 from aerodb.exchange.daveml.model import hat_rate_expression
 from aerodb.exchange.daveml.names import (
     POSITION_SIGNS,
@@ -72,8 +77,8 @@ def export_daveml(
     return document.to_bytes()
 
 
-def _written(database: AeroDatabase, created: str, author: str) -> Document:
-    document = Document(database, created, author)
+def _written(database: AeroDatabase, created: str, author: str) -> DavemlDocument:
+    document = DavemlDocument(database, created, author)
     for key, attribute in CONSTANTS.items():
         name = next(standard for standard, known in REFERENCES.items() if known == attribute)
         unit = "m2" if attribute == "area" else "m"
@@ -149,7 +154,9 @@ def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
     return ""
 
 
-def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str, str]) -> None:
+def _write_outputs(
+    document: DavemlDocument, database: AeroDatabase, outputs: dict[str, str]
+) -> None:
     """Write a variable per term and the six body-axis coefficients.
 
     Forces in wind axes are transformed to body axes.
@@ -174,7 +181,7 @@ def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str
         document.add_calculation(axis, STANDARD_OUTPUTS[axis], "nd", "", total, axis=axis)
 
 
-def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
+def _term(document: DavemlDocument, database: AeroDatabase, term: Term) -> Expression:
     """Return a term as a variable of its own, unless it is one already."""
     if isinstance(term.expression, Name) and term.expression.name in database.variables:
         return term.expression
@@ -198,8 +205,8 @@ def _wind_to_body(drag: Expression, side: Expression, lift: Expression) -> dict[
 
 
 def _cases(
-    database: AeroDatabase, again: AeroDatabase, document: Document, count: int
-) -> tuple[CheckCase, ...]:
+    database: AeroDatabase, again: AeroDatabase, document: DavemlDocument, count: int
+) -> tuple[StaticShot, ...]:
     """Check cases with the coefficients of `database`.
 
     Internal signals are evaluated from the file as it is read back.
@@ -211,7 +218,7 @@ def _cases(
         values = signals.at(inputs)
         outputs = {document.outputs[axis]: case.coefficients[axis] for axis in AXES}
         cases.append(
-            CheckCase(
+            StaticShot(
                 f"case {k}",
                 tuple(CheckSignal(identity, value) for identity, value in inputs.items()),
                 tuple(

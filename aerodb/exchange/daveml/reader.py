@@ -21,8 +21,8 @@ from aerodb.exchange.daveml.tables import (
     METADATA,
     Argument,
     Grid,
-    Points,
     TableReader,
+    UngriddedTable,
     limited,
     read_argument,
     read_breakpoints,
@@ -98,7 +98,7 @@ class _FileReader:
         self.model = Model(where, bindings)
         self._definitions: dict[str, Any] = {}  # variableDef by id
         self._breakpoints: dict[str, Any] = {}
-        self._tables: dict[str, Grid | Points] = {}  # by gtID or utID
+        self._tables: dict[str, Grid | UngriddedTable] = {}  # by gtID or utID
         self._converted: dict[Any, str] = {}  # table and its modes -> name in the database
         self._reader = TableReader(self._breakpoints, self._refer, self._declare_inner)
 
@@ -189,7 +189,7 @@ class _FileReader:
             return re.sub(r"\W", "_", identity, flags=re.ASCII)
         raise InputError(f"no variable or table has the id '{identity}'", self.where)
 
-    def _table(self, element: Any, identity: str) -> Grid | Points:
+    def _table(self, element: Any, identity: str) -> Grid | UngriddedTable:
         where = f"{self.where}: {identity}"
         ungridded = tag(element).startswith("ungridded")
         return (
@@ -243,7 +243,7 @@ class _FileReader:
         self,
         dependent: str,
         identity: str,
-        table: Grid | Points,
+        table: Grid | UngriddedTable,
         arguments: list[Argument],
         where: str,
     ) -> None:
@@ -263,7 +263,9 @@ class _FileReader:
         name = self._convert_table(identity, table, arguments)
         self.model.define(dependent, TableCall(name, tuple(values)), where)
 
-    def _convert_table(self, identity: str, table: Grid | Points, arguments: list[Argument]) -> str:
+    def _convert_table(
+        self, identity: str, table: Grid | UngriddedTable, arguments: list[Argument]
+    ) -> str:
         """Convert a table and return its name in the database.
 
         Functions that use a table in the same way share it.
@@ -344,5 +346,5 @@ class _FileReader:
             self.model.uncertainties[identity] = uncertainty
 
 
-def _dimensions(table: Grid | Points) -> int:
+def _dimensions(table: Grid | UngriddedTable) -> int:
     return len(table.breakpoints) if isinstance(table, Grid) else int(table.points.shape[1])

@@ -42,7 +42,7 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class UngriddedTable:
     """An ungridded table: points (m, N) and values (m,)."""
 
     points: Array
@@ -166,7 +166,7 @@ class TableReader:
             plain(find(element, *METADATA)),
         )
 
-    def ungridded(self, element: Any, where: str) -> Points:
+    def ungridded(self, element: Any, where: str) -> UngriddedTable:
         """Return the table of an ``ungriddedTableDef`` or ``ungriddedTable``.
 
         Each data point is its coordinates, then the value: points (n, k), values (n,). Raises
@@ -182,7 +182,9 @@ class TableReader:
             raise InputError("no data points, or data points of different lengths", where)
         table = np.stack(rows)
         uncertainty = self.uncertainty(find(element, "uncertainty"), where)
-        return Points(table[:, :-1], table[:, -1], uncertainty, plain(find(element, *METADATA)))
+        return UngriddedTable(
+            table[:, :-1], table[:, -1], uncertainty, plain(find(element, *METADATA))
+        )
 
     def uncertainty(self, element: Any, where: str) -> Uncertainty | None:
         """Return the uncertainty of an ``uncertainty`` element; None for no element.

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .check_cases import Agreement, check_in_jsbsim, jsbsim_check_cases, read_jsbsim_cases
+    from .check_cases import JsbsimAgreement, check_in_jsbsim, jsbsim_check_cases, read_jsbsim_cases
     from .export import export_jsbsim, input_properties
     from .mass_balance import MassBalance, mass_balance_of
     from .merge import merge_jsbsim

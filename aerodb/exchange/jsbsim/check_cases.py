@@ -72,7 +72,7 @@ class JsbsimRun:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class JsbsimAgreement:
     """Agreement of JSBSim with the database.
 
     errors : largest error per axis over ``max(|C|, 1e-3)``. reached : inputs that JSBSim had
@@ -299,7 +299,7 @@ def check_in_jsbsim(
     executive: Any,
     cases: Sequence[CheckCase],
     properties: Mapping[str, tuple[str, float]],
-) -> Agreement:
+) -> JsbsimAgreement:
     """Compare the coefficients of JSBSim with those of `database` at check cases, to `TOLERANCE`.
 
     The database is evaluated at the inputs that JSBSim had. Where these are the case's own, the
@@ -332,4 +332,4 @@ def check_in_jsbsim(
                 np.abs(run.coefficients[axis] - expected) / np.maximum(np.abs(expected), SMALLEST)
             )
         )
-    return Agreement(len(cases), errors, tuple(reached), tuple(followed))
+    return JsbsimAgreement(len(cases), errors, tuple(reached), tuple(followed))

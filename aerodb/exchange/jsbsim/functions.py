@@ -37,7 +37,7 @@ MAX_TOTAL: Final = 5_000_000  # numbers in all tables of a file
 _SHORT: Final = {"p": "property", "v": "value", "t": "table"}
 
 
-class Functions:
+class JsbsimFunctions:
     """Functions, tables and properties of one file that have been read."""
 
     def __init__(self, where: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any, Final
 from aerodb.errors import InputError, OpenQuestionsError, UnknownNameError, nearest
 from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, axis_shares, body_forces, check_systems
-from aerodb.exchange.jsbsim.functions import TEXT, Functions
+from aerodb.exchange.jsbsim.functions import TEXT, JsbsimFunctions
 from aerodb.exchange.jsbsim.metrics import (
     read_constants,
     read_limits,
@@ -106,7 +106,7 @@ class _AircraftReader:
         self._where = where
         self._bindings = bindings
         self._constants = constants
-        self._functions = Functions(where)
+        self._functions = JsbsimFunctions(where)
         self._acting: list[tuple[str, str, str]] = []  # JSBSim axis, frame, function's property
         self._shift = ""  # property of the function that shifts the reference point
         self._hysteresis = ""

@@ -12,7 +12,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.jsbsim.check_cases import (
-    Agreement,
+    JsbsimAgreement,
     check_in_jsbsim,
     fly_cases,
     jsbsim_check_cases,
@@ -114,7 +114,7 @@ def random_database(seed: int) -> AeroDatabase:
     )
 
 
-def agreement(database: AeroDatabase, cases: list[CheckCase]) -> Agreement:
+def agreement(database: AeroDatabase, cases: list[CheckCase]) -> JsbsimAgreement:
     xml = export_jsbsim(database, name="exported", cases=cases)
     return check_in_jsbsim(database, loaded_in_jsbsim(xml), cases, input_properties(database))
 
