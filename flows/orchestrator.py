@@ -29,7 +29,7 @@ _TO_BEGIN: Final = timedelta(seconds=90)
 _MOST: Final = 200
 
 
-class Client:
+class OrchestratorClient:
     """HTTP client of the server at `url`; requests raise OSError (HTTP errors included) on
     failure."""
 
@@ -73,7 +73,7 @@ class Client:
                 ) from error
 
 
-def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
+def emit_arrival(client: OrchestratorClient, vehicles: dict[str, int]) -> None:
     """Tell the server that logs wait; vehicles : number of logs by vehicle."""
     document = {
         "id": str(uuid.uuid4()),
@@ -85,7 +85,7 @@ def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
     client.post("/events", [document])
 
 
-def is_awaited(client: Client) -> bool:
+def is_awaited(client: OrchestratorClient) -> bool:
     """Return whether a run that will read the inbox is scheduled, pending or running."""
     waiting = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
     return bool(
@@ -95,7 +95,7 @@ def is_awaited(client: Client) -> bool:
     )
 
 
-def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
+def clear_up(client: OrchestratorClient, workspace: Workspace, at_start: bool) -> int:
     """Mark runs as crashed whose process is gone, and return the number of changed runs.
 
     at_start : also cancel scheduled runs that were missed; the next run does their work. A live run
@@ -139,6 +139,6 @@ def _catalogue_id(run: dict[str, Any]) -> str:
     return tagged[0] if tagged and not run["deployment_id"] else str(run["id"])
 
 
-def _set_state(client: Client, run: str, type: str, name: str, message: str) -> None:
+def _set_state(client: OrchestratorClient, run: str, type: str, name: str, message: str) -> None:
     state = {"type": type, "name": name, "message": message}
     client.post(f"/flow_runs/{run}/set_state", {"state": state, "force": True})

@@ -19,7 +19,7 @@ from typing import Any, Final
 from urllib.error import HTTPError
 
 from aerodb.errors import AeroError, StoreError
-from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
+from aerodb.flows.orchestrator import OrchestratorClient, clear_up, emit_arrival, is_awaited
 from aerodb.flows.prefect_server import place_database
 from aerodb.flows.processes import Child, claimed, end_orphans, environment_of, free_port
 from aerodb.storage.inbox import InboxFile, rescan_inbox
@@ -60,7 +60,7 @@ class Server:
         self._secret = {} if given else {"token": token}
         host, port = self._settings.serve.host, free_port(self._settings.serve)
         reached = f"[{host}]" if ":" in host else {"0.0.0.0": "127.0.0.1"}.get(host, host)
-        self.client = Client(f"http://{reached}:{port}/api", token)
+        self.client = OrchestratorClient(f"http://{reached}:{port}/api", token)
         environment = environment_of(workspace, self.client.url, token)
         start = [sys.executable, "-m", "aerodb.flows.prefect_server", host, str(port)]
         self._server = Child("server", start, environment, workspace.prefect)

@@ -6,8 +6,8 @@ The way through:
    whole derivatives. `axis_equations` states them as one `LinearEquation` per axis, for methods of
    equation error.
 2. `METHODS` lists the methods by their names on the command line, each a `Method`.
-3. `compare_methods` puts the answers beside each other (`Agreement` per parameter) and says which
-   to believe and why.
+3. `compare_methods` puts the answers beside each other (`MethodAgreement` per parameter) and says
+   which to believe and why.
 4. `with_fitted_estimates` makes the answer of a method a candidate database.
 
 `equations` states the increments, `methods` lists the methods, `method_comparison` compares them,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .flight_dynamics import FlightDynamics, flight_dynamics
     from .identification_flight import IdentificationFlight
-    from .method_comparison import Agreement, compare_methods
+    from .method_comparison import MethodAgreement, compare_methods
     from .methods import METHODS, REGRESSION, Method, chosen_methods
     from .model_file import (
         declares_state_space,

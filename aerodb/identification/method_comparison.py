@@ -21,7 +21,7 @@ _HALF_FOLLOWED: Final = 50.0
 
 
 @dataclass(frozen=True)
-class Agreement:
+class MethodAgreement:
     """One parameter by several methods.
 
     estimates : method -> estimate. spread : largest difference between two methods in standard
@@ -45,7 +45,7 @@ class MethodComparison:
     """Parameters by several methods; the method to believe here, why in sentences, and whether
     anything speaks against it."""
 
-    parameters: tuple[Agreement, ...]
+    parameters: tuple[MethodAgreement, ...]
     believe: str | None
     reasons: tuple[str, ...]
     reserved: bool = False
@@ -112,7 +112,7 @@ def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreement:
+def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> MethodAgreement:
     usable = {m: e for m, e in estimates.items() if np.isfinite(e.value) and e.standard_error > 0}
     spread, furthest = float("nan"), None
     methods = list(usable)
@@ -122,7 +122,7 @@ def _agreement(name: str, estimates: Mapping[str, ParameterEstimate]) -> Agreeme
             distance = abs(a.value - b.value) / np.hypot(a.standard_error, b.standard_error)
             if not distance <= spread:
                 spread, furthest = float(distance), (one, other)
-    return Agreement(name, estimates, spread, furthest)
+    return MethodAgreement(name, estimates, spread, furthest)
 
 
 def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, ...]]:

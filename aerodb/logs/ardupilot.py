@@ -9,7 +9,7 @@ left are positive.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.logs.autopilot import Autopilot, LoggedSurface
+from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface
 from aerodb.recording import Recording
 
 #: First word of the firmware's name -> kind of vehicle.
@@ -44,7 +44,7 @@ def is_ardupilot(recording: Recording) -> bool:
     return recording.format == "dataflash"
 
 
-def read_ardupilot(recording: Recording) -> Autopilot:
+def read_ardupilot(recording: Recording) -> LoggedAircraft:
     """Return what the parameters of an ArduPilot log say; empty for a log without parameters.
 
     Speeds [m/s], points (3,) [m].
@@ -61,7 +61,7 @@ def read_ardupilot(recording: Recording) -> Autopilot:
     }
     names = [name for name in ("aileron", "elevator", "rudder") if name in moved]
     firmware = str(recording.metadata.get("ver_sw", ""))
-    return Autopilot(
+    return LoggedAircraft(
         kind=_KINDS.get(str(recording.metadata.get("sys_name", "")), ""),
         surfaces=tuple(LoggedSurface(name, -1, True) for name in names),
         combinations=(),

@@ -96,7 +96,7 @@ class LoggedSurface:
 
 
 @dataclass(frozen=True)
-class Autopilot:
+class LoggedAircraft:
     """What a log says of its aircraft.
 
     kind : in words; '' where it does not say. airspeeds : STALL, MIN, TRIM, MAX [m/s].
@@ -122,7 +122,7 @@ def wingless_sentence(kind: str) -> str:
     return f"the log is of a {kind}: without a wing there is no database to compare it with"
 
 
-def read_px4(recording: Recording) -> Autopilot:
+def read_px4(recording: Recording) -> LoggedAircraft:
     """Return what the parameters of a PX4 log say; empty for a log without parameters.
 
     Speeds [m/s], points (3,) [m].
@@ -133,7 +133,7 @@ def read_px4(recording: Recording) -> Autopilot:
         if key.startswith("param:")
     }
     surfaces = _allocated(known, recording) or _controls(recording, _kind(known))
-    return Autopilot(
+    return LoggedAircraft(
         kind=_kind(known),
         surfaces=surfaces,
         combinations=_combinations({surface.name for surface in surfaces}),

@@ -1,11 +1,11 @@
 """What a log says of its aircraft, by the autopilot that wrote it."""
 
 from aerodb.logs.ardupilot import is_ardupilot, read_ardupilot
-from aerodb.logs.autopilot import Autopilot, read_px4
+from aerodb.logs.autopilot import LoggedAircraft, read_px4
 from aerodb.recording import Recording
 
 
-def read_autopilot(recording: Recording) -> Autopilot:
+def read_autopilot(recording: Recording) -> LoggedAircraft:
     """Return what the parameters of a PX4 or ArduPilot log say; empty for a log without parameters.
 
     Speeds [m/s], points (3,) [m]; see `read_px4`, `read_ardupilot`.

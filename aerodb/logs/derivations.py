@@ -11,7 +11,7 @@ from aerodb.support import Array
 
 
 @dataclass(frozen=True)
-class Method:
+class Derivation:
     """A computation on fields of one topic.
 
     inputs : number of arguments. input_unit : their SI unit. outputs : channels that result. With
@@ -40,10 +40,10 @@ def _norm(*parts: Array) -> tuple[Array, ...]:
 _ANGLES = ("phi", "theta", "psi")
 
 #: Methods by the name that a mapping file uses.
-METHODS: Final[Mapping[str, Method]] = {
-    "euler_321_from_quaternion": Method(euler_321_from_quaternion, 4, "1", _ANGLES),
-    "euler_321_from_enu_quaternion": Method(euler_321_from_enu_quaternion, 4, "1", _ANGLES),
-    "sum": Method(_sum, 0, "", ()),
-    "mean": Method(_mean, 0, "", ()),
-    "norm": Method(_norm, 0, "", ()),
+METHODS: Final[Mapping[str, Derivation]] = {
+    "euler_321_from_quaternion": Derivation(euler_321_from_quaternion, 4, "1", _ANGLES),
+    "euler_321_from_enu_quaternion": Derivation(euler_321_from_enu_quaternion, 4, "1", _ANGLES),
+    "sum": Derivation(_sum, 0, "", ()),
+    "mean": Derivation(_mean, 0, "", ()),
+    "norm": Derivation(_norm, 0, "", ()),
 }

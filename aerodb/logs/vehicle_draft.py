@@ -1,6 +1,6 @@
 """Draft of a vehicle file from a log: what its autopilot states is filled in."""
 
-from aerodb.logs.autopilot import Autopilot, LoggedSurface
+from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface
 from aerodb.logs.inspection import median_interval
 from aerodb.recording import Recording
 from aerodb.vehicle import vehicle_template
@@ -15,7 +15,7 @@ _RATES = (
 )
 
 
-def draft_vehicle(name: str, recording: Recording, autopilot: Autopilot) -> str:
+def draft_vehicle(name: str, recording: Recording, autopilot: LoggedAircraft) -> str:
     """Return the text of a vehicle file for the aircraft of a log.
 
     Geometry, masses and travel of the surfaces are in no log: they stay the template's, and
@@ -29,7 +29,7 @@ def draft_vehicle(name: str, recording: Recording, autopilot: Autopilot) -> str:
     return said + _with_points(before, autopilot) + middle + after
 
 
-def _said(recording: Recording, autopilot: Autopilot) -> list[str]:
+def _said(recording: Recording, autopilot: LoggedAircraft) -> list[str]:
     lines = [f"From the log {recording.source.rsplit('/', 1)[-1]}."]
     if autopilot.kind:
         lines.append(f"Airframe: {autopilot.kind}.")
@@ -48,14 +48,14 @@ def _said(recording: Recording, autopilot: Autopilot) -> list[str]:
     return lines
 
 
-def _with_points(text: str, autopilot: Autopilot) -> str:
+def _with_points(text: str, autopilot: LoggedAircraft) -> str:
     for name, (x, y, z) in autopilot.points.items():
         note = f"# By the autopilot's parameters: {name} at {x:g}, {y:g}, {z:g} m from the CG\n"
         text = text.replace("[points]\n", f"[points]\n{note}")
     return text
 
 
-def _surfaces(autopilot: Autopilot) -> str:
+def _surfaces(autopilot: LoggedAircraft) -> str:
     head = (
         "# Surfaces as the autopilot commands them: deflection = offset + scale * command, then a\n"
         "# first-order lag. Measure limits and scale: 25 deg is a placeholder. Trailing edge down\n"

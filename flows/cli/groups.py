@@ -38,7 +38,7 @@ class Commands(TyperGroup):
                     formatter.write_dl(rows)
 
 
-class Program(Commands):
+class RootCommands(Commands):
     """The program: its own options may also stand behind a command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

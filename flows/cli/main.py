@@ -39,7 +39,7 @@ from aerodb.flows.cli import (
     versions,
     web,
 )
-from aerodb.flows.cli.groups import Program
+from aerodb.flows.cli.groups import RootCommands
 from aerodb.flows.cli.output import Session, complaint, visible
 
 #: Exit code of a command that did what it was asked for.
@@ -58,7 +58,7 @@ _OBJECTS = 50_000
 
 app = typer.Typer(
     name="aerodb",
-    cls=Program,
+    cls=RootCommands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

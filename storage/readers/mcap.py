@@ -34,8 +34,8 @@ from aerodb.storage.readers.mcap_framing import (
 )
 from aerodb.storage.readers.mcap_messages import (
     MOST_NAMES,
+    MessageContent,
     MessageError,
-    Numbers,
     Reader,
     Values,
     message_reader,
@@ -67,7 +67,7 @@ class _Series:
     skipped: set[str] = field(default_factory=set)
     not_finite: int = 0
 
-    def add(self, log_time: int, numbers: Numbers) -> None:
+    def add(self, log_time: int, numbers: MessageContent) -> None:
         """Add a message; MessageError if it has more names than a topic may have."""
         names = numbers.names()
         if not names <= self.names:

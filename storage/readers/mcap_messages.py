@@ -39,7 +39,7 @@ class MessageError(Exception):
 
 
 @dataclass
-class Numbers:
+class MessageContent:
     """Content of one message: numbers by name, the header's stamp [ns] (0 if absent), the lengths
     of its sequences, omitted fields, and the number of NaN or infinite values in an encoding that
     does not allow them."""
@@ -54,7 +54,7 @@ class Numbers:
         return {*self.values, *self.lengths, *self.skipped}
 
 
-Reader = Callable[[bytes], Numbers]
+Reader = Callable[[bytes], MessageContent]
 
 
 def message_reader(channel: Channel, schema: Schema | None, ros2: DecoderFactory) -> Reader | None:
@@ -84,7 +84,7 @@ def _limited(data: bytes) -> bytes:
     return data
 
 
-def _json_numbers(data: bytes) -> Numbers:
+def _json_numbers(data: bytes) -> MessageContent:
     message = json.loads(_limited(data).decode("utf-8"), object_pairs_hook=_once)
     if not isinstance(message, dict):
         raise MessageError("not a JSON object")
@@ -102,10 +102,12 @@ def _json_parts(value: Any) -> Parts | None:
     return value.items() if isinstance(value, dict) else None
 
 
-def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: bool) -> Numbers:
+def _numbers(
+    message: Any, parts: Callable[[Any], Parts | None], needs_finite: bool
+) -> MessageContent:
     """The numbers of a nested message; `parts` returns names and values of a nested value, None for
     any other value."""
-    numbers = Numbers()
+    numbers = MessageContent()
 
     def collect(value: Any, name: str, depth: int) -> None:
         if isinstance(value, (bool, int, float)):
@@ -148,7 +150,7 @@ def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: b
     return numbers
 
 
-def _put(numbers: Numbers, name: str, value: float | int | bool, needs_finite: bool) -> None:
+def _put(numbers: MessageContent, name: str, value: float | int | bool, needs_finite: bool) -> None:
     if name in numbers.values:  # {"a.b": 1, "a": {"b": 2}}
         raise MessageError("a name occurs twice in them")
     if isinstance(value, int) and not -(2**63) <= value < 2**64:
@@ -179,11 +181,13 @@ def _nanoseconds(stamp: dict[str, Any]) -> int | None:
     return seconds * 10**9 + rest
 
 
-def _ros2_numbers(message: Any) -> Numbers:
+def _ros2_numbers(message: Any) -> MessageContent:
     """Numbers of a decoded ROS 2 message; joint states by the name of the joint
     (``position.elevator``)."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    numbers = Numbers(stamp=int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0)
+    numbers = MessageContent(
+        stamp=int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0
+    )
     _flatten(message, "", numbers.values, numbers.skipped)
     return numbers
 

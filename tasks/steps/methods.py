@@ -9,9 +9,9 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.estimation import Fit
 from aerodb.identification import (
-    Agreement,
     IdentificationFlight,
     Method,
+    MethodAgreement,
     chosen_methods,
     compare_methods,
     declares_state_space,
@@ -225,7 +225,7 @@ def _history(time: Array, record: str, name: str, history: Array) -> dict[str, A
     }
 
 
-def _parameter(agreement: Agreement) -> dict[str, Any]:
+def _parameter(agreement: MethodAgreement) -> dict[str, Any]:
     return {
         "parameter": agreement.name,
         "estimates": {

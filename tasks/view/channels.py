@@ -20,8 +20,8 @@ from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import StoredSeries
 from aerodb.support import Array
 from aerodb.tasks.view.stored_flight import (
-    Column,
     Source,
+    StoredColumn,
     StoredFlight,
     read_together,
     stored_flight,
@@ -51,9 +51,9 @@ _STRETCHES: Final = 100
 class Series:
     """One line of a plot.
 
-    source : as in `Column`, or ``logged``. time : (n,) [s]. values : (n,) in `unit` (SI); `factor`
-    converts them to the unit in `label`. flagged : intervals [s] that are not used. version : label
-    of the version that predicts the values.
+    source : as in `StoredColumn`, or ``logged``. time : (n,) [s]. values : (n,) in `unit` (SI);
+    `factor` converts them to the unit in `label`. flagged : intervals [s] that are not used.
+    version : label of the version that predicts the values.
     """
 
     name: str
@@ -169,7 +169,7 @@ def pair_of(
     start: float,
     end: float,
     points: int,
-) -> tuple[Column, Column, Array]:
+) -> tuple[StoredColumn, StoredColumn, Array]:
     """Return where the values of two names are, and time [s], x and y at common samples (3, n).
 
     At most `points` + 2 samples, with the extremes of both; the reconstructed values if there are
@@ -234,7 +234,7 @@ def check_window(start: float, end: float, points: int) -> None:
         )
 
 
-def _columns(stored: StoredFlight, row: FlightRow, name: str) -> list[Column]:
+def _columns(stored: StoredFlight, row: FlightRow, name: str) -> list[StoredColumn]:
     columns = stored.columns(name)
     if not columns:
         raise UnknownNameError(
@@ -243,7 +243,7 @@ def _columns(stored: StoredFlight, row: FlightRow, name: str) -> list[Column]:
     return columns
 
 
-def _best(columns: Sequence[Column]) -> Column:
+def _best(columns: Sequence[StoredColumn]) -> StoredColumn:
     """Return the column with what was flown: not a prediction."""
     return [column for column in columns if column.source != "database"][-1]
 
@@ -311,7 +311,7 @@ def _flags(columns: Mapping[str, NDArray[Any]], name: str, n: int) -> NDArray[np
 
 
 def _flagged(
-    columns: Mapping[str, NDArray[Any]], column: Column
+    columns: Mapping[str, NDArray[Any]], column: StoredColumn
 ) -> tuple[tuple[float, float], ...]:
     """Return the intervals [s] in which samples of a channel are not used; none for coefficients,
     which have no value there."""

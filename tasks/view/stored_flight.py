@@ -27,7 +27,7 @@ _STEPS: Final = ("ingest", "consistency", "coefficients", "compare")
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class StoredColumn:
     """Where the values of a name are.
 
     source : ``measured``, ``reconstructed``, ``flight`` or ``database`` (coefficients), ``sigma``
@@ -58,10 +58,10 @@ class Column:
         return np.where(found[self.usable], values, np.nan) if self.usable else values
 
 
-def read_together(columns: Sequence[Column], first: int, last: int) -> list[Array]:
+def read_together(columns: Sequence[StoredColumn], first: int, last: int) -> list[Array]:
     """Return the values (n,) of each column, in its unit, at the flight's samples `first` to `last`
     (exclusive); each file is read once."""
-    wanted: dict[tuple[int, int], list[Column]] = {}
+    wanted: dict[tuple[int, int], list[StoredColumn]] = {}
     for column in columns:
         wanted.setdefault((id(column.series), column.first), []).append(column)
     found = {
@@ -128,7 +128,7 @@ class StoredFlight:
         """Everything that `columns` takes."""
         return (*self.channels, *self.axes, *(f"{_SIGMA}{name}" for name in self.sigmas))
 
-    def columns(self, name: str) -> list[Column]:
+    def columns(self, name: str) -> list[StoredColumn]:
         """Columns with the values of a name, the best ones last; none, and no error, for an unknown
         one. Each has its SI unit, and factor and label for display (`channel_scale`)."""
         if name in self.axes:
@@ -141,16 +141,16 @@ class StoredFlight:
         factor, label = channel_scale(name)
         look, found = (channel(name).unit, label, factor), []
         if name in self.flight.metadata["channels"]:
-            found.append(Column(name, "measured", *look, self.flight, name))
+            found.append(StoredColumn(name, "measured", *look, self.flight, name))
         if self.consistent is not None and name in self._reconstructed():
-            found.append(Column(name, "reconstructed", *look, self.consistent, name))
+            found.append(StoredColumn(name, "reconstructed", *look, self.consistent, name))
         return found
 
-    def _of_axis(self, axis: str) -> list[Column]:
+    def _of_axis(self, axis: str) -> list[StoredColumn]:
         assert self.coefficients is not None
         n, label = self.flight.rows, f"{axis} [-] {axis_description(axis)}"
         first = n * self.axes.index(axis)
-        flown = Column(
+        flown = StoredColumn(
             axis, "flight", "1", label, 1.0, self.coefficients, "measured", first, "usable"
         )
         found = [flown]
@@ -169,7 +169,7 @@ class StoredFlight:
                     )
         return found
 
-    def _of_sigma(self, name: str) -> list[Column]:
+    def _of_sigma(self, name: str) -> list[StoredColumn]:
         own = _SIGMA + name
         if name in self.axes:
             (flown, *_), label = self._of_axis(name), f"{own} [-] one standard error"
@@ -178,7 +178,7 @@ class StoredFlight:
         unit = RESULT_COLUMNS[own].unit
         factor, shown = for_people(unit)
         label = f"{own} [{shown}] one standard error"
-        return [Column(own, "sigma", unit, label, factor, self.consistent, own)]
+        return [StoredColumn(own, "sigma", unit, label, factor, self.consistent, own)]
 
 
 def stored_flight(access: WorkspaceAccess, row: FlightRow) -> StoredFlight:

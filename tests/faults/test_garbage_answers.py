@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerodb.flows.orchestrator import Client
+from aerodb.flows.orchestrator import OrchestratorClient
 from aerodb.flows.serve import Server
 from aerodb.storage.inbox.outbox import post_notification
 from aerodb.storage.locks import take
@@ -117,13 +117,13 @@ def test_an_address_that_is_none_is_not_said(
 def test_a_server_that_answers_garbage_is_out_of_reach(
     answering: Callable[..., Answering], answer: bytes
 ) -> None:
-    client = Client(f"http://127.0.0.1:{answering(answer).port}/api", "")
+    client = OrchestratorClient(f"http://127.0.0.1:{answering(answer).port}/api", "")
     with pytest.raises(OSError, match="gave no valid answer"):
         client.post("/flow_runs/filter", {})
 
 
 def test_garbage_is_not_healthy(answering: Callable[..., Answering]) -> None:
-    assert not Client(f"http://127.0.0.1:{answering(GARBAGE).port}/api", "").healthy()
+    assert not OrchestratorClient(f"http://127.0.0.1:{answering(GARBAGE).port}/api", "").healthy()
 
 
 @pytest.mark.parametrize("answer", [GARBAGE, SHORT, NO_JSON, ANOTHER_SHAPE])
@@ -137,7 +137,7 @@ def test_the_service_outlives_any_answer(
     assert lock is not None
     said: list[str] = []
     server = Server(workspace, lock, said.append)
-    server.client = Client(f"http://127.0.0.1:{answering(answer).port}/api", "")
+    server.client = OrchestratorClient(f"http://127.0.0.1:{answering(answer).port}/api", "")
     beats = [server._beat(threading.Event()) for _ in range(2)]
     lock.release()
     assert len(beats) == 2
@@ -146,7 +146,9 @@ def test_the_service_outlives_any_answer(
 
 def test_a_server_that_is_busy_is_asked_again(answering: Callable[..., Answering]) -> None:
     server = answering(AN_ID, BUSY, BUSY)
-    assert Client(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {}) == {"id": 7}
+    assert OrchestratorClient(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {}) == {
+        "id": 7
+    }
     assert server.asked == 3
 
 
@@ -156,5 +158,5 @@ def test_a_server_that_stays_busy_is_given_up(
     monkeypatch.setattr("aerodb.flows.orchestrator._SECONDS", 0.5)
     server = answering(BUSY)
     with pytest.raises(OSError, match="503"):
-        Client(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {})
+        OrchestratorClient(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {})
     assert server.asked > 1

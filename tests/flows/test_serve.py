@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 
-from aerodb.flows.orchestrator import Client, clear_up
+from aerodb.flows.orchestrator import OrchestratorClient, clear_up
 from aerodb.flows.prefect_environment import configure_prefect
 from aerodb.flows.serve import Server
 from aerodb.storage.catalogue.catalogue import Catalogue
@@ -71,8 +71,8 @@ class Served:
     away: list[tuple[datetime, datetime]] = field(default_factory=list)
 
     @property
-    def client(self) -> Client:
-        return Client(note_of(self.workspace.lock("serve"))["url"], TOKEN)
+    def client(self) -> OrchestratorClient:
+        return OrchestratorClient(note_of(self.workspace.lock("serve"))["url"], TOKEN)
 
     def said(self) -> str:
         """What it said, and what its processes did: for messages of tests that fail."""
@@ -206,7 +206,7 @@ def test_the_schedule_fires(served: Served) -> None:
 
 def test_nobody_is_served_without_the_token(served: Served) -> None:
     with pytest.raises(urllib.error.HTTPError, match="401"):
-        Client(served.client.url, "").post("/flow_runs/filter", {})
+        OrchestratorClient(served.client.url, "").post("/flow_runs/filter", {})
     assert served.client.post("/flow_runs/filter", {"limit": 1})
     assert re.match(r"http://127\.0\.0\.1:\d+/api", served.client.url)
     kept = [
@@ -428,8 +428,8 @@ def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
         note = note_of(lock)
         assert stat.S_IMODE(lock.stat().st_mode) == 0o600
         with pytest.raises(urllib.error.HTTPError, match="401"):
-            Client(note["url"], "").post("/flow_runs/filter", {"limit": 1})
-        client = Client(note["url"], note["token"])
+            OrchestratorClient(note["url"], "").post("/flow_runs/filter", {"limit": 1})
+        client = OrchestratorClient(note["url"], note["token"])
         wait_until(
             lambda: client.post("/deployments/filter", {"limit": 2}),
             one,

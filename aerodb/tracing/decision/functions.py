@@ -54,7 +54,7 @@ def with_rates(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
-class Function:
+class BasisFunction:
     """A function of `variables`: its columns, by number; nodes where it is one of a single
     variable."""
 
@@ -64,10 +64,10 @@ class Function:
 
 
 @dataclass(frozen=True)
-class Functions:
+class BasisFunctions:
     """All functions, and the columns (n, k) of each flight."""
 
-    each: tuple[Function, ...]
+    each: tuple[BasisFunction, ...]
     columns: tuple[Array, ...]
 
     @property
@@ -80,7 +80,7 @@ class Functions:
         return tuple(dict.fromkeys(name for k in picked for name in self.each[k].variables))
 
 
-def functions_of(flights: Sequence[Mapping[str, Array]]) -> Functions:
+def functions_of(flights: Sequence[Mapping[str, Array]]) -> BasisFunctions:
     """Return the functions of the variables (name -> (n,)) that all flights have, as dimensionless
     columns (n, k) per flight: linear ramps between quantiles, and products of standardised
     pairs."""
@@ -98,16 +98,18 @@ def functions_of(flights: Sequence[Mapping[str, Array]]) -> Functions:
         low, high = nodes[:-1], nodes[1:]
         numbers = tuple(range(len(columns), len(columns) + len(low)))
         columns += [*np.clip((values - low[:, None]) / (high - low)[:, None], 0.0, 1.0)]
-        each.append(Function((name,), numbers, tuple(nodes.tolist())))
+        each.append(BasisFunction((name,), numbers, tuple(nodes.tolist())))
         if not name.endswith(RATE):
             scaled[name] = (values - level) / spread
     for one, other in combinations(sorted(scaled), 2):
         if {one, other} & _MODULATE:
-            each.append(Function((one, other), (len(columns),)))
+            each.append(BasisFunction((one, other), (len(columns),)))
             columns.append(scaled[one] * scaled[other])
     if not columns:
-        return Functions((), tuple(np.zeros((len(next(iter(f.values()))), 0)) for f in flights))
-    return Functions(tuple(each), tuple(np.split(np.array(columns).T, ends)))
+        return BasisFunctions(
+            (), tuple(np.zeros((len(next(iter(f.values()))), 0)) for f in flights)
+        )
+    return BasisFunctions(tuple(each), tuple(np.split(np.array(columns).T, ends)))
 
 
 def separable(after: Array, before: Array, inflation_limit: float) -> Array:
@@ -156,7 +158,7 @@ class FunctionProblem:
         cls,
         matrix: Array,
         before: Array,
-        functions: Functions,
+        functions: BasisFunctions,
         terms: int,
         inflation_limit: float,
         used: bool = True,

@@ -22,8 +22,8 @@ from aerodb.tracing.decision.functions import (
     RATE,
     TRACE,
     WORTH,
+    BasisFunctions,
     FunctionProblem,
-    Functions,
     functions_of,
     with_rates,
 )
@@ -90,7 +90,7 @@ class _Shapes:
     """The comparison of names and functions. findings : all of this round."""
 
     flights: Sequence[FlightResidual]
-    functions: Functions
+    functions: BasisFunctions
     known: Mapping[str, Hypothesis]
     findings: Sequence[Finding]
     settings: TracingSettings

@@ -16,7 +16,7 @@ from scipy.special import stdtr
 
 from aerodb.errors import InputError
 from aerodb.support import Array, in_threads
-from aerodb.tracing.decision.functions import FunctionProblem, Functions, functions_of
+from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
 from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
     Features,
@@ -118,7 +118,7 @@ def unexplained_by_axis(
     judged = dict(zip(parts, in_threads(left_out_skills, problems.values()), strict=True))
     # functions of one or two variables need less data than all together; each test has half the
     # level
-    shared: dict[tuple[int, ...], Functions] = {}
+    shared: dict[tuple[int, ...], BasisFunctions] = {}
     for records in parts.values():
         if variables_of(records) not in shared:
             shared[variables_of(records)] = _functions(records, [*names, *more], few_names)
@@ -190,7 +190,7 @@ def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:
 
 def _functions(
     records: Sequence[ResidualRecord], names: Sequence[str], used: Sequence[str]
-) -> Functions:
+) -> BasisFunctions:
     """Functions of one or two of the `used` variables, not of their rates of change: the noise of a
     flow angle in these is that of the residual."""
     variables, columns = [], {name: names.index(name) for name in used}
@@ -201,7 +201,7 @@ def _functions(
 
 
 def _few(
-    records: Sequence[ResidualRecord], functions: Functions, inflation_limit: float
+    records: Sequence[ResidualRecord], functions: BasisFunctions, inflation_limit: float
 ) -> tuple[Array, tuple[str, ...]]:
     """Per flight, skill of functions of one or two variables that the others chose; and the
     variables of those that all flights choose."""

@@ -11,7 +11,7 @@ import pytest
 from aerodb.loop.model_error import between_flights
 from aerodb.tracing import Finding
 from aerodb.tracing.decision.findings import Vote
-from aerodb.tracing.decision.functions import FunctionProblem, Functions, functions_of
+from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
 from tests.support import wrong_shapes as wrong
 
 FINDING = Finding(
@@ -21,7 +21,7 @@ FINDING = Finding(
 FLIGHTS, SAMPLES = 6, 300
 
 
-def problem(shape: Callable[[np.ndarray], np.ndarray]) -> tuple[FunctionProblem, Functions]:
+def problem(shape: Callable[[np.ndarray], np.ndarray]) -> tuple[FunctionProblem, BasisFunctions]:
     """Flights whose residual is a function of "u" and noise, a named column of "u" itself, and the
     functions of "u", "v" and alpha."""
     rng = np.random.default_rng(3)
