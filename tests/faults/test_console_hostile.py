@@ -153,6 +153,7 @@ def test_no_descriptor_left_is_said_in_a_few_lines(workspace: Path, tmp_path: Pa
     assert 0 < size < 20_000
 
 
+@pytest.mark.campaign
 def test_clients_that_do_not_go_on_are_left(workspace: Path) -> None:
     """However they drip: the time is for the whole head, or the whole body."""
     with running(workspace) as (_, address), ThreadPoolExecutor(len(HALF)) as threads:

@@ -124,6 +124,7 @@ def test_declared_corrections_have_the_direction_that_the_mission_reported(decla
     assert terms["CX", "delta_speed_brake"]["ci95"][0] > 0  # brakes slow less than predicted
 
 
+@pytest.mark.campaign
 def test_a_reversed_elevator_is_not_released(phoenix, tmp_path):
     """The vehicle file has the elevons the wrong way round: the fit is as good as a right one, and
     only the signs of the wind tunnel tell."""

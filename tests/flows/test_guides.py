@@ -31,8 +31,8 @@ GUIDES = (
     "from-csv-or-mat",
 )
 
-#: The second continues the first.
-_LONG = ("with-a-boom", "first-finding")
+#: Guides that the campaign follows; the second continues the first.
+_LONG = ("with-a-boom", "first-finding", "simulators")
 
 
 def steps(text: str) -> Iterator[tuple[str, list[str]]]:

@@ -38,6 +38,7 @@ def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
     return made
 
 
+@pytest.mark.campaign
 def test_many_logs_at_once_end_where_they_belong(
     workspace: Workspace, tmp_path: Path, trials: Callable[[int, int], int]
 ) -> None:

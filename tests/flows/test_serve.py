@@ -293,6 +293,7 @@ def test_a_run_without_a_process_is_marked_crashed_and_one_with_is_not(served: S
         assert (state_of(dead), state_of(alive)) == ("CRASHED", "RUNNING")
 
 
+@pytest.mark.campaign
 def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served: Served) -> None:
     """kill -9 on Prefect's server, logs dropped while it is away: it comes back by itself, and they
     are taken in."""

@@ -365,6 +365,7 @@ def test_twin_otter_by_command(
     assert all("disagrees" in reason and "by 6.1 deg" in reason for reason in departed)
 
 
+@pytest.mark.campaign
 @pytest.mark.heavy
 def test_citation_is_corrected_without_inventing_sideslip(
     tmp_path: Path, measured: Any, trials: Any

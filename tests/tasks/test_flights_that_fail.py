@@ -104,6 +104,7 @@ def swapped(columns, one, other):
     return {**columns, one: columns[other], other: columns[one]}
 
 
+@pytest.mark.campaign
 def test_swapped_channels_and_stretched_time_stop_no_other_log_of_the_inbox(workspace, tmp_path):
     """What no reconstruction was made for: each log ends once, the bad ones rejected with a reason
     that `status` shows beside the file, the good ones with all their results."""
