@@ -264,6 +264,7 @@ TRIED: list[str] = []
 REFUSED, LET_GO = threading.Event(), threading.Event()
 
 
+@pytest.mark.campaign
 def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(tmp_path: Path) -> None:
     """Under Prefect: a step meets a catalogue that another process holds, a refusal, and a step
     that never ends."""

@@ -26,6 +26,9 @@ __all__ = [
     "test_update_answers_with_the_document_of_the_contract",
 ]
 
+#: What is written and read there, `tests/storage/catalogue` tests in every run.
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def url(postgresql_server: Server) -> Iterator[str]:

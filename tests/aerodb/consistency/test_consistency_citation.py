@@ -33,6 +33,8 @@ Ixz = 1000.0
 STATES = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 FREE = (*ATTAS_BIASES, "alpha_bias", "wind_north", "wind_east")
 
+pytestmark = pytest.mark.campaign
+
 
 @pytest.fixture(scope="module")
 def records(measured):
@@ -54,7 +56,6 @@ def test_the_whole_flight_in_the_air_is_taken_in_windows(records):
     assert not any({"beta", "psi"} & set(record.outputs) for record in records)
 
 
-@pytest.mark.campaign
 def test_windows_agree_with_air_data_attitude_and_position(result):
     """V within the limit of 2 % on qbar, alpha .5 deg, attitude .3 deg, position 10 m: all of them
     at once."""

@@ -76,9 +76,8 @@ def pages(client: TestClient, kind: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param("constants", marks=pytest.mark.campaign), "scattered"]
-)
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_page_answers_and_is_sound(
     browser: Any, client: TestClient, workspace: Workspace, kind: str
 ) -> None:
