@@ -94,9 +94,8 @@ def twin_otter(measured, tmp_path_factory):
     return root, importing, asked(root, *importing, "--accept-proposals")
 
 
-@pytest.mark.campaign
 def test_twin_otter_needs_no_bindings_that_only_an_expert_knows(twin_otter):
-    root, _, document = twin_otter
+    _, _, document = twin_otter
     assert document["held"] == [
         "fcs_flap_pos_norm",
         "fcs_speedbrake_pos_norm",
@@ -104,6 +103,11 @@ def test_twin_otter_needs_no_bindings_that_only_an_expert_knows(twin_otter):
     ]
     motion = {use["name"]: use for use in document["uses"] if use["binding"] == "motion"}
     assert set(motion) == {"alphadot", "aero_mag_beta_rad", "fcs_mag_elevator_pos_rad"}
+
+
+@pytest.mark.campaign
+def test_an_update_says_what_is_held_and_ends_the_release_of_what_is_imported(twin_otter):
+    root, importing, _ = twin_otter
     model = str(VEHICLES / "twin_otter_increments.toml")
     update = asked(
         root,
@@ -118,6 +122,8 @@ def test_twin_otter_needs_no_bindings_that_only_an_expert_knows(twin_otter):
     )
     said = [remark for remark in update["remarks"] if "held at zero" in remark]
     assert len(said) == 3
+    bound = asked(root, *importing, "--accept-proposals", "--bind", "fcs/mag-elevator-pos-rad=0.01")
+    assert not bound["released"]
 
 
 def test_drag_of_sideslip_is_what_the_flights_speak_against(twin_otter):
@@ -140,4 +146,3 @@ def test_what_was_bound_to_zero_is_told_against_the_flights_own_values(twin_otte
     assert before["binding"] == "motion"
     assert elevator["effects"][0]["axis"] == "C_drag"
     assert elevator["effects"][0]["change"] == pytest.approx(before["effects"][0]["change"])
-    assert not bound["released"]  # an update was made of the first
