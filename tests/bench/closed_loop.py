@@ -84,7 +84,7 @@ def closed_loop(
         )
         if how == "auto":
             setup_how += (
-                "def nothing(steps, **_):\n    return None\nrun_flow(nothing, {}, workspace,"
+                "def nothing(steps, **_):\n    return None\nnothing.role = 'read'\nrun_flow(nothing, {}, workspace,"
                 " 'auto')\n"
             )
         done = measure(
