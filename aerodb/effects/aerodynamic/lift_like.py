@@ -33,8 +33,8 @@ def zero_lift_alpha(database: AeroDatabase) -> float:
 def from_zero_lift(database: AeroDatabase) -> str:
     """``(alpha - alpha_0)`` [rad] as an expression; see `zero_lift_alpha`.
 
-    >>> from aerodb.tables.reference import Reference
-    >>> from_zero_lift(AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))))
+    >>> from aerodb.tables.reference import ReferenceGeometry
+    >>> from_zero_lift(AeroDatabase("empty", ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))))
     'alpha'
     """
     at = zero_lift_alpha(database)
