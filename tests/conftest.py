@@ -50,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Drawn examples are the same in every run of the suite, and others in every campaign; how long
     one takes is no fault."""
     same = (
-        {"derandomize": True, "database": None, "max_examples": 30}
+        {"derandomize": True, "database": None}
         if not config.getoption("--full-campaign")
         else {"print_blob": True}
     )
@@ -60,15 +60,17 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("aerodb")
 
 
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first; what only the campaign runs is skipped without it."""
     if config.getoption("--within") is None:
         long_first(items)
-    if not config.getoption("--full-campaign"):
-        first: dict[object, object] = {}
-        for item in items:
-            if item.get_closest_marker("campaign") or _repeats(item, first):
-                item.add_marker(pytest.mark.skip(reason="runs in `make campaign`"))
+    first: dict[object, object] = {}
+    for item in items:
+        if _repeats(item, first):
+            item.add_marker(pytest.mark.campaign)
+        if item.get_closest_marker("campaign") and not config.getoption("--full-campaign"):
+            item.add_marker(pytest.mark.skip(reason="runs in `make campaign`"))
 
 
 #: Files in which PostgreSQL's transactions, locks and types are the subject.

@@ -40,6 +40,7 @@ def _problems(path: Path) -> list[str]:
         return [error.what]
 
 
+@pytest.mark.heavy
 def test_every_flipped_bit_is_found(
     path: Path, tmp_path: Path, trials: Callable[[int, int], int]
 ) -> None:
