@@ -21,18 +21,26 @@ _PASSED: Final = (
     "LC_ALL",
     "TMPDIR",
     "TZ",
-    "NUMBA_CACHE_DIR",
     "LD_LIBRARY_PATH",
     "LD_PRELOAD",
     "SYSTEMROOT",
     "PYTHONPATH",
 )
+#: Beginnings of those that choose how numbers are computed (which processor's kernels, for one):
+#: with others, results would differ in their last digits from those of this process.
+_NUMERICAL: Final = ("OPENBLAS_", "MKL_", "BLIS_", "OMP_", "NUMBA_", "NPY_")
 
 
 def confined_environment() -> dict[str, str]:
-    """Return the environment of a confined process: no tokens or passwords, one BLAS thread."""
+    """Return the environment of a confined process: no tokens or passwords, the same numerical
+    kernels, one BLAS thread."""
     own = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
-    return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
+    passed = {
+        name: value
+        for name, value in os.environ.items()
+        if name in _PASSED or name.startswith(_NUMERICAL)
+    }
+    return passed | own
 
 
 def subordinate() -> None:

@@ -174,6 +174,19 @@ def test_process_that_parses_has_no_secrets(
     assert call(workspace, os.getenv, "AERODB_EXAMPLE") == "secret"
 
 
+def test_process_that_parses_computes_with_the_kernels_of_this_one(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Without the variable, stored coefficients differed in the last digit from computed ones."""
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")
+    psutil.Process(call(workspace, os.getppid)).kill()
+    job = parsing(tmp_path / "a.csv", tmp_path / "topics", Limits())
+    seen = done(replace(job, function=eval, arguments=("dict(__import__('os').environ)",)))
+    assert seen["OPENBLAS_CORETYPE"] == "Prescott"
+    assert seen["OPENBLAS_NUM_THREADS"] == "1"
+    psutil.Process(call(workspace, os.getppid)).kill()  # no later test computes with these
+
+
 def test_process_that_parses_does_nothing_else(workspace: Workspace, tmp_path: Path) -> None:
     job = replace(parsing(tmp_path, tmp_path, Limits()), function=os.getpid, arguments=())
     parsers = {done(job), done(job)}
