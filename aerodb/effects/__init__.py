@@ -31,8 +31,11 @@ if TYPE_CHECKING:
     from .measurement import (
         ERROR_COLUMNS,
         NATURAL_ANGLE_ERRORS,
+        SURFACE_MOTION,
         air_rotation_columns,
+        half_width,
         hypotheses_for_flight,
+        played,
         predicted_change,
         with_reconstructed_angles,
         with_wind,

@@ -47,6 +47,7 @@ from aerodb.effects.measurement import (
     sensor_gyro,
     sensor_qbar,
     surface_calibration,
+    surface_motion,
 )
 from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.template import LibraryContext, LibrarySettings, Template
@@ -94,6 +95,7 @@ SENSORS: Final[tuple[Template, ...]] = (
     *sensor_gyro.TEMPLATES,
     *mass_properties.TEMPLATES,
     *surface_calibration.TEMPLATES,
+    *surface_motion.TEMPLATES,
 )
 
 TEMPLATES: Final[tuple[Template, ...]] = (*AERODYNAMIC, *SENSORS)

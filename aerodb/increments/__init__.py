@@ -14,7 +14,8 @@ The way through:
    of what predicts them (`Beyond`, `with_extrapolated_slopes`).
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
-8. `judge_release`, `judge_derivatives`, `judge_rivals` and `judge_contradictions` decide whether a
+8. `judge_release`, `judge_derivatives`, `judge_rivals`, `judge_shapes` and
+   `judge_contradictions` decide whether a
    version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
         judge_import,
         judge_release,
         judge_rivals,
+        judge_shapes,
         notes_on_release,
         sign_reasons,
     )

@@ -23,6 +23,9 @@ _LISTED: Final = 4
 FILE_CHECKS: Final = "file_checks"
 
 
+#: Name of the check of shapes.
+SHAPES: Final = "what was added has its shape, and nothing on its axis is without a name"
+
 #: Verdicts of findings that leave open what it is, in words.
 _OPEN: Final = {
     "suspected": "only suspected",
@@ -194,6 +197,43 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
             f" increments do (if they are right: --accept {rival['hypothesis']}, and the --reason)"
             for rival in rivals
             if rival["hypothesis"] not in accepted
+        ),
+    )
+
+
+def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
+    """Return the gate's check of shapes: nothing is released whose own function other functions of
+    the flights' variables beat, or that acts on an axis on which an effect has no name.
+
+    report : of the version (docs/reference/contract.md). accepted : ids of findings that a person
+    accepts, with a reason.
+    """
+    findings, added = report.get("findings", ()), set(report.get("added", ()))
+    entered = [each for each in findings if each["hypothesis"] in added]
+    on = {axis: each["hypothesis"] for each in entered for axis in each["axis"]}
+    said = {
+        each["hypothesis"]: (
+            f"{each['hypothesis']} has another shape: an effect of"
+            f" {', '.join(each['shape']['variables'])} on {each['shape']['axis']} predicts left-out"
+            " flights better"
+        )
+        for each in entered
+        if each.get("shape") and each["verdict"] != "confirmed"
+    } | {
+        each["hypothesis"]: (
+            f"an effect on {', '.join(each['axis'])} has no name, and"
+            f" {', '.join(dict.fromkeys(on[axis] for axis in each['axis'] if axis in on))} may"
+            " stand in for it"
+        )
+        for each in findings
+        if each["verdict"] == "unnamed" and on.keys() & set(each["axis"])
+    }
+    return GateCheck(
+        SHAPES,
+        tuple(
+            f"{sentence} (if it is right: --accept {id}, and the --reason)"
+            for id, sentence in said.items()
+            if id not in accepted
         ),
     )
 

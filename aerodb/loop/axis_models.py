@@ -27,6 +27,7 @@ from aerodb.increments import (
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
+from aerodb.loop.shapes import imitated_shapes
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
@@ -117,8 +118,9 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight. sensors : ids of sensors found to be wrong: where terms would imitate one
-    that is wrong given the models as well, it is to be mended first, and nothing is proposed.
+    predict each flight. sensors : ids of sensors found to be wrong, whatever explains them as well:
+    where terms would imitate one that is wrong given the models as well, it is to be mended first,
+    and nothing is proposed.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -151,6 +153,7 @@ def axis_models(
         axes &= supported_axes(tests, terms, beside)
     estimator = _Estimator(source, baseline, tuple(flights))
     errors = dict.fromkeys(sorted(axes), (0.0, 0.0))
+    remarks: tuple[str, ...] = ()
     if given is None:
         models = {
             axis: members
@@ -160,7 +163,10 @@ def axis_models(
         errors = _proved(estimator, candidate, models)
         if not errors or evidently_moving(source, flights, baseline, library):
             return None, ()
-    remarks = tuple[str, ...]()
+        proved = {axis: models[axis] for axis in errors}
+        beaten = imitated_shapes(source, flights, baseline, library, proved, list(sensors))
+        remarks = tuple(_imitates(axis, *errors[axis], beaten[axis]) for axis in beaten)
+        errors = {axis: error for axis, error in errors.items() if axis not in beaten}
     while errors:
         terms = tuple(i for i in terms if set(hypotheses[i].written_on) <= errors.keys())
         traced = trace_increment_models(tests, normal_equations, terms, beside, out)
@@ -276,6 +282,15 @@ def _not_added(axis: str, why: str, singles: float, left_out: float) -> str:
         f" {singles:.2g}: with it {why}. These flights do not confirm that: a sensor or the"
         " vehicle's data may be wrong instead. Check the signs of the log's channels, and mass,"
         " inertia and surfaces of the vehicle file."
+    )
+
+
+def _imitates(axis: str, singles: float, left_out: float, variables: Sequence[str]) -> str:
+    """The sentence about a model that imitates another shape."""
+    return (
+        f"{axis}: not corrected as a whole. An effect of {', '.join(variables)} explains most of"
+        f" what the increment model of its terms does, which leaves {left_out:.2g} of"
+        f" {singles:.2g} on flights left out: they would imitate it."
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from aerodb.conditioning import STATES
+from aerodb.effects import SURFACE_MOTION
 from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -51,10 +52,13 @@ def by_manoeuvres(
 
     Known findings of whole flights are in the model. Empty where there are enough flights, fewer
     than two manoeuvres, or where the air moved. Two passes: how far apart manoeuvres must be
-    depends on the correlation time of the remaining residual, and that on what has been found. See
+    depends on the correlation time of the remaining residual, and that on what has been found. A
+    manoeuvre reverses a surface too seldom to tell how it follows: such hypotheses stay out. See
     docs/method/tracing.md, section 16; values are in the unit of each hypothesis, times in [s].
     """
-    hypotheses, settings = library.hypotheses, library.settings
+    hypotheses = tuple(h for h in library.hypotheses if h.effect not in SURFACE_MOTION)
+    library = replace(library, hypotheses=hypotheses)
+    settings = library.settings
     if not too_few_took_part(traced, settings):
         return ()
     if rolling_share(source, traced.flights, database, library) > _STILL:

@@ -271,6 +271,7 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         return state
     library, known_before = given.library, given.known_before
     every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
+    sensors = {hypothesis.id for hypothesis in library.hypotheses if hypothesis.kind == "sensor"}
     models, not_added = axis_models(
         given.source,
         given.flights,
@@ -281,12 +282,11 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         given.without_gain,
         every - (every if known_before is None else known_before),
         modelled,
-        [id for id, finding in state.findings.items() if finding.verdict == "sensor"],
+        [id for id in state.findings if id in sensors],
     )
     state = replace(state, remarks=(*state.remarks, *not_added))
     if models is None:
         return state
-    members = {finding.hypothesis: finding for finding in models.traced.findings}
     apart = models.apart(library)
     added = tuple(f for f in state.added if f.hypothesis in apart)
     stays = {
@@ -294,6 +294,10 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         for id, finding in state.findings.items()
         if finding in added or (id in apart and id in models.standing)
     }
+    named = [*models.traced.findings, *(f for f in added if f.verdict != "sensor")]
+    shaped = checked_shapes(given.source, given.flights, given.baseline, library, named)
+    members = {f.hypothesis: f for f in shaped[: len(models.traced.findings)]}
+    models = replace(models, traced=replace(models.traced, findings=tuple(members.values())))
     return replace(
         state,
         database=models.candidate,

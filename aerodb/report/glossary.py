@@ -67,6 +67,9 @@ EFFECTS: Final[Mapping[str, str]] = {
     "thrust_scale": "scale of thrust",
     "surface_scale": "scale of the deflection of the {subject}",
     "surface_bias": "zero of the deflection of the {subject}",
+    "surface_delay": "delay of the {subject}",
+    "surface_backlash": "backlash of the {subject}",
+    "surface_dead_zone": "dead zone of the {subject}",
     "surface_lost": "{subject} that moves less than logged, or is stuck",
 }
 #: Subject or channel -> its words, where underscores for spaces are not enough.

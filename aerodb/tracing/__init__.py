@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         driven_by_rates,
         few_flight_findings,
         imitated_sensors,
+        imitations,
         increment_models,
         joint_bands,
         joint_covariance,

@@ -18,6 +18,7 @@ from aerodb.increments import (
     judge_import,
     judge_release,
     judge_rivals,
+    judge_shapes,
     notes_on_release,
 )
 from aerodb.remarks import CONTRADICTS, SUSPECTED
@@ -44,8 +45,8 @@ def promote(
     """Point `name` at a version (its id); ``released`` only through the gate.
 
     accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
-    (``alpha_scale@all``) and ``contradictions`` of flights, for which the gate would refuse; they
-    are stored with the reason.
+    (``alpha_scale@all``), findings whose shape is open (``unnamed@CZ``) and ``contradictions`` of
+    flights, for which the gate would refuse; they are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, notes (what was not
     held out, what is only suspected), derivatives. Raises GateRefusal with every reason, also if
@@ -163,7 +164,9 @@ def _gate(
     derivatives = judge_derivatives(listed, gate.largest_change, accept)
     rivals = documents.report.get("rivals", [])
     known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
-    unknown = set(accept) - known - {rival["hypothesis"] for rival in rivals} - {CONTRADICTIONS}
+    known |= {rival["hypothesis"] for rival in rivals} | {CONTRADICTIONS}
+    known |= {finding["hypothesis"] for finding in documents.report.get("findings", ())}
+    unknown = set(accept) - known
     if unknown:
         raise InputError(
             f"nothing to accept under {', '.join(sorted(unknown))}",
@@ -175,6 +178,7 @@ def _gate(
             *verdict.checks,
             derivatives,
             judge_rivals(rivals, accept),
+            judge_shapes(documents.report, accept),
             judge_contradictions(_contradictions(row, access), accept),
             *_enough_flights(row, access, gate),
             *_responses(row, access, gate, run),

@@ -13,13 +13,15 @@ import warnings
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tests.campaigns.fleet import CONDITIONS, airframe
+from tests.campaigns.fleet import CONDITIONS, Airframe, airframe
 from tests.campaigns.instruments import CELLS
+from tests.campaigns.outside import OUTSIDE, changed
 from tests.campaigns.planted import (
     PLANTED,
     NotThere,
@@ -125,6 +127,50 @@ def run_planted(
             yield line
 
 
+def run_outside(
+    aircraft: str, kinds: Sequence[str], flights: Sequence[int], seed: int, folder: Path
+) -> Iterable[dict[str, Any]]:
+    """The runs of an aircraft that flies with a shape outside the library, against its own database.
+
+    The folders are kept.
+    """
+    for kind in kinds:
+        known, shape = airframe(aircraft), kind.replace(" ", "-").replace("^", "")
+        here = Path(tempfile.mkdtemp(prefix=f"{known.vehicle}-{shape}-", dir=folder))
+        try:
+            flies = changed(aircraft, kind, here / "aircraft")
+        except NotThere:
+            continue
+        craft = replace(known, flies=flies, shape=f"-{shape}")
+        numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
+
+        def seen(log: dict[str, np.ndarray], craft: Airframe = craft) -> dict[str, np.ndarray]:
+            key = [seed, zlib.crc32(craft.name.encode())]
+            return as_measured(craft, log, np.random.default_rng(key))
+
+        where = (here / "all", folder / "flights")
+        try:
+            ready = prepared(craft, "declared", numbers, seed, *where, measured_text(craft), seen)
+        except RuntimeError as error:
+            yield {"aircraft": aircraft, "outside": kind, "seed": seed, "refused": str(error)}
+            continue
+        for n in flights:
+            loop = looped(craft, ready, n, here / f"{n}-flights")
+            line: dict[str, Any] = {
+                "aircraft": aircraft, "outside": kind, "flights": n, "seed": seed,
+                "consistency": dict(Counter(list(ready.verdicts.values())[:n])),
+                "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
+            }  # fmt: skip
+            if loop.found is not None:
+                line["added"] = loop.found["added"]
+                line["findings"] = [
+                    [f["verdict"], f["hypothesis"], f.get("value"), f.get("ci95"),
+                     f["shape"]["variables"] if f.get("shape") else f.get("variables")]
+                    for f in loop.found["findings"]
+                ]  # fmt: skip
+            yield line
+
+
 def power(
     found: Mapping[str, Any], planted: Planted, truth: Mapping[str, float | None]
 ) -> dict[str, Any]:
@@ -210,6 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--aircraft", nargs="+", default=list(CONDITIONS), choices=[*CONDITIONS])
     parser.add_argument("--cell", nargs="+", default=list(CELLS), choices=[*CELLS])
     parser.add_argument("--planted", nargs="*", default=[], choices=[*PLANTED])
+    parser.add_argument("--outside", nargs="*", default=[], choices=[*OUTSIDE])
     parser.add_argument("--flights", nargs="+", type=int, default=[3, 6, 12])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=Path("campaign"))
@@ -222,6 +269,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             common = (chosen.flights, chosen.seed, chosen.folder)
             if chosen.planted:
                 _append(chosen.folder, "power", run_planted(aircraft, chosen.planted, *common))
+                continue
+            if chosen.outside:
+                _append(chosen.folder, "outside", run_outside(aircraft, chosen.outside, *common))
                 continue
             for cell in chosen.cell:
                 _append(chosen.folder, "results", run_null(aircraft, cell, *common))

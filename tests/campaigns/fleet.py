@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ class Airframe:
     channels : surfaces logged -> JSBSim's property and the number that makes it SI. bindings :
     property -> expression, for the import. thrust : unit vector of the force, and a point [m] on
     its line, body axes from the datum. roles : of MOVED, those on which the aerodynamics depend.
+    flies : folder of the aircraft that flies where it is not JSBSim's own, and its shape.
     """
 
     name: str
@@ -65,6 +67,8 @@ class Airframe:
     direction: tuple[float, ...]
     point: tuple[float, ...]
     roles: tuple[str, ...]
+    flies: Path | None = None
+    shape: str = ""
 
     @property
     def vehicle(self) -> str:
@@ -80,19 +84,32 @@ class Airframe:
         return import_jsbsim(text, bindings=known, name=self.vehicle)
 
 
-def trimmed(name: str, altitude: float, knots: float, step: float) -> Any:
-    """JSBSim with the aircraft trimmed in level flight at altitude [ft] and airspeed [kt].
+def trimmed(
+    name: str, altitude: float, knots: float, step: float, aircraft: Path | None = None
+) -> Any:
+    """JSBSim with the aircraft trimmed in level flight at altitude [ft] and airspeed [kt]; from a
+    folder of `aircraft` with another file of it: with the state and controls of its own trim.
 
     Raises RuntimeError where it does not trim.
     """
     with contextlib.redirect_stdout(io.StringIO()):
-        executive = simulator(name)
+        executive = simulator(name, aircraft=aircraft)
         executive.set_dt(step)
         executive["ic/h-sl-ft"], executive["ic/vc-kts"] = altitude, knots
         executive["gear/gear-cmd-norm"] = 0.0
+        if aircraft is not None:
+            own = trimmed(name, altitude, knots, step)
+            executive["ic/theta-rad"] = own["attitude/theta-rad"]
+            executive["ic/alpha-rad"] = own["aero/alpha-rad"]
+            for control in ("elevator", "aileron", "rudder", "throttle"):
+                executive[f"fcs/{control}-cmd-norm"] = own[f"fcs/{control}-cmd-norm"]
+            for engine in range(1, 8):
+                if executive.query_property_catalog(f"fcs/throttle-cmd-norm[{engine}]"):
+                    executive[f"fcs/throttle-cmd-norm[{engine}]"] = own["fcs/throttle-cmd-norm"]
         executive.run_ic()
         executive["propulsion/set-running"] = -1
-        executive["simulation/do_simple_trim"] = 1
+        if aircraft is None:
+            executive["simulation/do_simple_trim"] = 1
     return executive
 
 

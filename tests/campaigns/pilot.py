@@ -51,7 +51,7 @@ class Response:
 
 @lru_cache(maxsize=32)
 def responses(craft: Airframe) -> dict[str, Response]:
-    """The response to each control at the condition of the fleet."""
+    """The response to each control at the condition of the fleet, of the aircraft as JSBSim has it."""
     seen = {"elevator": ("aero/alpha-rad", "velocities/q-rad_sec"),
             "aileron": ("velocities/p-rad_sec", "velocities/p-rad_sec"),
             "rudder": ("aero/beta-rad", "velocities/r-rad_sec")}  # fmt: skip
@@ -174,7 +174,7 @@ def flown(
     Raises RuntimeError where the aircraft does not trim, or leaves the air or its envelope.
     """
     plan, reached = script(craft, number), responses(craft)
-    executive = trimmed(craft.name, plan.altitude, plan.knots, INTEGRATION)
+    executive = trimmed(craft.name, plan.altitude, plan.knots, INTEGRATION, craft.flies)
     executive["simulation/randomseed"] = number + 1
     for motion in ("rate/rotational", "rate/translational", "position/rotational"):
         # the attitude too: by default it lags half a step behind the rates, and the angles with it

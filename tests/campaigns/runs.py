@@ -50,7 +50,7 @@ def channels_of(
     """A flight without noise, from the folder `cache` where it was flown before."""
     if sensed is not None:
         return flown(craft, number, step=cell.step, air=cell.air, sensed=sensed)
-    place = cache / f"{craft.vehicle}-{cell.air}-{cell.step:g}-{number}.npz"
+    place = cache / f"{craft.vehicle}{craft.shape}-{cell.air}-{cell.step:g}-{number}.npz"
     if not place.exists():
         cache.mkdir(parents=True, exist_ok=True)
         made = flown(craft, number, step=cell.step, air=cell.air)

@@ -26,12 +26,14 @@ def aircraft_file(name: str) -> bytes:
     return (Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml").read_bytes()
 
 
-def simulator(name: str, planet: Path | None = None) -> Any:
-    """An aircraft ready to be flown, over another `planet` than the earth when its file is
-    given."""
+def simulator(name: str, planet: Path | None = None, aircraft: Path | None = None) -> Any:
+    """An aircraft ready to be flown, over another `planet` than the earth when its file is given,
+    and from another folder of `aircraft` than JSBSim's own."""
     executive = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
     executive.set_debug_level(0)
     assert planet is None or executive.load_planet(str(planet), False)
+    if aircraft is not None:
+        executive.set_aircraft_path(str(aircraft))
     assert executive.load_model(name)
     executive.disable_output()
     executive["propulsion/set-running"] = -1

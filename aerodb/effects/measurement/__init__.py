@@ -2,9 +2,9 @@
 
 A wrong sensor or vehicle file can produce the same residual as a wrong database. The templates
 (`sensor_accelerometer`, `sensor_flow_angles`, `sensor_gyro`, `sensor_qbar`, `mass_properties`,
-`surface_calibration`) give the tangent of the whole processing chain, from the sensor to the six
-coefficients, per unit of error; `aerodb.effects.library` lists them, and `sensor` holds what they
-share. `reconstructed_angles` adapts the hypotheses to flights without a vane.
+`surface_calibration`, `surface_motion`) give the tangent of the whole processing chain, from the
+sensor to the six coefficients, per unit of error; `aerodb.effects.library` lists them, and `sensor`
+holds what they share. `reconstructed_angles` adapts the hypotheses to flights without a vane.
 
 `error_columns` are the tangents of biases and delays that flight-path reconstruction leaves open.
 """
@@ -20,5 +20,6 @@ if TYPE_CHECKING:
     from .remaining_errors import within_reconstruction_accuracy
     from .sensor import predicted_change
     from .sensor_flow_angles import NATURAL_ANGLE_ERRORS
+    from .surface_motion import SURFACE_MOTION, half_width, played
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from .refinement import Refined, downgraded_on_axes, refine
     from .residual_records import FlightResidual
     from .rotating_air import driven_by_rates, lost_in_rotating_air
-    from .shapes import FEWEST_SHAPED, with_checked_shapes
+    from .shapes import FEWEST_SHAPED, imitations, with_checked_shapes
     from .unexplained_residual import (
         UnexplainedResidual,
         model_errors,

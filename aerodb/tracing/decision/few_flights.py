@@ -250,7 +250,10 @@ def _halves_agree(
         if axis in hypothesis.axes
     ]
     unit = next(each for each in evidence if each.flight == equations.flight)
-    parts = under(joint, halves(unit, hypothesis.id, noise, max(times, default=0.0)))
+    cut = halves(unit, hypothesis.id, noise, max(times, default=0.0))
+    if not cut:
+        return False
+    parts = under(joint, cut)
     estimates = parts.flight_estimates(joint.terms, ())
     if len(parts.flights) != 2 or not np.all(estimates.information[:, index] > 0.0):
         return False

@@ -12,7 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.signal import lfilter
 
+from aerodb.effects import half_width, played
 from aerodb.support import Array
 
 Indices = NDArray[np.intp]
@@ -33,8 +35,16 @@ _GROUPS: Final = 10
 _MODULATE: Final = frozenset({"alpha", "beta", "mach", "qbar"})
 #: Beginning of variables whose rate of change is a variable too: deflections.
 _MOVING: Final = "delta_"
-#: Ending of the rate of change of a variable.
+#: Beginning of others whose past is a variable: loads lag behind the flow (Wagner).
+_ANGLES: Final = ("alpha", "beta")
+#: Endings: of the rate of change of a variable, and of how far it is from its past.
 RATE: Final = "_rate"
+PAST: Final = "_past"
+#: Of where it is in a play (`surface_motion`).
+PLAY: Final = "_play"
+OF_PAST: Final = (RATE, PAST, PLAY)
+#: Lag of that past [s]: about the quickest that an aircraft's motion follows.
+_LAG: Final = 0.25
 #: Part of the largest singular value below which a direction is rounding.
 RANK: Final = 1e-6
 #: Part of the largest variance within flights below which a column's is rounding.
@@ -43,14 +53,31 @@ _STANDS: Final = 1e-12
 TRACE: Final = 1e-9
 
 
-def with_rates(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
-    """Return variables (name -> (n,)) and the rates of change of deflections; step [s]."""
-    rates = {
-        f"{name}{RATE}": np.gradient(values, step)
-        for name, values in variables.items()
-        if name.startswith(_MOVING)
-    }
-    return {**variables, **rates}
+def with_past(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
+    """Return variables (name -> (n,)), and what a load may depend on of their past: the rates of
+    change of deflections, how far deflections and flow angles are from what they were (the
+    difference from a first-order lag of `_LAG`), and where in its play a deflection is; step
+    [s]."""
+    keep = float(np.exp(-step / _LAG))
+    past = {}
+    for name, values in variables.items():
+        known = np.nan_to_num(values)
+        if name.startswith(_MOVING):
+            past[f"{name}{RATE}"] = np.gradient(values, step)
+            past[f"{name}{PLAY}"] = known - played(known, half_width(known))
+        if name.startswith((_MOVING, *_ANGLES)):
+            late, _ = lfilter([1.0 - keep], [1.0, -keep], known, zi=[keep * known[0]])
+            past[f"{name}{PAST}"] = known - late
+    return {**variables, **past}
+
+
+def present(name: str) -> str:
+    """The channel of which a variable is the rate of change or the past.
+
+    >>> present("delta_elevator_rate"), present("alpha_past"), present("alpha")
+    ('delta_elevator', 'alpha', 'alpha')
+    """
+    return next((name.removesuffix(end) for end in OF_PAST if name.endswith(end)), name)
 
 
 @dataclass(frozen=True)
@@ -99,7 +126,7 @@ def functions_of(flights: Sequence[Mapping[str, Array]]) -> BasisFunctions:
         numbers = tuple(range(len(columns), len(columns) + len(low)))
         columns += [*np.clip((values - low[:, None]) / (high - low)[:, None], 0.0, 1.0)]
         each.append(BasisFunction((name,), numbers, tuple(nodes.tolist())))
-        if not name.endswith(RATE):
+        if not name.endswith(OF_PAST):
             scaled[name] = (values - level) / spread
     for one, other in combinations(sorted(scaled), 2):
         if {one, other} & _MODULATE:

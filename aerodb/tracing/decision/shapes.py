@@ -19,13 +19,13 @@ from aerodb.tables import HAT_RATES
 from aerodb.tracing.decision.explanation_sets import LOST
 from aerodb.tracing.decision.findings import Finding, doubted
 from aerodb.tracing.decision.functions import (
-    RATE,
     TRACE,
     WORTH,
     BasisFunctions,
     FunctionProblem,
     functions_of,
-    with_rates,
+    present,
+    with_past,
 )
 from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.estimates import OFFSET, paired_p
@@ -34,6 +34,10 @@ from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which shapes are compared.
 FEWEST_SHAPED: Final = 4
+#: Part of the gain of functions of its own variables that a term must reach to keep its name.
+_NEARLY: Final = 0.8
+#: Part of what an increment model explains that a wrong sensor must explain to be mended first.
+_MOST: Final = 0.5
 #: Part of a sensor's gain that a function must reach to stand beside it.
 _AS_WELL: Final = 0.8
 #: The same where the sensor gains on no other axis.
@@ -71,9 +75,10 @@ def with_checked_shapes(
         return tuple(findings)
     known = {h.id: h for h in hypotheses}
     functions = functions_of(
-        [with_rates(flight.variables, flight.evidence.step) for flight in flights]
+        [with_past(flight.variables, flight.evidence.step) for flight in flights]
     )
-    shapes = _Shapes(flights, functions, known, findings, settings)
+    terms = tuple(f.hypothesis for f in findings)
+    shapes = _Shapes(flights, functions, known, terms, settings)
     changed = {}
     for finding in judged:
         if finding.verdict == "sensor":
@@ -85,14 +90,43 @@ def with_checked_shapes(
     return tuple(changed.get(f.hypothesis, f) for f in findings)
 
 
+def imitations(
+    flights: Sequence[FlightResidual],
+    models: Mapping[str, Sequence[str]],
+    sensors: Sequence[str],
+    hypotheses: Sequence[Hypothesis],
+    settings: TracingSettings,
+) -> dict[str, tuple[str, ...]]:
+    """Return body axis -> variables of at most two functions that predict left-out flights better
+    than all terms of the axis' increment model together, or parameter of a sensor that explains
+    most of what they do: the terms only imitate it.
+
+    flights : as for `with_checked_shapes`. models : body axis -> ids of the model's terms.
+    sensors : ids of those found to be wrong. Functions of present values of what the terms depend
+    on do not count: they are the terms, in a shape of more freedom. docs/method/tracing.md,
+    section 27.
+    """
+    if len(flights) < FEWEST_SHAPED:
+        return {}
+    known = {h.id: h for h in hypotheses}
+    functions = functions_of([with_past(f.variables, f.evidence.step) for f in flights])
+    terms = tuple(dict.fromkeys(id for ids in models.values() for id in ids))
+    shapes, found = _Shapes(flights, functions, known, terms, settings), {}
+    for axis, ids in models.items():
+        better = shapes.instead_of(axis, ids, sensors)
+        if better:
+            found[axis] = better
+    return found
+
+
 @dataclass(frozen=True)
 class _Shapes:
-    """The comparison of names and functions. findings : all of this round."""
+    """The comparison of names and functions. terms : ids of all that was found."""
 
     flights: Sequence[FlightResidual]
     functions: BasisFunctions
     known: Mapping[str, Hypothesis]
-    findings: Sequence[Finding]
+    terms: Sequence[str]
     settings: TracingSettings
     cached: dict[str, FunctionProblem] = field(default_factory=dict, init=False, repr=False)
     products: dict[tuple[str, bool], "Sequence[_Products]"] = field(
@@ -112,13 +146,36 @@ class _Shapes:
             fall, p = self._fall(problem, after, before)
             if fall > WORTH and p < self.settings.level:
                 picked = problem.chosen(problem.flights, rest)
+                without = float(problem.left_out(problem.flights, rest).sum())
+                share = (float(before.sum()) - without) / max(float(after.sum()) - without, TRACE)
                 information = (
                     float(problem.square[:, own, own].sum()) / problem.combined[own, own] ** 2
                 )
                 misfit = np.sqrt(max(0.0, float((after - before).sum())) / information)
                 if picked and not self._stands(problem, own, rest, picked):
-                    return self._other(finding, axis, problem, rest, picked, fall, p, misfit)
+                    return self._other(finding, axis, problem, rest, picked, fall, p, misfit, share)
         return finding
+
+    def instead_of(self, axis: str, ids: Sequence[str], sensors: Sequence[str]) -> tuple[str, ...]:
+        """Variables of the functions that beat all of these terms together, or parameter of the
+        sensor that explains most of what they do; none where none does."""
+        problem, named = self._problem(axis), self._named(axis)
+        rest = [number for number, id in enumerate(named) if id not in ids]
+        before = problem.left_out(problem.flights, range(len(named)))
+        left = float((problem.total - before).sum())
+        for sensor in sensors:
+            freed = self._made(axis, [*(named[k] for k in rest), sensor], sensor)
+            gain = float(freed.left_out(freed.flights, range(freed.terms)).sum())
+            if gain > 0.0 and gain >= _MOST * (float(freed.total.sum()) - left):
+                return (self.known[sensor].parameter,)
+        fall, p = self._fall(problem, problem.predicted(rest), before)
+        if not (fall > WORTH and p < self.settings.level):
+            return ()
+        variables = self.functions.variables(problem.chosen(problem.flights, rest))
+        drivers = _channels(d for id in ids for d in self.known[id].drivers)
+        if set(variables) == set(map(present, variables)) and _channels(variables) <= drivers:
+            return ()
+        return variables
 
     def constant(self, finding: Finding) -> Finding:
         """A constant is suspected where a function in addition to the named terms predicts its
@@ -168,6 +225,8 @@ class _Shapes:
         as_well = share >= _AS_WELL and paired_p(total, instead) >= self.settings.level
         may_be = alone and share >= _ON_ONE_AXIS
         variables = self.functions.variables(problem.chosen(problem.flights, named))
+        if set(map(present, variables)) <= self._drivers(finding):
+            return finding  # the past of the surface itself: the same defect in other words
         p = paired_p(instead, nothing)
         names = [*self._named(axis), finding.hypothesis]
         freed = self._made(axis, names, finding.hypothesis, True)
@@ -248,11 +307,15 @@ class _Shapes:
         fall: float,
         p: float,
         misfit: float,
+        share: float,
     ) -> Finding:
         """The finding with another shape. misfit : rms error of the effect in units of its
-        parameter, by what its shape misses."""
+        parameter, by what its shape misses. share : what the term gains, in parts of what the
+        functions gain in its place."""
         variables = self.functions.variables(picked)
-        same = self._drivers(finding) <= _channels(variables)
+        same = self._drivers(finding) == _channels(variables) and not any(
+            present(name) != name for name in variables
+        )
         shape = _shape(axis, variables, fall, p, self._bands(problem, rest, picked))
         finding = doubted(
             finding,
@@ -260,10 +323,11 @@ class _Shapes:
             f" flights better by {fall:.0%} of what is left (p = {p:.1g})",
             shape=shape,
         )
-        if same:
+        if same and share >= _NEARLY:
             middle = 0.5 * (finding.ci95[0] + finding.ci95[1])
             half = float(np.hypot(0.5 * (finding.ci95[1] - finding.ci95[0]), ndtri(0.975) * misfit))
-            return replace(finding, ci95=(middle - half, middle + half))
+            if abs(middle) > half:
+                return replace(finding, ci95=(middle - half, middle + half))
         return replace(finding, verdict="suspected")
 
     def _bands(
@@ -317,12 +381,12 @@ class _Shapes:
     def _named(self, axis: str) -> list[str]:
         """Return the terms on the axis: everything found but constants and sensors."""
         return [
-            f.hypothesis
-            for f in self.findings
-            if axis in f.axis
-            and f.effect != OFFSET
-            and self.known[f.hypothesis].kind == "aerodynamic"
-            and all(f.hypothesis in flight.evidence.columns for flight in self.flights)
+            id
+            for id in self.terms
+            if axis in self.known[id].axes
+            and self.known[id].effect != OFFSET
+            and self.known[id].kind == "aerodynamic"
+            and all(id in flight.evidence.columns for flight in self.flights)
         ]
 
     def _freed_gain(self, axis: str, sensor: str) -> Array:
@@ -403,7 +467,7 @@ def _shape(
 def _channels(names: Iterable[str]) -> frozenset[str]:
     """Channels that variables are made of; Mach number, airspeed and dynamic pressure are one in a
     flight."""
-    plain = {name.removesuffix(RATE) for name in names}
+    plain = {present(name) for name in names}
     plain = {HAT_RATES[name][0] if name in HAT_RATES else name for name in plain}
     if plain & {"mach", "qbar", "V"}:
         plain |= {"mach", "qbar", "V"}

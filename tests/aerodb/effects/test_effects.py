@@ -71,6 +71,9 @@ SENSORS = [
     "thrust_scale",
     "surface_scale",
     "surface_bias",
+    "surface_delay",
+    "surface_backlash",
+    "surface_dead_zone",
 ]
 
 

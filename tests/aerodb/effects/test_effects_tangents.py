@@ -14,6 +14,7 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
+from aerodb.effects.measurement import played
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
@@ -61,6 +62,47 @@ def _shifted(**by: float) -> Perturbed:
         flight.with_channels({name: flight[name] + share * h for name, share in by.items()}),
         of,
     )
+
+
+def _ahead(shape: Callable[[Array, Array, float], Array], **by: float) -> Perturbed:
+    """The log shows what a surface that follows it badly has yet to do: each channel differs by its
+    share of ``shape(time, deflection, h)``; the deflection is the sum of the shares."""
+
+    def perturbed(flight: Flight, of: Vehicle, h: float) -> tuple[Flight, Vehicle]:
+        own = sum(flight[name] * share for name, share in by.items()) / sum(map(abs, by.values()))
+        more = shape(flight.time, np.asarray(own), h)
+        return flight.with_channels(
+            {name: flight[name] + np.sign(share) * more for name, share in by.items()}
+        ), of
+
+    return perturbed
+
+
+def _early(time: Array, own: Array, h: float) -> Array:
+    return np.asarray(CubicSpline(time, own)(time + h) - own)
+
+
+def _play(share: float) -> Callable[[Array, Array, float], Array]:
+    """The log leads the surface to the flank of the play on which it is."""
+
+    def ahead(time: Array, own: Array, h: float) -> Array:
+        width = share * own.std()
+        return h * (own - played(own, width)) / width
+
+    return ahead
+
+
+def _dead(time: Array, own: Array, h: float) -> Array:
+    return h * np.clip(own / (own.std() / 3.0), -1.0, 1.0)
+
+
+#: Surface -> the channels of its deflection, with their shares in it.
+MOVING = {
+    "elevator": {"delta_elevator": 1.0},
+    "rudder": {"delta_rudder": 1.0},
+    "aileron": {"delta_aileron_right": 1.0, "delta_aileron_left": -1.0},
+    "flaperon": {"delta_aileron_right": 1.0, "delta_aileron_left": 1.0},
+}
 
 
 def _mass(**changes: Callable[[Vehicle, float], object]) -> Perturbed:
@@ -127,6 +169,13 @@ PERTURBATIONS: dict[str, tuple[float, Perturbed]] = {
     },
     "delta_aileron_bias": (0.005, _shifted(delta_aileron_right=1, delta_aileron_left=-1)),
     "delta_flaperon_bias": (0.005, _shifted(delta_aileron_right=1, delta_aileron_left=1)),
+    **{f"delta_{name}_delay": (0.01, _ahead(_early, **by)) for name, by in MOVING.items()},
+    **{f"delta_{name}_backlash": (0.001, _ahead(_play(0.2), **by)) for name, by in MOVING.items()},
+    **{
+        f"delta_{name}_backlash_wide": (0.001, _ahead(_play(2.0 / 3.0), **by))
+        for name, by in MOVING.items()
+    },
+    **{f"delta_{name}_dead_zone": (0.001, _ahead(_dead, **by)) for name, by in MOVING.items()},
     "delta_aileron_right_lost": (0.02, _scaled("delta_aileron_right")),
     "delta_aileron_left_lost": (0.02, _scaled("delta_aileron_left")),
 }

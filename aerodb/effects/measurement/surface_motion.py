@@ -1,0 +1,161 @@
+"""Surfaces that do not follow what the log shows: late, with backlash, with a dead zone.
+
+``surface_delay``: the surface follows the log by tau; tangent ``-deltadot dC/ddelta``, 1/s.
+
+``surface_backlash``: play of half-width w between what is logged and the surface (Tao & Kokotovic
+1996, eq. 2.3): the surface rests until the log has moved by 2 w. Tangent ``(play(delta, w0) -
+delta) / w0 dC/ddelta``. Which strokes are lost depends on the play, so there are two hypotheses,
+with w0 a fifth and two thirds (``..._wide``) of the rms deflection.
+
+``surface_dead_zone``: the surface begins to move w from zero; tangent ``-sat(delta / w0)
+dC/ddelta`` with w0 a third of the rms deflection.
+
+Believable size: 10 ms for a logger's and an actuator's delay that is not stated, half a second for
+a fault; play of .05 deg for a sound linkage, several degrees for a worn one. Source: Tao &
+Kokotovic, *Adaptive Control of Systems with Actuator and Sensor Nonlinearities*, 1996.
+
+The play follows with half a width of slack to either side:
+
+>>> played(np.array([0.0, 0.2, 0.5, 0.4, 0.2, 0.0]), 0.1).round(2).tolist()
+[0.0, 0.1, 0.4, 0.4, 0.3, 0.1]
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from aerodb.effects.flight_view import FlightView
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.measurement.sensor import delay_prior, predicted_change, sensor
+from aerodb.effects.surfaces import Role
+from aerodb.effects.template import LibraryContext, Template
+from aerodb.signals import smooth
+from aerodb.support import Array
+
+SOURCE: Final = "Tao & Kokotovic 1996"
+#: Half-widths of which the tangents are made, in parts of the rms deflection about its mean; at
+#: least [rad].
+_NARROW: Final = 0.2
+_MIDDLE: Final = 1.0 / 3.0
+_WIDE: Final = 2.0 / 3.0
+_LEAST: Final = 1e-3
+#: Kinds of surfaces that move to and fro.
+_MOVING: Final[frozenset[Role]] = frozenset({"pitch", "roll", "yaw"})
+
+
+def played(values: Array, half_width: float) -> Array:
+    """The output (n,) of a play of `half_width` that begins in the middle; in the unit of
+    `values`."""
+    found, at = [], float(values[0])
+    for value in values.tolist():
+        at = min(max(at, value - half_width), value + half_width)
+        found.append(at)
+    return np.array(found)
+
+
+def half_width(values: Array, share: float = _MIDDLE) -> float:
+    """Half-width [rad] of which the tangents of a deflection (n,) are made; share : of its rms."""
+    return max(_LEAST, share * float(np.nanstd(values)))
+
+
+def delay(view: FlightView, channels: Sequence[str]) -> Columns:
+    """Columns of surface_delay of deflections that share one actuator. Each is (n,), 1/s."""
+    return predicted_change(
+        view, **{name: smooth(view[name], view.step, view.bandwidth).rate for name in channels}
+    )
+
+
+def backlash(view: FlightView, channels: Sequence[str], share: float) -> Columns:
+    """Columns of surface_backlash; share : as in `half_width`. Each is (n,), per rad of
+    half-width."""
+    return predicted_change(
+        view,
+        **{
+            name: (view[name] - played(view[name], width)) / width
+            for name in channels
+            for width in [half_width(view[name], share)]
+        },
+    )
+
+
+def dead_zone(view: FlightView, channels: Sequence[str]) -> Columns:
+    """Columns of surface_dead_zone. Each is (n,), per rad of half-width."""
+    return predicted_change(
+        view,
+        **{name: np.clip(view[name] / half_width(view[name]), -1.0, 1.0) for name in channels},
+    )
+
+
+def _template(
+    effect: str,
+    tangent: Callable[..., Columns],
+    *,
+    unit: str,
+    plausible: tuple[float, float],
+    natural: float,
+    formula: str,
+    because: str,
+    kind: str = "",
+) -> Template:
+    name = effect.removeprefix("surface_")
+
+    def hypotheses(context: LibraryContext) -> list[Hypothesis]:
+        return [
+            sensor(
+                context,
+                effect,
+                f"{surface.channel}_{name}{kind}",
+                partial(tangent, channels=(surface.channel,)),
+                unit=unit,
+                plausible=plausible,
+                declared=delay_prior(context, surface.channel) if name == "delay" else 0.0,
+                natural=natural,
+                because=f"the {surface.words} {because}",
+                formula=formula.format(delta=surface.channel),
+                needs=(surface.channel,),
+                source=SOURCE,
+                subject=f"{surface.name}{kind}",
+            )
+            for surface in context.surfaces
+            if surface.role in _MOVING
+        ]
+
+    return Template(effect, "sensor", formula.format(delta="delta"), SOURCE, hypotheses)
+
+
+DELAY = _template(
+    "surface_delay",
+    delay,
+    unit="s",
+    plausible=(-0.2, 0.5),
+    natural=0.01,
+    formula="-{delta}dot*dC/d{delta}",
+    because="moves later or earlier than the log says",
+)
+BACKLASH, WIDE_BACKLASH = (
+    _template(
+        "surface_backlash",
+        partial(backlash, share=share),
+        unit="rad",
+        plausible=(-0.004, 0.06),
+        natural=0.0009,
+        formula=f"(play({{delta}}, {share:.2g} rms) - {{delta}})*dC/d{{delta}}",
+        because="has backlash: it rests while the log reverses",
+        kind=kind,
+    )
+    for share, kind in ((_NARROW, ""), (_WIDE, "_wide"))
+)
+DEAD_ZONE = _template(
+    "surface_dead_zone",
+    dead_zone,
+    unit="rad",
+    plausible=(-0.004, 0.06),
+    natural=0.0009,
+    formula="-sat({delta})*dC/d{delta}",
+    because="does not answer small deflections about zero",
+)
+#: Their effects.
+SURFACE_MOTION: Final = frozenset({"surface_delay", "surface_backlash", "surface_dead_zone"})
+TEMPLATES = (DELAY, BACKLASH, WIDE_BACKLASH, DEAD_ZONE)
