@@ -84,7 +84,11 @@ def beside_truth(
 ) -> Demo:
     """Compare the document of a closed loop with the effects and the lags [s] that flew."""
     told = [
-        {**asdict(effect), "agreement": agreement(effect, document["findings"])}
+        {
+            **asdict(effect),
+            "agreement": agreement(effect, document["findings"]),
+            "verdict": verdict_on(effect, document["findings"]),
+        }
         for effect in effects
     ]
     lags = [
@@ -143,13 +147,7 @@ def open_envelope(folder: Path) -> tuple[Effect, ...]:
 
 def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
     """Return whether a true effect was named, is in a finding's explanation set, or was missed."""
-    heads = {
-        f["parameter"]
-        for f in findings
-        if f["effect"] == effect.effect and effect.axis in f["axis"]
-    }
-    plain = effect.parameter.partition(" ")[0]
-    if any(head == effect.parameter or head.partition(" ")[0] == plain for head in heads):
+    if verdict_on(effect, findings):
         return "named"
     within = {member for finding in findings for member in finding["explanation_set"]}
     own = {
@@ -157,6 +155,21 @@ def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
         f"{effect.effect}@{effect.axis}:{effect.regressor.removeprefix('delta_')}",
     }
     return "in_set" if own & within else "missed"
+
+
+def verdict_on(effect: Effect, findings: list[dict[str, Any]]) -> str:
+    """Return the verdict of the finding that names a true effect; empty where none does."""
+    plain = effect.parameter.partition(" ")[0]
+    return next(
+        (
+            str(f["verdict"])
+            for f in findings
+            if f["effect"] == effect.effect
+            and effect.axis in f["axis"]
+            and (f["parameter"] == effect.parameter or f["parameter"].partition(" ")[0] == plain)
+        ),
+        "",
+    )
 
 
 def floors(

@@ -85,6 +85,20 @@ class Accept:
         }.get(finding.verdict, ())
         return finding.hypothesis in wanted or finding.effect in wanted
 
+    def not_added(self, loop: "LoopResult") -> dict[str, str]:
+        """Return what the user asked for and did not get: name -> why, and what would bring it."""
+        added = {name for f in loop.added for name in (f.hypothesis, f.effect)}
+        reasons = {}
+        for option, names in (
+            ("suspected", self.suspected),
+            ("lumped", self.lumped),
+            ("ambiguous", self.ambiguous),
+        ):
+            for name in (name for name in names if name not in added):
+                found = [f for f in loop.findings if name in (f.hypothesis, f.effect)]
+                reasons[name] = _why_not(found, loop, option)
+        return reasons
+
     def check(self, library: Library) -> None:
         """Raise InputError for a name that is neither an effect nor an id of the library."""
         known = {
@@ -97,6 +111,38 @@ class Accept:
                     "close-loop",
                     "see the effects that a first run lists",
                 )
+
+
+#: Verdict -> the option that takes it.
+_OPTION: Final = {
+    "alias_group": "lumped",
+    "suspected": "suspected",
+    "ambiguous_sensor": "ambiguous",
+}
+
+
+def _why_not(found: Sequence[Finding], loop: "LoopResult", option: str) -> str:
+    """Why findings that the user asked for with an option were not added."""
+    if not found:
+        return "these flights do not find it"
+    others = {_OPTION[f.verdict] for f in found if f.verdict in _OPTION} - {option}
+    if others and not any(_OPTION.get(f.verdict) == option for f in found):
+        verdict = found[0].verdict.replace("_", " ")
+        return f"its verdict is {verdict}: ask with --accept-{min(others)}"
+    if any(f.hypothesis in loop.without_gain for f in found):
+        return "it lowers no error of flights that did not identify"
+    axes = {axis for f in found for axis in f.axis}
+    beside = [
+        f"--accept-{_OPTION[f.verdict]} {f.hypothesis}"
+        for f in loop.findings
+        if f not in found and f not in loop.added and axes & set(f.axis) and f.verdict in _OPTION
+    ]
+    if not beside:
+        return "with it an axis would become worse"
+    return (
+        "it was estimated beside others, and without them an axis would become worse: add also"
+        f" {' '.join(beside)}"
+    )
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 the table of errors per axis."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.increments import NEAR_FLOOR, UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.report.former_documents import former_within_flights
-from aerodb.report.glossary import effect_words, listed, the
+from aerodb.report.glossary import advice_words, effect_words, listed, the
 from aerodb.report.numbers import for_people, number
 from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
@@ -21,6 +22,14 @@ _WHOLE: Final = {
 
 #: The side force along the body and the wind axes, either way: close to the same.
 _SAME: Final = (("CY", "C_side"), ("C_side", "CY"))
+#: Part of the hypotheses above which nothing is said to be found, as nothing could have been.
+_OPEN_SHARE: Final = 0.5
+#: Verdict -> why a hypothesis stays open, in a sentence.
+_WHY_OPEN: Final = {
+    "not_testable": "too few flights show them",
+    "not_excited": "no flight moves what they depend on",
+    "not_separable": "these flights move together what they depend on",
+}
 #: Most findings that a sentence names.
 _MOST_NAMED: Final = 3
 
@@ -51,6 +60,15 @@ def headline(document: Mapping[str, Any]) -> str:
             f" {effects}."
         )
     count = len(document["not_found"])
+    undecided = [entry for entry in document["not_found"] if entry["verdict"] != "not_detected"]
+    if len(undecided) > _OPEN_SHARE * count:
+        most = Counter(entry["verdict"] for entry in undecided).most_common(1)[0][0]
+        fly = advice_words(document["next_flight"][0]) if document["next_flight"] else ""
+        return (
+            f"These flights cannot decide what the database lacks: {len(undecided)} of {count}"
+            f" hypotheses stay open, most because {_WHY_OPEN[most]}."
+            + (f" Fly next: {fly}." if fly else "")
+        )
     return (
         f"Nothing was found that the database lacks: {count} hypotheses were tested, and the"
         " sizes that these flights exclude are listed below."

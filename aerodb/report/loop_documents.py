@@ -37,6 +37,7 @@ def loop_document(
     within_flights: bool = False,
     between: Sequence[FlightDependence] = (),
     asked_for: Sequence[Finding] = (),
+    not_added: Mapping[str, str] | None = None,
     axis_models: Sequence[Mapping[str, Any]] = (),
     beyond: Sequence[Beyond] = (),
     stalls: Sequence[StallWindow] = (),
@@ -44,7 +45,8 @@ def loop_document(
     """Make the document of a closed loop, in SI units (docs/reference/contract.md, section JSON).
 
     findings : of all rounds. added : those that entered the candidate; asked_for : those of them
-    that did because the user asked. traced : the last round,
+    that did because the user asked; not_added : what the user asked for in vain, name -> why.
+    traced : the last round,
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. axis_models : documents of the increment models
@@ -71,6 +73,7 @@ def loop_document(
         ],
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
+        "not_added": [{"asked": name, "because": why} for name, why in (not_added or {}).items()],
         "axis_models": list(axis_models),
         "increments": [
             {"axis": axis, "terms": [_term(finding) for finding in members]}

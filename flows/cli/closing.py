@@ -87,8 +87,12 @@ def close_loop(
         "library": library,
     }
     document = session.run(close_loop_flow, parameters, direct)
+    for entry in document["not_added"]:
+        session.say(f"not added although you asked for it: {entry['asked']}; {entry['because']}")
     say_loop(session, document)
     session.answer(document)
+    if document["not_added"]:
+        raise typer.Exit(1)
 
 
 def say_loop(session: Session, document: dict[str, Any]) -> None:

@@ -72,14 +72,14 @@ def demo(
     )
     session.say()
     session.table(
-        ["effect in the envelope", "axis", "parameter", "value", "agreement"],
+        ["effect in the envelope", "axis", "parameter", "value", "verdict"],
         [
             [
                 e["effect"],
                 e["axis"],
                 e["parameter"],
                 f"{e['value']:.4g}",
-                e["agreement"].replace("_", " "),
+                (e["verdict"] or e["agreement"]).replace("_", " "),
             ]
             for e in result.truth
         ],

@@ -146,6 +146,7 @@ def publish_loop(
         left=left,
         between=between,
         asked_for=[finding for finding in loop.added if accept.asks_for(finding)],
+        not_added=accept.not_added(loop),
         axis_models=[asdict(model) for model in loop.axis_models],
         proof=proof,
         beyond=beyond,

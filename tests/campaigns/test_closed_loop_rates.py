@@ -18,11 +18,13 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.flight import Flight
 from aerodb.signals import rms
 from aerodb.vehicle import parse_vehicle
-from tests.campaigns.closed_loop import CLASSES, run_null, run_planted
+from tests.campaigns.closed_loop import CLASSES, run_null, run_outside, run_planted
 from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, STEP
+from tests.campaigns.outside import OUTSIDE
 from tests.campaigns.pilot import flown
 from tests.campaigns.planted import PLANTED
+from tests.support.jsbsim_campaign import INTEGRATION
 
 FLEET = list(CONDITIONS)
 #: In the suite: an aircraft and a vane that is noisier than its vehicle file says.
@@ -164,3 +166,44 @@ def test_a_derivative_that_is_wrong_is_confirmed_on_three_aircraft_of_four(
 ) -> None:
     runs = [line for line in _planted(folder) if line["planted"] == kind and not line["refused"]]
     assert np.mean(["confirmed" in line["named"] for line in runs]) >= 0.75
+
+
+def test_a_late_aileron_is_no_roll_damping(tmp_path: Path) -> None:
+    """It follows the log .15 s late; roll damping was confirmed for it, and released."""
+    (line,) = run_outside(AIRCRAFT, ["aileron late"], [5], 1, tmp_path)
+    assert not line["refused"]
+    assert line["added"] == []
+    found = {hypothesis: (verdict, ci95) for verdict, hypothesis, _, ci95, _ in line["findings"]}
+    verdict, (low, high) = found["surface_delay@all:aileron"]
+    assert verdict in ("sensor", "ambiguous_sensor")
+    assert 0.1 < low < 0.15 + INTEGRATION < high < 0.2
+
+
+#: What may be claimed where a shape is outside the library: effects of the same surface or rate on
+#: its own axis, by their mean size.
+OF_ITS_OWN = {
+    "rudder one-sided": ("control_effectiveness@Cn:rudder", "control_effectiveness@Cl:rudder"),
+    "aileron one-sided": ("control_effectiveness@Cl:aileron",),
+    "lag of lift": ("alpha_dot@C_lift",),
+    "damping of |p|": ("roll_damping@Cl",),
+    "damping of alpha": ("roll_damping@Cl",),
+    "weathercock of beta^2": ("beta_slope@Cn",),
+}
+
+
+def _shapes(aircraft: str, seed: int, folder: Path) -> list[dict[str, Any]]:
+    return [*run_outside(aircraft, [*OUTSIDE], [6], seed, folder)]
+
+
+@pytest.mark.campaign
+def test_shapes_outside_the_library_get_no_wrong_name(folder: Path) -> None:
+    lines = _in_processes(_shapes, [(craft, 1, folder) for craft in FLEET])
+    runs = [line for line in lines if not line["refused"]]
+    assert len(runs) >= 100
+    wrong = [
+        (line["aircraft"], line["outside"], hypothesis)
+        for line in runs
+        for verdict, hypothesis, *_ in line["findings"]
+        if verdict == "confirmed" and hypothesis not in OF_ITS_OWN.get(line["outside"], ())
+    ]
+    assert len({name[:2] for name in wrong}) <= 0.03 * len(runs), wrong

@@ -9,7 +9,13 @@ import pytest
 
 from aerodb.exchange.native import database_content_sha256, read_native
 from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.gate import GateVerdict, Standing, judge_release, notes_on_release
+from aerodb.increments.gate import (
+    GateVerdict,
+    Standing,
+    judge_release,
+    judge_shapes,
+    notes_on_release,
+)
 from aerodb.increments.held_out import held_out_error
 from aerodb.increments.validation import repeatability
 from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, make_check_cases
@@ -377,3 +383,34 @@ def test_the_held_out_error_of_a_list_is_that_of_the_gate() -> None:
     assert held_out_error({})["kind"] == "not held out"
     inside = {"axes": axes(), "validation": {"kind": "cross-validated", "within_flights": True}}
     assert held_out_error(inside)["kind"] == "within flights"
+
+
+SHAPED = {
+    "hypothesis": "roll_damping@Cl",
+    "axis": ["Cl"],
+    "verdict": "suspected",
+    "shape": {"variables": ["delta_aileron_past"], "axis": "Cl"},
+}
+UNNAMED = {"hypothesis": "unnamed@Cl", "axis": ["Cl"], "verdict": "unnamed"}
+
+
+def test_a_shape_that_fits_better_refuses_what_was_added() -> None:
+    (reason,) = judge_shapes({"findings": [SHAPED], "added": ["roll_damping@Cl"]}, ()).reasons
+    assert "delta_aileron_past on Cl" in reason
+    assert "--accept roll_damping@Cl" in reason
+    assert judge_shapes(
+        {"findings": [SHAPED], "added": ["roll_damping@Cl"]}, ["roll_damping@Cl"]
+    ).passed
+    assert judge_shapes({"findings": [SHAPED], "added": []}, ()).passed
+    finer = {**SHAPED, "verdict": "confirmed"}  # of the same variables: the refit gives its shape
+    assert judge_shapes({"findings": [finer], "added": ["roll_damping@Cl"]}, ()).passed
+
+
+def test_what_has_no_name_refuses_what_may_stand_in_for_it() -> None:
+    plain = {**SHAPED, "verdict": "confirmed", "shape": None}
+    report = {"findings": [plain, UNNAMED], "added": ["roll_damping@Cl"]}
+    (reason,) = judge_shapes(report, ()).reasons
+    assert "roll_damping@Cl may stand in for it" in reason
+    assert judge_shapes(report, ["unnamed@Cl"]).passed
+    assert judge_shapes({**report, "findings": [plain, {**UNNAMED, "axis": ["Cn"]}]}, ()).passed
+    assert judge_shapes({}, ()).passed

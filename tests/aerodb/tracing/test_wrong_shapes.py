@@ -11,7 +11,13 @@ import pytest
 from aerodb.loop.model_error import between_flights
 from aerodb.tracing import Finding
 from aerodb.tracing.decision.findings import Vote
-from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
+from aerodb.tracing.decision.functions import (
+    BasisFunctions,
+    FunctionProblem,
+    functions_of,
+    present,
+    with_past,
+)
 from tests.support import wrong_shapes as wrong
 
 FINDING = Finding(
@@ -52,6 +58,24 @@ def test_functions_are_of_one_variable_or_products_with_what_modulates() -> None
     ramps = functions.columns[0][:, functions.each[1].columns]
     assert ramps.min() == 0.0
     assert ramps.max() == 1.0
+
+
+def test_the_past_of_a_deflection_is_what_it_has_yet_to_become() -> None:
+    """A step: the rate is a pulse, the difference from a lag of .25 s decays, and in a play the
+    deflection stays at the flank."""
+    step = 0.05
+    time = step * np.arange(200)
+    moved = np.where(time < 5.0, 0.0, 0.1)
+    past = with_past({"delta_elevator": moved, "q_hat": moved}, step)
+    assert set(past) == {
+        "delta_elevator", "q_hat", "delta_elevator_rate", "delta_elevator_past", "delta_elevator_play",
+    }  # fmt: skip
+    late = past["delta_elevator_past"]
+    assert late[99] == 0.0
+    decay = late[101:140] / late[100:139]
+    np.testing.assert_allclose(decay, np.exp(-step / 0.25), rtol=1e-9)
+    assert past["delta_elevator_play"][-1] == pytest.approx(moved.std() / 3.0)
+    assert {present(name) for name in past} == {"delta_elevator", "q_hat"}
 
 
 def test_values_are_those_of_ridge_regression() -> None:
