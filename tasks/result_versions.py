@@ -11,13 +11,13 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 7,
     "consistency": 18,
     "coefficients": 4,
-    "compare": 2,
+    "compare": 3,
     "import": 2,
     "fly": 2,
     "estimate": 7,
-    "update": 8,
-    "gram": 11,
-    "close_loop": 30,
+    "update": 9,
+    "gram": 12,
+    "close_loop": 31,
 }
 
 #: Names of versions that the product itself moves.

@@ -145,8 +145,7 @@ def compare(
         for target, source in ((measured, measured), (predicted, predicted)):
             wind = body_to_wind(source["CX"], source["CY"], source["CZ"], flight["alpha"], beta)
             target.update(zip(WIND_AXES, wind, strict=True))
-        spread = np.hypot(sigma["CX"], sigma["CZ"]) / np.sqrt(2.0)
-        sigma.update({"C_lift": spread, "C_drag": spread, "C_side": sigma["CY"]})
+        sigma.update(_along_the_wind(sigma, flight["alpha"], beta))
         usable.update(dict.fromkeys(("C_lift", "C_drag", "C_side"), all_forces))
     state = flight.usable(name for name in database.inputs if name in flight)
     usable = {
@@ -179,6 +178,15 @@ def compare(
         left_out,
         side,
     )
+
+
+def _along_the_wind(sigma: Mapping[str, Array], alpha: Array, beta: Array) -> dict[str, Array]:
+    """Noise (n,) of the forces along the wind axes, of independent noise along the body axes."""
+    variance = np.stack([np.square(sigma[axis]) for axis in FORCE_AXES])
+    weights = np.square(
+        [np.stack(body_to_wind(x, y, z, alpha, beta)) for x, y, z in np.eye(3)]
+    )  # body axis, wind axis, sample
+    return dict(zip(WIND_AXES, np.sqrt(np.einsum("bn,bwn->wn", variance, weights)), strict=True))
 
 
 def _predicted(flight: Flight, database: AeroDatabase) -> DatabaseSide:

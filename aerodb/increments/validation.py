@@ -24,8 +24,8 @@ Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repai
 HOLD_OUT_SHARE = 0.2
 FEWEST_FOR_HOLD_OUT = 5
 
-#: An error within this factor of the noise floor is at the noise floor.
-NEAR_FLOOR = 1.1
+#: An error within this factor of the noise floor is at it: the floor is known to a quarter.
+NEAR_FLOOR = 1.25
 #: Part of the samples in which what is added is less than this part of its largest value, where
 #: flights are flown without it.
 _NIL = 0.1
@@ -56,7 +56,8 @@ class AxisValidation:
     held_out_rms_before, held_out_rms_after : on the held-out flights.
     held_out_shape_before, held_out_shape_after : the same without each flight's own mean.
     excess_before, excess_after : held-out error beyond the noise floor, sqrt(rms^2 - floor^2).
-    noise_floor : sensor noise propagated into the measured coefficient.
+    noise_floor : what the true model would leave: noise of the sensors, and what reconstruction
+        does not know of the state.
     repeatability : how much flights differ among themselves; see `repeatability`.
     theil : Theil statistics of the prediction after the update.
     explained : fraction of the measured variance that the candidate explains.
@@ -143,12 +144,20 @@ def _split(flights: Sequence[str], held: set[str]) -> HoldOut:
     return HoldOut(identified, tuple(name for name in flights if name in held), "held-out")
 
 
+#: Flight (id) -> axis -> rms error that the true model would leave there.
+Floors = Mapping[str, Mapping[str, float]]
+
+
 def validate_on_held_out(
-    before: Mapping[str, Comparison], after: Mapping[str, Comparison], hold_out: HoldOut
+    before: Mapping[str, Comparison],
+    after: Mapping[str, Comparison],
+    hold_out: HoldOut,
+    floors: Floors | None = None,
 ) -> tuple[AxisValidation, ...]:
     """Error per axis before and after, on the identifying and on the held-out flights.
 
-    before, after : flight id -> comparison with the baseline and with the candidate.
+    before, after : flight id -> comparison with the baseline and with the candidate. floors : where
+    they are known (`aerodb.loop.noise_floors`); else the noise of the sensors in the coefficients.
 
     Errors are rms of dimensionless coefficients over residuals (n,); None where no flight has the
     axis.
@@ -157,7 +166,7 @@ def validate_on_held_out(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
     )
     return tuple(
-        _axis_validation(axis, before, after, after, hold_out.identified, hold_out.held_out)
+        _axis_validation(axis, before, after, after, hold_out.identified, hold_out.held_out, floors)
         for axis in axes
     )
 
@@ -166,6 +175,7 @@ def validate_by_leaving_one_out(
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
     without: Callable[[str], Comparison],
+    floors: Floors | None = None,
 ) -> tuple[AxisValidation, ...]:
     """Error per axis before and after by leave-one-out cross-validation, for few flights.
 
@@ -177,13 +187,16 @@ def validate_by_leaving_one_out(
     before : flight id -> comparison with the baseline.
     after : flight id -> comparison with the candidate from all flights.
     without : flight id -> its comparison with a candidate estimated without it.
+    floors : as for `validate_on_held_out`.
     """
     left_out = {flight: without(flight) for flight in before}
     flights = tuple(before)
     axes = sorted(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
     )
-    return tuple(_axis_validation(axis, before, after, left_out, flights, flights) for axis in axes)
+    return tuple(
+        _axis_validation(axis, before, after, left_out, flights, flights, floors) for axis in axes
+    )
 
 
 def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
@@ -235,6 +248,7 @@ def _axis_validation(
     validated: Mapping[str, Comparison],
     identified: Sequence[str],
     held_out: Sequence[str],
+    floors: Floors | None,
 ) -> AxisValidation:
     raw = _residuals(axis, before, identified)
     fitted = _residuals(axis, after, identified)
@@ -242,10 +256,11 @@ def _axis_validation(
     held_after = _residuals(axis, validated, held_out)
     every = list(dict.fromkeys([*identified, *held_out]))
     source, shown = (validated, held_out) if held_after else (after, identified)
-    chosen = [source[f] for f in shown if axis in source[f].usable and source[f].usable[axis].any()]
+    named = [f for f in shown if axis in source[f].usable and source[f].usable[axis].any()]
+    chosen = [source[f] for f in named]
     measured = [c.measured[axis][c.usable[axis]] for c in chosen]
     predicted = [c.predicted[axis][c.usable[axis]] for c in chosen]
-    floor = _pooled([c.sigma[axis][c.usable[axis]] for c in chosen]) or 0.0
+    floor = _floor(axis, dict(zip(named, chosen, strict=True)), floors)
     error = _pooled(held_after) if held_after else _pooled(fitted)
     first = _pooled(held_before) if held_after else _pooled(raw)
     spread = _pooled([m - m.mean() for m in measured]) or 0.0
@@ -292,6 +307,17 @@ def _outcome(before: float, after: float, floor: float, explained: float) -> Out
     if explained < EXPLAINED:
         return "not repaired"
     return "improved" if after < before else "worse"
+
+
+def _floor(axis: str, comparisons: Mapping[str, Comparison], floors: Floors | None) -> float:
+    """The rms error on an axis that the true model would leave on these flights."""
+    noise = [
+        np.full(int(c.usable[axis].sum()), floors[flight][axis])
+        if floors is not None and axis in floors.get(flight, {})
+        else c.sigma[axis][c.usable[axis]]
+        for flight, c in comparisons.items()
+    ]
+    return _pooled(noise) or 0.0
 
 
 def _residuals(

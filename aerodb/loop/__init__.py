@@ -8,9 +8,10 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    until nothing more is found; it returns a `LoopResult` with the candidate, all findings and those
    that were added (`loop.added`, each with a sentence `because`).
 3. `validate_loop(source, hold_out, library, loop, Accept())` gives the error before and after on
-   flights, or parts of flights, that did not identify. `without_gain(loop, validation)` names what
-   was added and lowers none of these errors, `beside_larger_unnamed` what was added beside more
-   that has no name; `run_loop` again leaves them out.
+   flights, or parts of flights, that did not identify, and `noise_floors` what the true model would
+   leave. `without_gain(loop, validation)` names what was added and lowers none of these errors,
+   `beside_larger_unnamed` what was added beside more that has no name; `run_loop` again leaves them
+   out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
    still predictable and named by no hypothesis; `dependences_between_flights` which effects change
    with the conditions of the flights.
@@ -23,8 +24,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
 `frozen_library`, `evidence` (of one flight and a database), `rounds` and what it says in `remarks`,
 `manoeuvre_units` (too few flights), `stall`, `stall_windows` and `stall_hysteresis`, `refit` (gains
-and shapes once more), `validation` and `within_flight`, `unexplained`, `between_flights`, `shapes`
-and `model_error`, `consider` and `angle_errors`, `rivals`. The method:
+and shapes once more), `validation`, `within_flight` and `noise_floor`, `unexplained`,
+`between_flights`, `shapes` and `model_error`, `consider` and `angle_errors`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from .freezing import freeze_library
     from .frozen_library import Library
     from .model_error import with_model_error
+    from .noise_floor import noise_floors
     from .rivals import SensorRival, sensor_rivals
     from .rounds import Accept, LoopResult, run_loop
     from .stall_windows import StallWindow, stall_windows

@@ -109,6 +109,7 @@ def axis_models(
     late: Collection[str] = (),
     given: Collection[str] | None = None,
     sensors: Collection[str] = (),
+    surfaces: Sequence[str] = (),
 ) -> tuple[AxisModels | None, tuple[str, ...]]:
     """Return the increment models that replace the singles on their axes, None where there are
     none; and a sentence about each that predicts better but is not added, because a control or a
@@ -118,9 +119,10 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight. sensors : ids of sensors found to be wrong, whatever explains them as well:
-    where terms would imitate one that is wrong given the models as well, it is to be mended first,
-    and nothing is proposed.
+    predict each flight. sensors : ids of sensors found to be wrong: where terms would imitate one
+    that is wrong given the models as well, it is to be mended first, and nothing is proposed.
+    surfaces : ids of findings that a surface follows its log badly, whatever explains them as well:
+    an axis most of whose model one of them explains stays as it is.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -164,7 +166,7 @@ def axis_models(
         if not errors or evidently_moving(source, flights, baseline, library):
             return None, ()
         proved = {axis: models[axis] for axis in errors}
-        beaten = imitated_shapes(source, flights, baseline, library, proved, list(sensors))
+        beaten = imitated_shapes(source, flights, baseline, library, proved, surfaces)
         remarks = tuple(_imitates(axis, *errors[axis], beaten[axis]) for axis in beaten)
         errors = {axis: error for axis, error in errors.items() if axis not in beaten}
     while errors:

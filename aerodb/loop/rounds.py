@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import FlightView, add_effects, envelopes_of
+from aerodb.effects import SURFACE_MOTION, FlightView, add_effects, envelopes_of
 from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.axis_models import AxisModel, axis_models
@@ -317,7 +317,6 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         return state
     library, known_before = given.library, given.known_before
     every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
-    sensors = {hypothesis.id for hypothesis in library.hypotheses if hypothesis.kind == "sensor"}
     models, not_added = axis_models(
         given.source,
         given.flights,
@@ -328,7 +327,8 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         given.without_gain,
         every - (every if known_before is None else known_before),
         modelled,
-        [id for id in state.findings if id in sensors],
+        [id for id, finding in state.findings.items() if finding.verdict == "sensor"],
+        [id for id, finding in state.findings.items() if finding.effect in SURFACE_MOTION],
     )
     state = replace(state, remarks=(*state.remarks, *not_added))
     if models is None:

@@ -16,6 +16,7 @@ from aerodb.increments import (
 )
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
+from aerodb.loop.noise_floor import noise_floors
 from aerodb.loop.rounds import Accept, LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
@@ -48,7 +49,9 @@ def validate_loop(
     after = {flight: source.comparison(flight, loop.candidate) for flight in flights}
     if hold_out.kind != "cross-validated":
         predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
-        return validate_on_held_out(before, after, hold_out)
+        floors = noise_floors(source, hold_out.held_out or flights, loop.candidate)
+        return validate_on_held_out(before, after, hold_out, floors)
+    floors = noise_floors(source, flights, loop.candidate)
     if loop.separates:
 
         def from_others(left_out: str) -> Comparison:
@@ -56,9 +59,9 @@ def validate_loop(
             predictors[left_out] = added_stall(source, loop.baseline, others)
             return source.comparison(left_out, predictors[left_out])
 
-        return validate_by_leaving_one_out(before, after, from_others)
+        return validate_by_leaving_one_out(before, after, from_others, floors)
     if loop.by_manoeuvre:
-        return validated_within_flights(source, library, loop, before, after)
+        return validated_within_flights(source, library, loop, before, after, floors)
 
     def without(left_out: str) -> Comparison:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
@@ -74,7 +77,7 @@ def validate_loop(
         predictors[left_out] = again.candidate
         return source.comparison(left_out, again.candidate)
 
-    return validate_by_leaving_one_out(before, after, without)
+    return validate_by_leaving_one_out(before, after, without, floors)
 
 
 def until_all_gain(

@@ -40,12 +40,13 @@ def validated_within_flights(
     loop: LoopResult,
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
+    floors: Mapping[str, Mapping[str, float]],
 ) -> tuple[AxisValidation, ...]:
     """Return the rms error (dimensionless) before and after on heads and tails of flights.
 
     Each is predicted with the values that everything else gives the terms added. Which terms is not
-    chosen again: two or three manoeuvres cannot do without one of them. before, after : of whole
-    flights, by their ids. Raises InputError where a flight lacks what is needed.
+    chosen again: two or three manoeuvres cannot do without one of them. before, after, floors : of
+    whole flights, by their ids. Raises InputError where a flight lacks what is needed.
     """
     masks = {
         f"{flight}@{name}": (flight, mask)
@@ -65,6 +66,7 @@ def validated_within_flights(
         {part: _only(before[flight], mask) for part, (flight, mask) in masks.items()},
         {part: _only(after[flight], mask) for part, (flight, mask) in masks.items()},
         without,
+        {part: floors[flight] for part, (flight, _) in masks.items()},
     )
 
 

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.increments import NEAR_FLOOR, UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.report.former_documents import former_within_flights
@@ -90,7 +92,7 @@ def what_stayed(document: Mapping[str, Any]) -> str:
         worst = above[0]
         first = (
             f"{worst['axis']} {number(worst['times_floor'], 2)} times its noise floor"
-            f" ({number(worst['after'])} rms)"
+            f" ({number(worst['after'])} rms{_of_flown(worst)})"
         )
         rest = [f"{row['axis']} {number(row['times_floor'], 2)} times" for row in above[1:]]
         clauses.append(listed([first, *rest]))
@@ -113,6 +115,12 @@ def what_stayed(document: Mapping[str, Any]) -> str:
     if not rows:
         return "What stayed bad cannot be said: no axis has a noise floor to compare with."
     return f"Nothing stayed bad: every axis is within {NEAR_FLOOR} times its noise floor."
+
+
+def _of_flown(row: Mapping[str, Any]) -> str:
+    """Clause on an error in per cent of what the axis varied in flight; none where it is more."""
+    share = row["of_flown"]
+    return "" if share is None else f", {100 * share:.2g} % of what was flown"
 
 
 def excluded_sizes(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -262,13 +270,15 @@ def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return rows of the error table in the usual axis order, errors dimensionless.
 
     Each row has the error before and after (held-out where there is one), the error on the
-    identification flights, without constants, the noise floor, the outcome and Theil's fit.
+    identification flights, without constants, the noise floor, the error in parts of what the axis
+    varied in flight, the outcome and Theil's fit.
     """
     rows = []
     for axis in sorted(document["axes"], key=[*AXES, *WIND_AXES].index):
         entry = document["axes"][axis]
         held = "held_out_" if entry["held_out_rms_after"] is not None else ""
         after, floor = entry[f"{held}rms_after"], entry["noise_floor"]
+        explained = entry["explained"]
         rows.append(
             {
                 "axis": axis,
@@ -280,6 +290,7 @@ def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
                 "shape_after": entry["held_out_without_constant_after"],
                 "floor": floor,
                 "times_floor": after / floor if after is not None and floor else None,
+                "of_flown": float(np.sqrt(1.0 - explained)) if explained <= 1.0 else None,
                 "fit": entry["theil"]["fit_percent"] if entry["theil"] else None,
                 "outcome": entry["outcome"],
             }

@@ -27,7 +27,7 @@ from aerodb.increments import (
     validate_on_held_out,
     with_extrapolated_slopes,
 )
-from aerodb.loop import consider_parameters, noisier_flights, with_attenuation
+from aerodb.loop import consider_parameters, noise_floors, noisier_flights, with_attenuation
 from aerodb.remarks import UNUSABLE, Remark, sentences
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
@@ -261,9 +261,11 @@ def validate(
         flight: compare_with_database(access, flight, update.candidate, run).comparison
         for flight in plan.flights
     }
+    source = StoredFlights(access, plan.vehicle, run)
     if plan.hold_out.kind != "cross-validated":
         held_out = dict.fromkeys(plan.hold_out.held_out, update.candidate)
-        proof = validate_on_held_out(before, after, plan.hold_out)
+        floors = noise_floors(source, plan.hold_out.held_out or plan.flights, update.candidate)
+        proof = validate_on_held_out(before, after, plan.hold_out, floors)
         return proof, outside_envelopes(access, held_out, run)
     predictors: dict[str, AeroDatabase] = {}
     model, baseline = parse_model_file(plan.model), access.database(plan.baseline)
@@ -283,7 +285,8 @@ def validate(
         predictors[left_out] = candidate
         return compare_with_database(access, left_out, candidate, run).comparison
 
-    proof = validate_by_leaving_one_out(before, after, without)
+    floors = noise_floors(source, plan.flights, update.candidate)
+    proof = validate_by_leaving_one_out(before, after, without, floors)
     return proof, outside_envelopes(access, predictors, run)
 
 

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.signal import lfilter
 
 from aerodb.effects import half_width, played
 from aerodb.support import Array
@@ -66,9 +65,18 @@ def with_past(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
             past[f"{name}{RATE}"] = np.gradient(values, step)
             past[f"{name}{PLAY}"] = known - played(known, half_width(known))
         if name.startswith((_MOVING, *_ANGLES)):
-            late, _ = lfilter([1.0 - keep], [1.0, -keep], known, zi=[keep * known[0]])
-            past[f"{name}{PAST}"] = known - late
+            past[f"{name}{PAST}"] = known - _lagged(known, keep)
     return {**variables, **past}
+
+
+def _lagged(values: Array, keep: float) -> Array:
+    """A first-order lag (n,) of values that were steady before; keep : what is left of the past
+    after a sample."""
+    found, at = [], float(values[0])
+    for value in values.tolist():
+        at = keep * at + (1.0 - keep) * value
+        found.append(at)
+    return np.array(found)
 
 
 def present(name: str) -> str:

@@ -102,9 +102,9 @@ def imitations(
     most of what they do: the terms only imitate it.
 
     flights : as for `with_checked_shapes`. models : body axis -> ids of the model's terms.
-    sensors : ids of those found to be wrong. Functions of present values of what the terms depend
-    on do not count: they are the terms, in a shape of more freedom. docs/method/tracing.md,
-    section 27.
+    sensors : ids of findings that surfaces follow their logs badly. Functions of present values of
+    what the terms depend on do not count: they are the terms, in a shape of more freedom.
+    docs/method/tracing.md, section 27.
     """
     if len(flights) < FEWEST_SHAPED:
         return {}

@@ -192,8 +192,8 @@ def test_the_error_cannot_fall_below_nothing() -> None:
 @pytest.mark.parametrize(
     ("held_before", "held_after", "sigma", "outcome"),
     [
-        ([3.0, -3.0], [1.09, -1.09], 1.0, "at noise floor"),
-        ([3.0, -3.0], [1.2, -1.2], 1.0, "improved"),
+        ([3.0, -3.0], [1.24, -1.24], 1.0, "at noise floor"),
+        ([3.0, -3.0], [1.3, -1.3], 1.0, "improved"),
         ([3.0, -3.0], [2.98, -2.98], 1.0, "unchanged"),
         ([3.0, -3.0], [3.2, -3.2], 1.0, "worse"),
         ([9.0, -9.0], [8.0, -8.0], 1.0, "not repaired"),

@@ -1,0 +1,98 @@
+"""The error that the true model would leave on a flight: sensor noise, and what flight-path
+reconstruction does not know of the state.
+
+docs/method/updates.md, "Noise floor".
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.coefficients import Comparison, compare, total_coefficients
+from aerodb.consistency import StateNoise
+from aerodb.flight import Flight
+from aerodb.loop.flight_source import FlightSource
+from aerodb.signals import rms
+from aerodb.support import Array, in_threads
+from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle
+
+#: Realisations of the state noise: each flight's floor is then known to a tenth.
+_DRAWS: Final = 2
+#: Samples about the middle of a flight that the state noise is run through: it is stationary.
+_MOST: Final = 6000
+
+
+def noise_floors(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase
+) -> dict[str, dict[str, float]]:
+    """Return flight (id) -> axis -> rms error that remains if `database` is right.
+
+    The larger of the sensors' white noise in the measured coefficient and of the state noise run
+    through measurement and prediction (which holds both, where reconstruction gives it), and what
+    the constant errors leave of which reconstruction is not sure. Raises InputError where a flight
+    lacks what is needed.
+    """
+
+    def floor(id: str) -> dict[str, float]:
+        comparison = source.comparison(id, database)
+        white = {
+            axis: rms(comparison.sigma[axis][good])
+            for axis, good in comparison.usable.items()
+            if good.any()
+        }
+        noise = source.reconstruction(id).noise
+        if noise is None:
+            return white
+        known = state_error(source.flight(id), noise, database, source.vehicle)
+        return {
+            axis: float(np.hypot(max(sigma, known[axis][0]), known[axis][1]))
+            if axis in known
+            else sigma
+            for axis, sigma in white.items()
+        }
+
+    return dict(zip(flights, in_threads(floor, flights), strict=True))
+
+
+def state_error(
+    flight: Flight, noise: StateNoise, database: AeroDatabase, vehicle: Vehicle
+) -> dict[str, tuple[float, float]]:
+    """Return axis -> rms by which measured - predicted changes under the state noise of a flight,
+    and under its constant errors, each of one sigma and independent; dimensionless."""
+    first = max(0, (len(flight.time) - _MOST) // 2)
+    part = slice(first, first + _MOST)
+    cut = replace(
+        flight,
+        time=flight.time[part],
+        channels={name: values[part] for name, values in flight.channels.items()},
+        flags={name: values[part] for name, values in flight.flags.items()},
+    )
+
+    def residuals(errors: Mapping[str, Array | float]) -> Comparison:
+        wrong = cut.with_channels({n: cut[n] + e for n, e in errors.items() if n in cut})
+        return compare(wrong, total_coefficients(wrong, vehicle), database, vehicle.reference)
+
+    clean = residuals({})
+    moving = []
+    for number in range(_DRAWS):
+        drawn = noise.draw(np.random.default_rng([number]), len(cut.time), cut.step)
+        moving.append(residuals({n: e - e.mean() for n, e in drawn.items()}))
+    constant = []
+    for name, size in noise.offset.items():
+        if name in cut and size > 0.0:
+            also = {"qbar": noise.pressure_slope * size} if name == "V" else {}
+            constant.append(residuals({name: size, **also}))
+
+    def change(axis: str, others: Sequence[Comparison]) -> float:
+        good, own = clean.usable[axis], clean.residual(axis)
+        squares = [np.mean(np.square((o.residual(axis) - own)[good])) for o in others]
+        return float(np.sqrt(np.sum(squares)))
+
+    return {
+        axis: (change(axis, moving) / np.sqrt(_DRAWS), change(axis, constant))
+        for axis, good in clean.usable.items()
+        if good.any()
+    }
