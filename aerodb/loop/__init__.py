@@ -13,7 +13,7 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    `beside_larger_unnamed` what was added beside more that has no name; `run_loop` again leaves them
    out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
-   still predictable and named by no hypothesis; `dependences_between_flights` which effects change
+   still predictable and named by no hypothesis, `unexplained_levels` large constants; `dependences_between_flights` which effects change
    with the conditions of the flights.
 5. `with_model_error(source, flights, loop, library)` gives the candidate with bands that contain
    what the shapes of the additions miss.
@@ -24,7 +24,7 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
 `frozen_library`, `evidence` (of one flight and a database), `rounds` and what it says in `remarks`,
 `manoeuvre_units` (too few flights), `stall`, `stall_windows` and `stall_hysteresis`, `refit` (gains
-and shapes once more), `validation`, `within_flight` and `noise_floor`, `unexplained`,
+and shapes once more), `validation`, `within_flight` and `noise_floor`, `unexplained`, `levels`,
 `between_flights`, `shapes` and `model_error`, `consider` and `angle_errors`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .flight_source import FlightSource, ReconstructionErrors
     from .freezing import freeze_library
     from .frozen_library import Library
+    from .levels import LevelRival, UnexplainedLevel, unexplained_levels
     from .model_error import with_model_error
     from .noise_floor import noise_floors
     from .rivals import SensorRival, sensor_rivals

@@ -8,10 +8,12 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from aerodb.increments import AxisValidation, Beyond, HoldOut
-from aerodb.loop import SensorRival, StallWindow
+from aerodb.loop import SensorRival, StallWindow, UnexplainedLevel
 from aerodb.nomenclature import AXES
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
+from aerodb.report.glossary import hypothesis_words, listed
+from aerodb.report.numbers import for_people
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 
 #: An error of this many noise floors, each flight's constant apart, is no matter of noise as
@@ -41,6 +43,7 @@ def loop_document(
     axis_models: Sequence[Mapping[str, Any]] = (),
     beyond: Sequence[Beyond] = (),
     stalls: Sequence[StallWindow] = (),
+    levels: Sequence[UnexplainedLevel] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop, in SI units (docs/reference/contract.md, section JSON).
 
@@ -50,7 +53,7 @@ def loop_document(
     which found nothing more to add. left : the unnamed remainder per axis. between : what
     changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. axis_models : documents of the increment models
-    that entered as a whole. beyond : flights outside the envelope. stalls : the stalls of
+    that entered as a whole. levels : constants that stay unexplained. beyond : flights outside the envelope. stalls : the stalls of
     flights, each predicted by the others. ``candidate`` is left
     None: who stores the version fills it in.
     """
@@ -71,6 +74,7 @@ def loop_document(
             {**asdict(entry), "series": {k: list(v) for k, v in entry.series.items()}}
             for entry in stalls
         ],
+        "levels": [asdict(level) for level in levels],
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
         "not_added": [{"asked": name, "because": why} for name, why in (not_added or {}).items()],
@@ -89,7 +93,15 @@ def loop_document(
         "between_flights": [entry.document() for entry in between],
         "next_flight": [*traced.next_flight, *(entry.settled_by for entry in between)],
         **remark_documents(
-            map(said, (*remarks, *traced.notes, *_without_a_name(proof, findings, left, between)))
+            map(
+                said,
+                (
+                    *remarks,
+                    *map(_of_level, levels),
+                    *traced.notes,
+                    *_without_a_name(proof, findings, left, between),
+                ),
+            )
         ),
     }
 
@@ -131,6 +143,22 @@ def rival_remarks(rivals: Sequence[SensorRival]) -> list[Remark]:
         )
         for rival in rivals
     ]
+
+
+def _of_level(level: UnexplainedLevel) -> str:
+    """The remark on a constant that nothing explains."""
+    what = (
+        f"{level.axis}: a constant of {level.constant:.2g} stays unexplained,"
+        f" {100 * level.share:.0f} % of its mean square error."
+    )
+    if not level.rivals:
+        return f"{what} No believable constant error of a sensor leaves it: its zero term may be wrong."
+    needed = [
+        f"{hypothesis_words(rival.hypothesis)} ({factor * rival.value:.2g} {unit})"
+        for rival in level.rivals
+        for factor, unit in [for_people(rival.unit)]
+    ]
+    return f"{what} The zero term may be wrong, or one of these: {listed(needed)}."
 
 
 def _without_a_name(

@@ -14,7 +14,14 @@ from aerodb.increments import (
     derivatives_document,
     sign_reasons,
 )
-from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow
+from aerodb.loop import (
+    Accept,
+    Library,
+    LoopResult,
+    SensorRival,
+    StallWindow,
+    unexplained_levels,
+)
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report import (
     add_remarks,
@@ -35,6 +42,7 @@ from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.inputs import input_remarks
+from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -151,6 +159,12 @@ def publish_loop(
         proof=proof,
         beyond=beyond,
         stalls=stalls,
+        levels=unexplained_levels(
+            StoredFlights(access, plan.vehicle, run),
+            plan.hold_out.identified,
+            loop.candidate,
+            library,
+        ),
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )

@@ -1,0 +1,107 @@
+"""Constants that flights share and nothing explains, with the errors that would explain them.
+
+A constant of an axis is in every flight's intercept: tracing cannot tell a wrong zero term from a
+trim tab, a surface's zero, the centre of gravity or a biased accelerometer. So it is said, with
+these. docs/method/tracing.md, section 14.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.effects import FlightView, Hypothesis
+from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.frozen_library import Library
+from aerodb.loop.noise_floor import noise_floors
+from aerodb.nomenclature import AXES
+from aerodb.signals import rms
+from aerodb.support import in_threads
+from aerodb.tables import AeroDatabase
+
+#: A constant of this many noise floors is one that the right database would hardly leave.
+_FLOORS: Final = 3.0
+#: Part of an axis' mean square error from which its constant is worth a sentence.
+_SHARE: Final = 0.3
+#: Endings of the effects of constant errors, besides the position of the centre of gravity.
+_CONSTANT: Final = ("_bias", "_offset")
+#: At most, rivals that are said.
+_SAID: Final = 3
+
+
+@dataclass(frozen=True)
+class LevelRival:
+    """A constant error that would leave the level: id of its hypothesis, and the value that it
+    would need, in `unit` (SI)."""
+
+    hypothesis: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class UnexplainedLevel:
+    """The constant of an axis that the candidate leaves.
+
+    constant : mean over flights of measured - predicted. spread : its standard deviation between
+    flights, None with one. share : part of the axis' mean square error that it is. floor : rms that
+    the right database would leave. rivals : believable ones, the least unlikely first.
+    """
+
+    axis: str
+    constant: float
+    spread: float | None
+    share: float
+    floor: float
+    rivals: tuple[LevelRival, ...]
+
+
+def unexplained_levels(
+    source: FlightSource, flights: Sequence[str], candidate: AeroDatabase, library: Library
+) -> tuple[UnexplainedLevel, ...]:
+    """Return the large constants that these flights (ids) share beside the candidate.
+
+    Dimensionless. Raises InputError where a flight lacks what is needed.
+    """
+    floors = noise_floors(source, flights, candidate)
+    compared = in_threads(lambda id: source.comparison(id, candidate), flights)
+    views = in_threads(lambda id: source.view(id, candidate, library.settings.bandwidth), flights)
+    found = []
+    for axis in AXES:
+        residuals = [
+            each.residual(axis)[each.usable[axis]]
+            for each in compared
+            if axis in each.usable and each.usable[axis].any()
+        ]
+        if not residuals:
+            continue
+        means = np.array([each.mean() for each in residuals])
+        level, error = float(means.mean()), rms(np.concatenate(residuals))
+        floor = rms(np.array([each[axis] for each in floors.values() if axis in each]))
+        if abs(level) <= _FLOORS * floor or level**2 <= _SHARE * error**2:
+            continue
+        spread = float(means.std(ddof=1)) if len(means) > 1 else None
+        rivals = _rivals(axis, level, views, library.hypotheses)
+        found.append(UnexplainedLevel(axis, level, spread, level**2 / error**2, floor, rivals))
+    return tuple(found)
+
+
+def _rivals(
+    axis: str, level: float, views: Sequence[FlightView], hypotheses: Sequence[Hypothesis]
+) -> tuple[LevelRival, ...]:
+    """Constant errors of believable size that would leave this level on an axis."""
+    rivals = []
+    for each in hypotheses:
+        if each.kind != "sensor" or not each.effect.endswith(_CONSTANT):
+            continue
+        columns = [each.columns(view).get(axis) for view in views]
+        seen = [float(column.mean()) for column in columns if column is not None]
+        slope = float(np.mean(seen)) if seen else 0.0
+        if slope == 0.0:
+            continue
+        value, (least, most) = level / slope, each.plausible
+        if least <= value <= most:
+            unlikely = abs(value) / (each.prior_sigma or np.inf)
+            rivals.append((unlikely, LevelRival(each.id, value, each.unit)))
+    return tuple(rival for _, rival in sorted(rivals, key=lambda pair: pair[0])[:_SAID])
