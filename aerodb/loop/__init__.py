@@ -13,8 +13,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    `beside_larger_unnamed` what was added beside more that has no name; `run_loop` again leaves them
    out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
-   still predictable and named by no hypothesis, `unexplained_levels` large constants; `dependences_between_flights` which effects change
-   with the conditions of the flights.
+   still predictable and named by no hypothesis, `unexplained_levels` large constants,
+   `dependences_between_flights` which effects change with the conditions of the flights.
 5. `with_model_error(source, flights, loop, library)` gives the candidate with bands that contain
    what the shapes of the additions miss.
 6. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves

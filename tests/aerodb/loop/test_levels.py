@@ -1,0 +1,57 @@
+"""Constants that flights share: said with what would leave them, where the database is off; and the
+noise floor of flights of which nothing is reconstructed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.loop import freeze_library, noise_floors, unexplained_levels
+from aerodb.signals import rms
+from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.expression import parse
+from tests.aerodb.loop.test_axis_models import database, flights
+from tests.support.flights_in_memory import FlightsInMemory
+
+OFF = 0.02
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    return flights(range(60, 64))
+
+
+def off_by(size: float) -> AeroDatabase:
+    """The whole database, with a zero term of Cm that is wrong."""
+    whole = database(1.0)
+    return replace(whole, terms=(*whole.terms, Term("off", "Cm", parse(repr(size)))))
+
+
+def test_a_wrong_zero_term_is_said_with_what_else_would_leave_it(source: FlightsInMemory) -> None:
+    ids = tuple(source.flown)
+    library = freeze_library(source, ids, off_by(OFF))
+    (level,) = unexplained_levels(source, ids, off_by(OFF), library)
+    assert level.axis == "Cm"
+    assert level.constant == pytest.approx(-OFF, rel=0.05)
+    assert level.share > 0.9
+    needed = {rival.hypothesis: rival for rival in level.rivals}
+    elevator = needed["surface_bias@all:elevator"]
+    # minus the constant over dCm/ddelta: the surface deflects by that much more than logged
+    channels = source.flight(ids[0]).channels
+    step = {**channels, "delta_elevator": channels["delta_elevator"] + 0.01}
+    moved, still = (off_by(OFF).predict(c).coefficients["Cm"] for c in (step, channels))
+    slope = float(np.mean(moved - still)) / 0.01
+    assert elevator.value == pytest.approx(OFF / slope, rel=0.05)
+
+
+def test_nothing_is_said_of_the_right_database(source: FlightsInMemory) -> None:
+    ids = tuple(source.flown)
+    library = freeze_library(source, ids, database(1.0))
+    assert unexplained_levels(source, ids, database(1.0), library) == ()
+
+
+def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: FlightsInMemory) -> None:
+    id = next(iter(source.flown))
+    beside = source.comparison(id, database(1.0))
+    floors = noise_floors(source, [id], database(1.0))[id]
+    assert floors["Cm"] == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
