@@ -49,12 +49,11 @@ def loop_document(
 
     findings : of all rounds. added : those that entered the candidate; asked_for : those of them
     that did because the user asked; not_added : what the user asked for in vain, name -> why.
-    traced : the last round,
-    which found nothing more to add. left : the unnamed remainder per axis. between : what
-    changes with the conditions of the flights. within_flights : whether
-    parts of flights were predicted from the rest. axis_models : documents of the increment models
-    that entered as a whole. levels : constants that stay unexplained. beyond : flights outside the envelope. stalls : the stalls of
-    flights, each predicted by the others. ``candidate`` is left
+    traced : the last round, which found nothing more to add. left : the unnamed remainder per axis.
+    between : what changes with the conditions of the flights. within_flights : whether parts of
+    flights were predicted from the rest. axis_models : documents of the increment models that
+    entered as a whole. levels : constants that stay unexplained. beyond : flights outside the
+    envelope. stalls : the stalls of flights, each predicted by the others. ``candidate`` is left
     None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
