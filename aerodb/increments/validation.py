@@ -260,8 +260,8 @@ def _axis_validation(
     chosen = [source[f] for f in named]
     measured = [c.measured[axis][c.usable[axis]] for c in chosen]
     predicted = [c.predicted[axis][c.usable[axis]] for c in chosen]
-    floor = _floor(axis, dict(zip(named, chosen, strict=True)), floors)
     error = _pooled(held_after) if held_after else _pooled(fitted)
+    floor = _floor(axis, dict(zip(named, chosen, strict=True)), floors, error or 0.0)
     first = _pooled(held_before) if held_after else _pooled(raw)
     spread = _pooled([m - m.mean() for m in measured]) or 0.0
     explained = 1.0 - (error or 0.0) ** 2 / spread**2 if spread > 0 else 0.0
@@ -309,15 +309,21 @@ def _outcome(before: float, after: float, floor: float, explained: float) -> Out
     return "improved" if after < before else "worse"
 
 
-def _floor(axis: str, comparisons: Mapping[str, Comparison], floors: Floors | None) -> float:
-    """The rms error on an axis that the true model would leave on these flights."""
-    noise = [
-        np.full(int(c.usable[axis].sum()), floors[flight][axis])
-        if floors is not None and axis in floors.get(flight, {})
-        else c.sigma[axis][c.usable[axis]]
-        for flight, c in comparisons.items()
+def _floor(
+    axis: str, comparisons: Mapping[str, Comparison], floors: Floors | None, error: float
+) -> float:
+    """The rms error on an axis that the true model would leave on these flights.
+
+    error : that the candidate leaves. What priors allow of the state may be more than these flights
+    have; the right database leaves no more than another, but for the sensors' noise.
+    """
+    sensors = [c.sigma[axis][c.usable[axis]] for c in comparisons.values()]
+    every = [
+        np.full(len(noise), (floors or {}).get(flight, {}).get(axis, rms(noise)))
+        for flight, noise in zip(comparisons, sensors, strict=True)
     ]
-    return _pooled(noise) or 0.0
+    white = _pooled(sensors) or 0.0
+    return max(white, min(_pooled(every) or 0.0, error))
 
 
 def _residuals(

@@ -151,7 +151,7 @@ def _of_level(level: UnexplainedLevel) -> str:
         f" {100 * level.share:.0f} % of its mean square error."
     )
     if not level.rivals:
-        return f"{what} No believable constant error of a sensor leaves it: its zero term may be wrong."
+        return f"{what} No believable constant error of a sensor leaves it: see its zero term."
     needed = [
         f"{hypothesis_words(rival.hypothesis)} ({factor * rival.value:.2g} {unit})"
         for rival in level.rivals

@@ -14,14 +14,7 @@ from aerodb.increments import (
     derivatives_document,
     sign_reasons,
 )
-from aerodb.loop import (
-    Accept,
-    Library,
-    LoopResult,
-    SensorRival,
-    StallWindow,
-    unexplained_levels,
-)
+from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow, unexplained_levels
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report import (
     add_remarks,
