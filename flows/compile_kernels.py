@@ -18,6 +18,7 @@ from aerodb.flows.prefect_server import make_template
 from aerodb.identification import flight_dynamics
 from aerodb.simulation import FlightStretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
+from aerodb.tracing import prepare_elimination
 from aerodb.vehicle import parse_vehicle
 
 #: Duration of the flight [s]: enough for a reconstruction, and no more.
@@ -31,6 +32,7 @@ def compile_kernels() -> None:
     so that later processes find the compiled code."""
     for suffix in (".ulg", ".bin"):
         prepare_reader(suffix)
+    prepare_elimination()
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
     make_consistent(flight, vehicle)

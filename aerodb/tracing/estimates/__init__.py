@@ -17,6 +17,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .campaigns import OFFSET, campaign
+    from .elimination import prepare_elimination
     from .per_flight import Campaign, FlightEstimates
     from .significance import (
         POWER,

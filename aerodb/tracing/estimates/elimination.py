@@ -379,3 +379,21 @@ class ModelElimination:
             cross_products,
         )
         return squares, cross_products
+
+
+def prepare_elimination() -> None:
+    """Compile the elimination of nuisance parameters, so that no later process waits for it."""
+    from aerodb.tracing.estimates.kernels import contracted
+
+    one = np.zeros(1, dtype=np.intp)
+    contracted(
+        np.ones((1, 1, 1)),
+        np.ones((1, 1, 1)),
+        one,
+        np.ones(1),
+        one,
+        one,
+        one,
+        np.zeros((1, 2)),
+        np.zeros((1, 1, 2)),
+    )
