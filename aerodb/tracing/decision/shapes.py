@@ -102,8 +102,8 @@ def imitations(
     most of what they do: the terms only imitate it.
 
     flights : as for `with_checked_shapes`. models : body axis -> ids of the model's terms.
-    sensors : ids of findings that surfaces follow their logs badly. Functions of present values of
-    what the terms depend on do not count: they are the terms, in a shape of more freedom.
+    sensors : ids of findings that surfaces follow their logs badly. Functions of the present values
+    of all that the terms depend on do not count: they are the terms, in a shape of more freedom.
     docs/method/tracing.md, section 27.
     """
     if len(flights) < FEWEST_SHAPED:
@@ -168,12 +168,11 @@ class _Shapes:
             gain = float(freed.left_out(freed.flights, range(freed.terms)).sum())
             if gain > 0.0 and gain >= _MOST * (float(freed.total.sum()) - left):
                 return (self.known[sensor].parameter,)
-        fall, p = self._fall(problem, problem.predicted(rest), before)
-        if not (fall > WORTH and p < self.settings.level):
+        if float(problem.predicted(rest).sum()) <= float(before.sum()):
             return ()
         variables = self.functions.variables(problem.chosen(problem.flights, rest))
         drivers = _channels(d for id in ids for d in self.known[id].drivers)
-        if set(variables) == set(map(present, variables)) and _channels(variables) <= drivers:
+        if set(variables) == set(map(present, variables)) and _channels(variables) == drivers:
             return ()
         return variables
 
