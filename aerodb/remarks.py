@@ -120,9 +120,22 @@ def _shown(remark: Remark, name: str) -> str:
     return f"{shown:.2g} {unit}"
 
 
+#: Channel -> the setting in [accuracy] of the vehicle file that is its limit.
+_SETTING: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("phi", "theta", "psi"), "attitude"),
+    **dict.fromkeys(("alpha", "beta"), "flow_angle"),
+    **dict.fromkeys(("velocity_north", "velocity_east"), "horizontal_velocity"),
+    "velocity_down": "climb_rate",
+    **dict.fromkeys(("north", "east"), "lateral_position"),
+    "altitude": "altitude",
+    **dict.fromkeys(("V", "qbar"), "qbar_fraction"),
+}
+
+
 def _residual(remark: Remark) -> tuple[str, ...]:
-    size, limit = _shown(remark, "rms"), _shown(remark, "limit")
-    return (f"{remark.subjects[0]} remains {size} from the reconstructed motion; limit {limit}",)
+    (channel, *_), size, limit = remark.subjects, _shown(remark, "rms"), _shown(remark, "limit")
+    setting = f" ([accuracy] {_SETTING[channel]})" if channel in _SETTING else ""
+    return (f"{channel} remains {size} from the reconstructed motion; limit {limit}{setting}",)
 
 
 def _departure(remark: Remark) -> tuple[str, ...]:

@@ -24,16 +24,16 @@ from aerodb.tables import AeroDatabase
 _FLOORS: Final = 3.0
 #: Part of an axis' mean square error from which its constant is worth a sentence.
 _SHARE: Final = 0.3
-#: Endings of the effects of constant errors, besides the position of the centre of gravity.
-_CONSTANT: Final = ("_bias", "_offset")
+#: Part of the mean square of what an error leaves that is its constant, where it looks like one.
+_CONSTANT: Final = 0.7
 #: At most, rivals that are said.
 _SAID: Final = 3
 
 
 @dataclass(frozen=True)
 class LevelRival:
-    """A constant error that would leave the level: id of its hypothesis, and the value that it
-    would need, in `unit` (SI)."""
+    """An error of a sensor or of the vehicle file that would leave the level: id of its hypothesis,
+    and the value that it would need, in `unit` (SI)."""
 
     hypothesis: str
     value: float
@@ -90,15 +90,15 @@ def unexplained_levels(
 def _rivals(
     axis: str, level: float, views: Sequence[FlightView], hypotheses: Sequence[Hypothesis]
 ) -> tuple[LevelRival, ...]:
-    """Constant errors of believable size that would leave this level on an axis."""
+    """Errors of believable size that would leave this level on an axis, and little else."""
     rivals = []
     for each in hypotheses:
-        if each.kind != "sensor" or not each.effect.endswith(_CONSTANT):
+        if each.kind != "sensor":
             continue
         columns = [each.columns(view).get(axis) for view in views]
-        seen = [float(column.mean()) for column in columns if column is not None]
-        slope = float(np.mean(seen)) if seen else 0.0
-        if slope == 0.0:
+        seen = np.concatenate([np.zeros(0), *(column for column in columns if column is not None)])
+        slope = float(seen.mean()) if len(seen) else 0.0
+        if slope == 0.0 or slope**2 < _CONSTANT * float(np.mean(seen**2)):
             continue
         value, (least, most) = level / slope, each.plausible
         if least <= value <= most:

@@ -151,11 +151,11 @@ def _of_level(level: UnexplainedLevel) -> str:
         f" {100 * level.share:.0f} % of its mean square error."
     )
     if not level.rivals:
-        return f"{what} No believable constant error of a sensor leaves it: see its zero term."
+        return f"{what} No believable error of a sensor leaves it: see its zero term."
     needed = [
         f"{hypothesis_words(rival.hypothesis)} ({factor * rival.value:.2g} {unit})"
         for rival in level.rivals
-        for factor, unit in [for_people(rival.unit)]
+        for factor, unit in [(100.0, "%") if rival.unit == "1" else for_people(rival.unit)]
     ]
     return f"{what} The zero term may be wrong, or one of these: {listed(needed)}."
 

@@ -144,11 +144,29 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
     say_axes(session, document)
     say_derivatives(session, document.get("derivatives", []))
     _say_not_found(session, document["not_found"])
+    _say_suspected(session, document)
     for sentence in document["next_flight"]:
         session.say(f"next flight: {advice_words(sentence)}")
     for sentence in document["remarks"]:
         session.say(f"- {in_words(sentence)}")
     session.say(f"report: {document['page']}")
+
+
+def _say_suspected(session: Session, document: dict[str, Any]) -> None:
+    """Print the command that adds what is only suspected, and shows what it is worth."""
+    names = [
+        finding["hypothesis"]
+        for finding in document["findings"]
+        if finding["verdict"] == "suspected" and finding["hypothesis"] not in document["added"]
+    ]
+    if names:
+        session.say()
+        options = " ".join(f"--accept-suspected {name}" for name in names)
+        session.say(
+            "to add what is only suspected, and see its error on flights left out: aerodb"
+            f" close-loop --vehicle {document['vehicle']} --baseline"
+            f" {document['baseline'][:12]} {options}"
+        )
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
