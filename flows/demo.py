@@ -110,12 +110,13 @@ def write_logs(
     seed: int | None,
     noise: int = 0,
     effects: tuple[Effect, ...] | None = None,
+    together: bool = False,
 ) -> list[Path]:
     """Fly the campaign, write one ``.ulg`` file per flight, seal the truth, and return the logs.
 
     seed : draws the undeclared effects and everything else that is random; None: the Phoenix case
     (docs/method/tracing.md, section "References"), in which `noise` draws everything else. effects
-    : in place of the drawn ones.
+    : in place of the drawn ones. together : whether the body flap follows the speed brake.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if effects is None:
@@ -126,7 +127,7 @@ def write_logs(
     drawn = noise if seed is None else seed
     (folder / LAGS).write_text(json.dumps(flown_lags(drawn), indent=1) + "\n", encoding="utf-8")
     paths = []
-    for log in fly(drawn, flights, effects):
+    for log in fly(drawn, flights, effects, together):
         path = folder / f"{log.name}.ulg"
         write_ulog(
             path,

@@ -21,6 +21,12 @@ def demo(
     noise_seed: Annotated[
         int, typer.Option(min=0, help="Seed of noise, sensor errors and pilot in the Phoenix case.")
     ] = 0,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together", help="Body flap and speed brake move together, as the real ones did."
+        ),
+    ] = False,
     direct: Direct = False,
 ) -> None:
     """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.
@@ -34,7 +40,9 @@ def demo(
     workspace = session.workspace(create=True)
     session.say(f"flying {flights} drops of the Phoenix-like example")
     with session.waiting("flying"):
-        logs = write_logs(workspace.root / "demo-logs", flights, seed, noise_seed)
+        logs = write_logs(
+            workspace.root / "demo-logs", flights, seed, noise_seed, together=together
+        )
     session.say(
         f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to"
         f" {logs[0].parent}"

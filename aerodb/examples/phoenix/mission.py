@@ -7,7 +7,7 @@ and bank. Wheel forces and the roll after touchdown are not simulated.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -62,6 +62,12 @@ class SimulatedLog:
     start_utc: datetime
 
 
+#: Ratio of body flap to speed brake where they move together.
+_TOGETHER = 0.35
+#: Largest opening of the speed brake [rad].
+_OPEN = float(np.deg2rad(40.0))
+
+
 @dataclass(frozen=True)
 class MissionPlan:
     """Differences between the flights.
@@ -76,6 +82,7 @@ class MissionPlan:
     wind : (3, k) [m/s]
     turbulence : (k,), wind 6 m above ground [m/s]
     events : test inputs, one tuple per flight
+    together : whether the body flap follows the speed brake itself, not its command
     """
 
     speed: Array
@@ -86,17 +93,19 @@ class MissionPlan:
     wind: Array
     turbulence: Array
     events: tuple[tuple[Event, ...], ...]
+    together: bool = False
 
 
-def plan(generator: np.random.Generator, flights: int) -> MissionPlan:
+def plan(generator: np.random.Generator, flights: int, together: bool = False) -> MissionPlan:
     """Return randomly drawn flights of a campaign.
 
-    Speeds [m/s], angles [rad], (k,) each; wind (3, k) [m/s].
+    together : the body flap follows the speed brake in one ratio and has no inputs of its own, as
+    003 flew. Speeds [m/s], angles [rad], (k,) each; wind (3, k) [m/s].
     """
     wind = np.zeros((3, flights))
     wind[:2] = generator.uniform(-4.0, 4.0, (2, flights))
     spread = np.linspace(0.0, 1.0, flights) if flights > 1 else np.array([0.5])
-    return MissionPlan(
+    drawn = MissionPlan(
         speed=92.0 + 14.0 * generator.permutation(spread),
         path=-np.deg2rad(generator.uniform(24.5, 27.5, flights)),
         dive=np.deg2rad(generator.uniform(3.0, 7.0, flights)),
@@ -106,6 +115,10 @@ def plan(generator: np.random.Generator, flights: int) -> MissionPlan:
         turbulence=generator.uniform(4.0, 9.0, flights),
         events=tuple(_events(generator, n) for n in range(flights)),
     )
+    if not together:
+        return drawn
+    others = [tuple(e for e in own if e.target != "body_flap") for own in drawn.events]
+    return replace(drawn, coupling=np.full(flights, _TOGETHER), events=tuple(others), together=True)
 
 
 def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
@@ -214,7 +227,8 @@ class Guidance:
             name: testing * values[round(time / STEP)] for name, values in self.inputs.items()
         }
         brake = self._speed_brake(equivalent) + inputs["speed_brake"]
-        flap = np.deg2rad(-3.0) + self.plan.coupling * brake + inputs["body_flap"]
+        opened = np.clip(brake, 0.0, _OPEN) if self.plan.together else brake
+        flap = np.deg2rad(-3.0) + self.plan.coupling * opened + inputs["body_flap"]
         alpha = np.clip(self._alpha(c) + inputs["alpha"], np.deg2rad(1.0), np.deg2rad(15.0))
         elevator = self.autopilot.elevator(c, alpha, {"body_flap": flap, "speed_brake": brake})
         course = np.arctan2(c["velocity_east"], c["velocity_north"])
@@ -281,7 +295,7 @@ class Guidance:
             np.deg2rad(4.0),
             np.where(self.capture, 0.15 + self.brake + 0.035 * error, 0.0),
         )
-        return np.clip(wanted, 0.0, np.deg2rad(40.0))
+        return np.clip(wanted, 0.0, _OPEN)
 
 
 _TARGETS = (
@@ -334,16 +348,21 @@ def drop_start(planned: MissionPlan) -> dict[str, Array]:
 
 
 def simulate(
-    vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, seed: int, flights: int
+    vehicle: Vehicle,
+    database: AeroDatabase,
+    preflight: AeroDatabase,
+    seed: int,
+    flights: int,
+    together: bool = False,
 ) -> History:
     """Return the flights of a campaign on `database`, with an autopilot designed on `preflight`.
 
-    All randomness comes from `seed`.
+    All randomness comes from `seed`. together : as for `plan`.
 
     Channels (n, k) of k flights, SI; the drop is that of `drop_start`, the gusts are `DrydenGusts`.
     """
     generator = np.random.default_rng([seed, 1])
-    planned = plan(generator, flights)
+    planned = plan(generator, flights, together)
     flown = flown_of(vehicle, database)
     known = known_derivatives(vehicle, preflight)
 
@@ -373,15 +392,18 @@ def simulate(
 
 
 def fly(
-    seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS
+    seed: int = 0,
+    flights: int = 8,
+    effects: tuple[Effect, ...] = EFFECTS,
+    together: bool = False,
 ) -> list[SimulatedLog]:
     """Return logs of a campaign with the true aerodynamics, in the order flown, one day apart.
 
-    Fields are (n,) in the units of PX4.
+    together : whether the body flap follows the speed brake. Fields are (n,) in the units of PX4.
     """
     vehicle = parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
     preflight = read_native(read_example("preflight.toml"), "preflight.toml")
-    history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights)
+    history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights, together)
     return logs(vehicle, history, seed)
 
 

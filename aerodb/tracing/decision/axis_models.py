@@ -196,6 +196,6 @@ def _as_member(finding: Finding, alone: bool) -> Finding:
     return replace(
         finding,
         verdict="suspected",
-        explanation_set=(finding.hypothesis,),
+        explanation_set=tuple(id for id in finding.explanation_set if "@all" not in id),
         reasons=(together, "errors of sensors that are believable together may leave as much"),
     )

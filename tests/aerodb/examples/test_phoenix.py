@@ -279,3 +279,14 @@ def test_air_data_stay_at_the_probe_when_rates_are_not_logged(vehicle: Vehicle) 
         update={"points": vehicle.points.model_copy(update={"air_data": None})}
     )
     assert air_data_at_cg(flight, plain) is flight
+
+
+def test_flap_and_brake_move_together_where_asked(
+    vehicle: Vehicle, preflight: AeroDatabase
+) -> None:
+    """As those of 003 did; the autopilot works on both, and nothing else moves the flap."""
+    together = mission.simulate(vehicle, preflight, preflight, 0, 1, together=True)
+    own = flown(together, 0)
+    brake, flap = own["delta_speed_brake"], own["delta_body_flap"]
+    assert np.corrcoef(brake, flap)[0, 1] > 0.9999
+    assert np.ptp(brake) > np.deg2rad(20.0)
