@@ -55,7 +55,7 @@ _MOVES: Final = 5e-3
 
 
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw per axis the error before and after, and the noise floor, which no database can beat
+    """Draw per axis the error before and after, and the noise floor, what the right one would leave
     (docs/reference/conventions.md, section Noise floor and error measures).
 
     rows : axis, before, after, floor (rms, without dimension), and each, the errors before and

@@ -158,7 +158,7 @@ def _errors(story: UpdateStory) -> dict[str, Any]:
             " the same numbers.",
             f"Error {on_which(document)}. Circle: {story.baseline}; "
             f"{f'square: {story.candidate}; ' if story.candidate else ''}"
-            "bar: noise floor of the sensors, which no database can beat."
+            "bar: noise floor, what the right database would leave."
             f"{_DOTS[held_out and story.candidate is not None] if single else ''}",
         ),
     }
