@@ -14,6 +14,7 @@ from aerodb.tasks.steps import (
     trace_flight,
     what_differs,
     what_is_left,
+    which_levels_stay,
     with_bands,
     write_update_page,
 )
@@ -77,6 +78,7 @@ def close_loop_flow(
         lambda loop: steps(what_is_left, plan, frozen, loop, **where),
     )
     between = steps(what_differs, plan, frozen, loop, **where)
+    levels = steps(which_levels_stay, plan, frozen, loop, **where)
     loop = steps(with_bands, plan, frozen, loop, **where)
     document = steps(
         publish_loop,
@@ -84,6 +86,7 @@ def close_loop_flow(
         frozen,
         loop,
         left,
+        levels,
         between,
         proof,
         beyond,

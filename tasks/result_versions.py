@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 7,
     "update": 9,
     "gram": 12,
-    "close_loop": 31,
+    "close_loop": 32,
 }
 
 #: Names of versions that the product itself moves.

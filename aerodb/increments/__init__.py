@@ -15,8 +15,7 @@ The way through:
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
 8. `judge_release`, `judge_derivatives`, `judge_rivals`, `judge_shapes` and
-   `judge_contradictions` decide whether a
-   version may be released (`GateVerdict`).
+   `judge_contradictions` decide whether a version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
 `estimate` the regression, `validation` hold-out and errors, `beyond` flights outside the envelope,
@@ -55,6 +54,7 @@ if TYPE_CHECKING:
         judge_rivals,
         judge_shapes,
         notes_on_release,
+        open_shapes,
         sign_reasons,
     )
     from .held_out import UNCHANGED, held_out_error

@@ -23,9 +23,6 @@ _LISTED: Final = 4
 FILE_CHECKS: Final = "file_checks"
 
 
-#: Name of the check of shapes.
-SHAPES: Final = "what was added has its shape, and nothing on its axis is without a name"
-
 #: Verdicts of findings that leave open what it is, in words.
 _OPEN: Final = {
     "suspected": "only suspected",
@@ -201,16 +198,14 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     )
 
 
-def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
-    """Return the gate's check of shapes: nothing is released whose own function other functions of
-    the flights' variables beat, or that acts on an axis on which an effect has no name.
+def open_shapes(report: Mapping[str, Any]) -> dict[str, str]:
+    """Return id -> why a version must not be released with it: an addition whose own function
+    other functions of the flights' variables beat, or what has no name on an axis of an addition.
 
-    report : of the version (docs/reference/contract.md). accepted : ids of findings that a person
-    accepts, with a reason.
+    report : of the version (docs/reference/contract.md).
     """
     findings, added = report.get("findings", ()), set(report.get("added", ()))
     entered = [each for each in findings if each["hypothesis"] in added]
-    on = {axis: each["hypothesis"] for each in entered for axis in each["axis"]}
     said = {
         each["hypothesis"]: (
             f"{each['hypothesis']} has another shape: an effect of"
@@ -219,20 +214,27 @@ def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCh
         )
         for each in entered
         if each.get("shape") and each["verdict"] != "confirmed"
-    } | {
-        each["hypothesis"]: (
-            f"an effect on {', '.join(each['axis'])} has no name, and"
-            f" {', '.join(dict.fromkeys(on[axis] for axis in each['axis'] if axis in on))} may"
-            " stand in for it"
-        )
-        for each in findings
-        if each["verdict"] == "unnamed" and on.keys() & set(each["axis"])
     }
+    for each in findings:
+        beside = [own["hypothesis"] for own in entered if set(own["axis"]) & set(each["axis"])]
+        if each["verdict"] == "unnamed" and beside:
+            said[each["hypothesis"]] = (
+                f"an effect on {', '.join(each['axis'])} has no name, and {', '.join(beside)} may"
+                " stand in for it"
+            )
+    return said
+
+
+def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
+    """Return the gate's check of shapes (`open_shapes`).
+
+    accepted : ids that a person accepts, with a reason.
+    """
     return GateCheck(
-        SHAPES,
+        "what was added has its shape, and nothing on its axis is without a name",
         tuple(
             f"{sentence} (if it is right: --accept {id}, and the --reason)"
-            for id, sentence in said.items()
+            for id, sentence in open_shapes(report).items()
             if id not in accepted
         ),
     )

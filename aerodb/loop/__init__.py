@@ -22,10 +22,11 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    they are declared.
 
 Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
-`frozen_library`, `evidence` (of one flight and a database), `rounds` and what it says in `remarks`,
-`manoeuvre_units` (too few flights), `stall`, `stall_windows` and `stall_hysteresis`, `refit` (gains
-and shapes once more), `validation`, `within_flight` and `noise_floor`, `unexplained`, `levels`,
-`between_flights`, `shapes` and `model_error`, `consider` and `angle_errors`, `rivals`. The method:
+`frozen_library`, `accept` (what a user admits), `evidence` (of one flight and a database), `rounds`
+and what it says in `remarks`, `manoeuvre_units` (too few flights), `stall`, `stall_windows` and
+`stall_hysteresis`, `refit` (gains and shapes once more), `validation`, `within_flight` and
+`noise_floor`, `unexplained`, `levels`, `between_flights`, `shapes` and `model_error`, `consider`
+and `angle_errors`, `rivals`. The method:
 docs/method/tracing.md, sections 13 to 16, 25 and 26.
 """
 
@@ -34,6 +35,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .accept import Accept
     from .angle_errors import with_attenuation
     from .between_flights import dependences_between_flights
     from .consider import consider_parameters, noisier_flights
@@ -45,7 +47,7 @@ if TYPE_CHECKING:
     from .model_error import with_model_error
     from .noise_floor import noise_floors
     from .rivals import SensorRival, sensor_rivals
-    from .rounds import Accept, LoopResult, run_loop
+    from .rounds import LoopResult, run_loop
     from .stall_windows import StallWindow, stall_windows
     from .unexplained import unexplained_residuals
     from .validation import beside_larger_unnamed, until_all_gain, validate_loop, without_gain

@@ -66,7 +66,6 @@ def unexplained_levels(
     """
     floors = noise_floors(source, flights, candidate)
     compared = in_threads(lambda id: source.comparison(id, candidate), flights)
-    views = in_threads(lambda id: source.view(id, candidate, library.settings.bandwidth), flights)
     found = []
     for axis in AXES:
         residuals = [
@@ -82,6 +81,9 @@ def unexplained_levels(
         if abs(level) <= _FLOORS * floor or level**2 <= _SHARE * error**2:
             continue
         spread = float(means.std(ddof=1)) if len(means) > 1 else None
+        views = in_threads(
+            lambda id: source.view(id, candidate, library.settings.bandwidth), flights
+        )
         rivals = _rivals(axis, level, views, library.hypotheses)
         found.append(UnexplainedLevel(axis, level, spread, level**2 / error**2, floor, rivals))
     return tuple(found)

@@ -19,7 +19,7 @@ from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
-#: Realisations of the state noise: each flight's floor is then known to a tenth.
+#: Realisations of the state noise, as many as tracing draws (`TracingSettings.noisy_copies`).
 _DRAWS: Final = 2
 #: Samples about the middle of a flight that the state noise is run through: it is stationary.
 _MOST: Final = 6000

@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import Hypothesis
+from aerodb.loop.accept import Accept
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.rounds import Accept, run_loop
+from aerodb.loop.rounds import run_loop
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import SURFACE_MOTION, FlightView, add_effects, envelopes_of
-from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
+from aerodb.loop.accept import Accept
 from aerodb.loop.axis_models import AxisModel, axis_models
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -38,7 +38,6 @@ from aerodb.loop.stall_hysteresis import (
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
-    ADDED,
     FewFlightFindings,
     Finding,
     Traced,
@@ -57,92 +56,6 @@ _LATE = "it joined the library after these flights had been looked at"
 _NOTHING: Final = Traced((), (), (), (), ())
 #: Axes on which a stall acts.
 _PITCH = frozenset({"CX", "CZ", "Cm"})
-
-
-@dataclass(frozen=True)
-class Accept:
-    """Effects (names or hypotheses' ids) that the user admits beyond the confirmed ones.
-
-    lumped : although they are in an alias group; suspected : although they are only suspected;
-    ambiguous : although an error of a sensor explains them as well.
-    """
-
-    lumped: tuple[str, ...] = ()
-    suspected: tuple[str, ...] = ()
-    ambiguous: tuple[str, ...] = ()
-
-    def admits(self, finding: Finding) -> bool:
-        """Return whether a finding enters the database: by its verdict (`ADDED`) or because the
-        user asked for it."""
-        return finding.verdict in ADDED or self.asks_for(finding)
-
-    def asks_for(self, finding: Finding) -> bool:
-        """Return whether the user asked for this finding with its verdict."""
-        wanted = {
-            "alias_group": self.lumped,
-            "suspected": self.suspected,
-            "ambiguous_sensor": self.ambiguous,
-        }.get(finding.verdict, ())
-        return finding.hypothesis in wanted or finding.effect in wanted
-
-    def not_added(self, loop: "LoopResult") -> dict[str, str]:
-        """Return what the user asked for and did not get: name -> why, and what would bring it."""
-        added = {name for f in loop.added for name in (f.hypothesis, f.effect)}
-        reasons = {}
-        for option, names in (
-            ("suspected", self.suspected),
-            ("lumped", self.lumped),
-            ("ambiguous", self.ambiguous),
-        ):
-            for name in (name for name in names if name not in added):
-                found = [f for f in loop.findings if name in (f.hypothesis, f.effect)]
-                reasons[name] = _why_not(found, loop, option)
-        return reasons
-
-    def check(self, library: Library) -> None:
-        """Raise InputError for a name that is neither an effect nor an id of the library."""
-        known = {
-            name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)
-        }
-        for name in (*self.lumped, *self.suspected, *self.ambiguous):
-            if name not in known:
-                raise InputError(
-                    f"no effect '{name}' in the library",
-                    "close-loop",
-                    "see the effects that a first run lists",
-                )
-
-
-#: Verdict -> the option that takes it.
-_OPTION: Final = {
-    "alias_group": "lumped",
-    "suspected": "suspected",
-    "ambiguous_sensor": "ambiguous",
-}
-
-
-def _why_not(found: Sequence[Finding], loop: "LoopResult", option: str) -> str:
-    """Why findings that the user asked for with an option were not added."""
-    if not found:
-        return "these flights do not find it"
-    others = {_OPTION[f.verdict] for f in found if f.verdict in _OPTION} - {option}
-    if others and not any(_OPTION.get(f.verdict) == option for f in found):
-        verdict = found[0].verdict.replace("_", " ")
-        return f"its verdict is {verdict}: ask with --accept-{min(others)}"
-    if any(f.hypothesis in loop.without_gain for f in found):
-        return "it lowers no error of flights that did not identify"
-    axes = {axis for f in found for axis in f.axis}
-    beside = [
-        f"--accept-{_OPTION[f.verdict]} {f.hypothesis}"
-        for f in loop.findings
-        if f not in found and f not in loop.added and axes & set(f.axis) and f.verdict in _OPTION
-    ]
-    if not beside:
-        return "with it an axis would become worse"
-    return (
-        "it was estimated beside others, and without them an axis would become worse: add also"
-        f" {' '.join(beside)}"
-    )
 
 
 @dataclass(frozen=True)
@@ -340,7 +253,7 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         for id, finding in state.findings.items()
         if finding in added or (id in apart and id in models.standing)
     }
-    named = [*models.traced.findings, *(f for f in added if f.verdict != "sensor")]
+    named = [*models.traced.findings, *added]
     shaped = checked_shapes(given.source, given.flights, given.baseline, library, named)
     members = {f.hypothesis: f for f in shaped[: len(models.traced.findings)]}
     models = replace(models, traced=replace(models.traced, findings=tuple(members.values())))

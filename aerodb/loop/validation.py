@@ -14,10 +14,11 @@ from aerodb.increments import (
     validate_by_leaving_one_out,
     validate_on_held_out,
 )
+from aerodb.loop.accept import Accept
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
-from aerodb.loop.rounds import Accept, LoopResult, run_loop
+from aerodb.loop.rounds import LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
 from aerodb.tables import AeroDatabase

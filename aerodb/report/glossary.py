@@ -69,6 +69,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "surface_bias": "zero of the deflection of the {subject}",
     "surface_delay": "delay of the {subject}",
     "surface_backlash": "backlash of the {subject}",
+    "surface_wide_backlash": "wide backlash of the {subject}",
     "surface_dead_zone": "dead zone of the {subject}",
     "surface_lost": "{subject} that moves less than logged, or is stuck",
 }

@@ -69,7 +69,7 @@ def headline(document: Mapping[str, Any]) -> str:
         return (
             f"These flights cannot decide what the database lacks: {len(undecided)} of {count}"
             f" hypotheses stay open, most because {_WHY_OPEN[most]}."
-            + (f" Fly next: {fly}." if fly else "")
+            + (f" Next flight: {fly}." if fly else "")
         )
     return (
         f"Nothing was found that the database lacks: {count} hypotheses were tested, and the"

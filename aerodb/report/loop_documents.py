@@ -3,7 +3,7 @@
 See docs/reference/contract.md, "JSON".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -40,6 +40,7 @@ def loop_document(
     between: Sequence[FlightDependence] = (),
     asked_for: Sequence[Finding] = (),
     not_added: Mapping[str, str] | None = None,
+    without_gain: Collection[str] = (),
     axis_models: Sequence[Mapping[str, Any]] = (),
     beyond: Sequence[Beyond] = (),
     stalls: Sequence[StallWindow] = (),
@@ -48,7 +49,8 @@ def loop_document(
     """Make the document of a closed loop, in SI units (docs/reference/contract.md, section JSON).
 
     findings : of all rounds. added : those that entered the candidate; asked_for : those of them
-    that did because the user asked; not_added : what the user asked for in vain, name -> why.
+    that did because the user asked; not_added : what the user asked for in vain, name -> why;
+    without_gain : ids of what was tried and lowers no error of other flights.
     traced : the last round, which found nothing more to add. left : the unnamed remainder per axis.
     between : what changes with the conditions of the flights. within_flights : whether parts of
     flights were predicted from the rest. axis_models : documents of the increment models that
@@ -76,6 +78,7 @@ def loop_document(
         "levels": [asdict(level) for level in levels],
         "added": [finding.hypothesis for finding in added],
         "asked_for": [finding.hypothesis for finding in asked_for],
+        "without_gain": sorted(without_gain),
         "not_added": [{"asked": name, "because": why} for name, why in (not_added or {}).items()],
         "axis_models": list(axis_models),
         "increments": [

@@ -153,11 +153,15 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
 
 
 def _say_suspected(session: Session, document: dict[str, Any]) -> None:
-    """Print the command that adds what is only suspected, and shows what it is worth."""
+    """Print the command that adds what is only suspected, and shows what it is worth; not what
+    another shape fits better, or what was tried and is worth nothing."""
+    barred = {*document["added"], *document["without_gain"]}
     names = [
         finding["hypothesis"]
         for finding in document["findings"]
-        if finding["verdict"] == "suspected" and finding["hypothesis"] not in document["added"]
+        if finding["verdict"] == "suspected"
+        and not finding.get("shape")
+        and finding["hypothesis"] not in barred
     ]
     if names:
         session.say()

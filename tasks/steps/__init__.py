@@ -24,7 +24,14 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .advance import FLOWS, Due, due, parameters_of
     from .calibration import bind, calibrate
-    from .close_loop import prove_loop, run_loop, what_differs, what_is_left, with_bands
+    from .close_loop import (
+        prove_loop,
+        run_loop,
+        what_differs,
+        what_is_left,
+        which_levels_stay,
+        with_bands,
+    )
     from .coefficients import reconstruct
     from .compare import compare_with_database, compare_with_version
     from .conditioning import mapping_of

@@ -9,8 +9,10 @@ from aerodb.loop import (
     Library,
     LoopResult,
     StallWindow,
+    UnexplainedLevel,
     dependences_between_flights,
     stall_windows,
+    unexplained_levels,
     unexplained_residuals,
     validate_loop,
     with_model_error,
@@ -77,6 +79,16 @@ def what_is_left(
     Empty if there are fewer flights than the test needs.
     """
     return unexplained_residuals(
+        flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
+    )
+
+
+def which_levels_stay(
+    plan: UpdatePlan, library: Library, loop: LoopResult, *, workspace: str, run: str
+) -> tuple[UnexplainedLevel, ...]:
+    """Return the large constants, dimensionless, that the identification flights share beside the
+    candidate (docs/method/tracing.md, section 14)."""
+    return unexplained_levels(
         flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
     )
 

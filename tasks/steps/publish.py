@@ -14,7 +14,7 @@ from aerodb.increments import (
     derivatives_document,
     sign_reasons,
 )
-from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow, unexplained_levels
+from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow, UnexplainedLevel
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report import (
     add_remarks,
@@ -35,7 +35,6 @@ from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.inputs import input_remarks
-from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -109,6 +108,7 @@ def publish_loop(
     library: Library,
     loop: LoopResult,
     left: tuple[UnexplainedResidual, ...],
+    levels: tuple[UnexplainedLevel, ...],
     between: tuple[FlightDependence, ...],
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
@@ -147,17 +147,13 @@ def publish_loop(
         left=left,
         between=between,
         asked_for=[finding for finding in loop.added if accept.asks_for(finding)],
-        not_added=accept.not_added(loop),
+        without_gain=loop.without_gain,
+        not_added=accept.not_added(loop.findings, loop.added, loop.without_gain),
         axis_models=[asdict(model) for model in loop.axis_models],
         proof=proof,
         beyond=beyond,
         stalls=stalls,
-        levels=unexplained_levels(
-            StoredFlights(access, plan.vehicle, run),
-            plan.hold_out.identified,
-            loop.candidate,
-            library,
-        ),
+        levels=levels,
         remarks=_loop_remarks(plan, loop, accept),
         within_flights=_is_within_flights(plan, loop),
     )

@@ -20,6 +20,7 @@ from aerodb.increments import (
     judge_rivals,
     judge_shapes,
     notes_on_release,
+    open_shapes,
 )
 from aerodb.remarks import CONTRADICTS, SUSPECTED
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
@@ -165,8 +166,7 @@ def _gate(
     rivals = documents.report.get("rivals", [])
     known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
     known |= {rival["hypothesis"] for rival in rivals} | {CONTRADICTIONS}
-    known |= {finding["hypothesis"] for finding in documents.report.get("findings", ())}
-    unknown = set(accept) - known
+    unknown = set(accept) - known - open_shapes(documents.report).keys()
     if unknown:
         raise InputError(
             f"nothing to accept under {', '.join(sorted(unknown))}",

@@ -12,7 +12,7 @@ import tempfile
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,13 +84,10 @@ def run_planted(
     craft = airframe(aircraft)
     here = Path(tempfile.mkdtemp(prefix=f"{craft.vehicle}-", dir=folder))
     numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
-
-    def seen(log: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        key = [seed, zlib.crc32(craft.name.encode())]
-        return as_measured(craft, log, np.random.default_rng(key))
-
     where = (here / "all", folder / "flights")
-    ready = prepared(craft, cell, numbers, seed, *where, measured_text(craft), seen)
+    ready = prepared(
+        craft, cell, numbers, seed, *where, measured_text(craft), _measured(craft, seed)
+    )
     clean = {
         str(number): channels_of(craft, number, CELLS[cell], folder / "flights")
         for number in numbers
@@ -127,6 +124,17 @@ def run_planted(
             yield line
 
 
+def _measured(craft: Airframe, seed: int) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Log -> log, as wrong in mass properties and deflections as they were measured; the same of
+    one seed."""
+
+    def seen(log: dict[str, Any]) -> dict[str, Any]:
+        key = [seed, zlib.crc32(craft.name.encode())]
+        return as_measured(craft, log, np.random.default_rng(key))
+
+    return seen
+
+
 def run_outside(
     aircraft: str, kinds: Sequence[str], flights: Sequence[int], seed: int, folder: Path
 ) -> Iterable[dict[str, Any]]:
@@ -143,14 +151,17 @@ def run_outside(
             continue
         craft = replace(known, flies=flies, shape=f"-{shape}")
         numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
-
-        def seen(log: dict[str, np.ndarray], craft: Airframe = craft) -> dict[str, np.ndarray]:
-            key = [seed, zlib.crc32(craft.name.encode())]
-            return as_measured(craft, log, np.random.default_rng(key))
-
         where = (here / "all", folder / "flights")
         try:
-            ready = prepared(craft, "declared", numbers, seed, *where, measured_text(craft), seen)
+            ready = prepared(
+                craft,
+                "declared",
+                numbers,
+                seed,
+                *where,
+                measured_text(craft),
+                _measured(craft, seed),
+            )
         except RuntimeError as error:
             yield {"aircraft": aircraft, "outside": kind, "seed": seed, "refused": str(error)}
             continue

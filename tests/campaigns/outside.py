@@ -15,7 +15,7 @@ from tests.support.jsbsim_flights import aircraft_file, jsbsim
 
 Element = ElementTree.Element
 Change = Callable[[Element], None]
-#: Radians in the units of a surface's properties, by their ending.
+#: Unit of a surface's property per radian, by its ending; full travel counts as a radian.
 UNITS = {"rad": 1.0, "deg": 180.0 / np.pi, "norm": 1.0}
 
 
@@ -137,9 +137,10 @@ def _more(axis: str, size: float, *factors: str | tuple[str, str]) -> Change:
     return change
 
 
-_P, _Q, _ALPHA, _BETA = "velocities/p-aero-rad_sec", "velocities/q-aero-rad_sec", "aero/alpha-rad", "aero/beta-rad"  # fmt: skip
+_P, _ALPHA, _BETA = "velocities/p-aero-rad_sec", "aero/alpha-rad", "aero/beta-rad"
+#: Half the span over the airspeed [s].
 _ROLL = "aero/bi2vel"
-#: Name -> what is changed, and the axes on which it acts.
+#: Name -> what is changed. Widths are those of both flanks together.
 OUTSIDE: Mapping[str, Change] = {
     "aileron backlash": _actuated("aileron", "hysteresis_width", 0.024),
     "elevator backlash": _actuated("elevator", "hysteresis_width", 0.012),
@@ -152,7 +153,7 @@ OUTSIDE: Mapping[str, Change] = {
     "lag of lift": _lag("aero/alpha", ("LIFT",), 0.25),
     "damping of |p|": _more("ROLL", -20.0, _P, ("abs", _P), _ROLL, _ROLL),
     "damping of alpha": _more("ROLL", 2.5, _P, _ALPHA, _ROLL),
-    "weathercock of beta^2": _more("YAW", 60.0, _BETA, _BETA, _BETA),
+    "weathercock of beta^3": _more("YAW", 60.0, _BETA, _BETA, _BETA),
 }
 
 

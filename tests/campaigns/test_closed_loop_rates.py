@@ -169,7 +169,7 @@ def test_a_derivative_that_is_wrong_is_confirmed_on_three_aircraft_of_four(
 
 
 def test_a_late_aileron_is_no_roll_damping(tmp_path: Path) -> None:
-    """It follows the log .15 s late; roll damping was confirmed for it, and released."""
+    """It follows the log .15 s late; roll damping was suspected for it."""
     (line,) = run_outside(AIRCRAFT, ["aileron late"], [5], 1, tmp_path)
     assert not line["refused"]
     assert line["added"] == []
@@ -187,7 +187,7 @@ OF_ITS_OWN = {
     "lag of lift": ("alpha_dot@C_lift",),
     "damping of |p|": ("roll_damping@Cl",),
     "damping of alpha": ("roll_damping@Cl",),
-    "weathercock of beta^2": ("beta_slope@Cn",),
+    "weathercock of beta^3": ("beta_slope@Cn",),
 }
 
 

@@ -1,6 +1,7 @@
 """Bad input of the closed loop on the command line: refused in two lines, or answered as far as
 possible."""
 
+import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -230,6 +231,17 @@ def test_an_effect_that_is_not_in_the_library_cannot_be_accepted(workspace: Path
     assert "no effect 'pich_damping'" in refused_after_looking(
         workspace, "--accept-suspected", "pich_damping"
     )
+
+
+def test_an_effect_that_was_not_added_is_said_first(workspace: Path) -> None:
+    """It ended with exit code 0, and with a sentence far below."""
+    words = ["--workspace", str(workspace), *CLOSE, "--accept-suspected", "yaw_damping"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 1, result.exception
+    first = result.output.splitlines()[0]
+    assert first.startswith("not added although you asked for it: yaw_damping; ")
+    document = json.loads(CliRunner().invoke(app, ["--json", *words]).stdout)
+    assert [entry["asked"] for entry in document["not_added"]] == ["yaw_damping"]
 
 
 def refused_after_looking(workspace: Path, *options: str) -> str:

@@ -5,7 +5,7 @@
 ``surface_backlash``: play of half-width w between what is logged and the surface (Tao & Kokotovic
 1996, eq. 2.3): the surface rests until the log has moved by 2 w. Tangent ``(play(delta, w0) -
 delta) / w0 dC/ddelta``. Which strokes are lost depends on the play, so there are two hypotheses,
-with w0 a fifth and two thirds (``..._wide``) of the rms deflection.
+with w0 a fifth and (``surface_wide_backlash``) two thirds of the rms deflection.
 
 ``surface_dead_zone``: the surface begins to move w from zero; tangent ``-sat(delta / w0)
 dC/ddelta`` with w0 a third of the rms deflection.
@@ -20,7 +20,7 @@ The play follows with half a width of slack to either side:
 [0.0, 0.1, 0.4, 0.4, 0.3, 0.1]
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
@@ -60,32 +60,26 @@ def half_width(values: Array, share: float = _MIDDLE) -> float:
     return max(_LEAST, share * float(np.nanstd(values)))
 
 
-def delay(view: FlightView, channels: Sequence[str]) -> Columns:
-    """Columns of surface_delay of deflections that share one actuator. Each is (n,), 1/s."""
+def delay(view: FlightView, channel: str) -> Columns:
+    """Columns of surface_delay of a deflection. Each is (n,), 1/s."""
     return predicted_change(
-        view, **{name: smooth(view[name], view.step, view.bandwidth).rate for name in channels}
+        view, **{channel: smooth(view[channel], view.step, view.bandwidth).rate}
     )
 
 
-def backlash(view: FlightView, channels: Sequence[str], share: float) -> Columns:
-    """Columns of surface_backlash; share : as in `half_width`. Each is (n,), per rad of
-    half-width."""
+def backlash(view: FlightView, channel: str, share: float) -> Columns:
+    """Columns of surface_backlash of a deflection; share : as in `half_width`. Each is (n,), per
+    rad of half-width."""
+    width = half_width(view[channel], share)
     return predicted_change(
-        view,
-        **{
-            name: (view[name] - played(view[name], width)) / width
-            for name in channels
-            for width in [half_width(view[name], share)]
-        },
+        view, **{channel: (view[channel] - played(view[channel], width)) / width}
     )
 
 
-def dead_zone(view: FlightView, channels: Sequence[str]) -> Columns:
-    """Columns of surface_dead_zone. Each is (n,), per rad of half-width."""
-    return predicted_change(
-        view,
-        **{name: np.clip(view[name] / half_width(view[name]), -1.0, 1.0) for name in channels},
-    )
+def dead_zone(view: FlightView, channel: str) -> Columns:
+    """Columns of surface_dead_zone of a deflection. Each is (n,), per rad of half-width."""
+    width = half_width(view[channel])
+    return predicted_change(view, **{channel: np.clip(view[channel] / width, -1.0, 1.0)})
 
 
 def _template(
@@ -97,7 +91,6 @@ def _template(
     natural: float,
     formula: str,
     because: str,
-    kind: str = "",
 ) -> Template:
     name = effect.removeprefix("surface_")
 
@@ -106,8 +99,8 @@ def _template(
             sensor(
                 context,
                 effect,
-                f"{surface.channel}_{name}{kind}",
-                partial(tangent, channels=(surface.channel,)),
+                f"{surface.channel}_{name}",
+                partial(tangent, channel=surface.channel),
                 unit=unit,
                 plausible=plausible,
                 declared=delay_prior(context, surface.channel) if name == "delay" else 0.0,
@@ -116,7 +109,7 @@ def _template(
                 formula=formula.format(delta=surface.channel),
                 needs=(surface.channel,),
                 source=SOURCE,
-                subject=f"{surface.name}{kind}",
+                subject=surface.name,
             )
             for surface in context.surfaces
             if surface.role in _MOVING
@@ -136,16 +129,15 @@ DELAY = _template(
 )
 BACKLASH, WIDE_BACKLASH = (
     _template(
-        "surface_backlash",
+        effect,
         partial(backlash, share=share),
         unit="rad",
         plausible=(-0.004, 0.06),
         natural=0.0009,
         formula=f"(play({{delta}}, {share:.2g} rms) - {{delta}})*dC/d{{delta}}",
         because="has backlash: it rests while the log reverses",
-        kind=kind,
     )
-    for share, kind in ((_NARROW, ""), (_WIDE, "_wide"))
+    for effect, share in (("surface_backlash", _NARROW), ("surface_wide_backlash", _WIDE))
 )
 DEAD_ZONE = _template(
     "surface_dead_zone",
@@ -156,6 +148,6 @@ DEAD_ZONE = _template(
     formula="-sat({delta})*dC/d{delta}",
     because="does not answer small deflections about zero",
 )
-#: Their effects.
-SURFACE_MOTION: Final = frozenset({"surface_delay", "surface_backlash", "surface_dead_zone"})
 TEMPLATES = (DELAY, BACKLASH, WIDE_BACKLASH, DEAD_ZONE)
+#: Their effects.
+SURFACE_MOTION: Final = frozenset(template.effect for template in TEMPLATES)

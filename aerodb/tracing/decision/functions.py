@@ -34,7 +34,7 @@ _GROUPS: Final = 10
 _MODULATE: Final = frozenset({"alpha", "beta", "mach", "qbar"})
 #: Beginning of variables whose rate of change is a variable too: deflections.
 _MOVING: Final = "delta_"
-#: Beginning of others whose past is a variable: loads lag behind the flow (Wagner).
+#: Others whose past is a variable: loads lag behind the flow (Wagner).
 _ANGLES: Final = ("alpha", "beta")
 #: Endings: of the rate of change of a variable, and of how far it is from its past.
 RATE: Final = "_rate"
@@ -60,12 +60,14 @@ def with_past(variables: Mapping[str, Array], step: float) -> dict[str, Array]:
     keep = float(np.exp(-step / _LAG))
     past = {}
     for name, values in variables.items():
+        moves = name.startswith(_MOVING)
+        if not (moves or name in _ANGLES):
+            continue
         known = np.nan_to_num(values)
-        if name.startswith(_MOVING):
+        past[f"{name}{PAST}"] = known - _lagged(known, keep)
+        if moves:
             past[f"{name}{RATE}"] = np.gradient(values, step)
             past[f"{name}{PLAY}"] = known - played(known, half_width(known))
-        if name.startswith((_MOVING, *_ANGLES)):
-            past[f"{name}{PAST}"] = known - _lagged(known, keep)
     return {**variables, **past}
 
 

@@ -13,9 +13,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from aerodb.effects import Hypothesis
+from aerodb.effects import SURFACE_MOTION, Hypothesis
 from aerodb.support import Array, in_threads
 from aerodb.tables import HAT_RATES
+from aerodb.tracing.decision.axis_products import AxisProducts
 from aerodb.tracing.decision.explanation_sets import LOST
 from aerodb.tracing.decision.findings import Finding, doubted
 from aerodb.tracing.decision.functions import (
@@ -29,7 +30,6 @@ from aerodb.tracing.decision.functions import (
 )
 from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.estimates import OFFSET, paired_p
-from aerodb.tracing.evidence import Evidence, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which shapes are compared.
@@ -62,9 +62,10 @@ def with_checked_shapes(
     Returns
     -------
     tuple : where a function of observed variables predicts flights that were left out better than a
-        confirmed term, the finding has a `shape`. If it depends on what the term depends on, the
-        term stays confirmed; else it is suspected. A sensor with which such a function on one
-        axis gains as much is ambiguous. Below four flights nothing changes.
+        confirmed term, the finding has a `shape`. If it depends on the present values of what the
+        term depends on and of nothing else, and gains little more, the term stays confirmed; else
+        it is suspected. A sensor with which such a function on one axis gains as much is ambiguous.
+        Below four flights nothing changes.
 
     References
     ----------
@@ -73,12 +74,7 @@ def with_checked_shapes(
     judged = [f for f in findings if f.verdict in ("confirmed", "sensor")]
     if len(flights) < FEWEST_SHAPED or not judged:
         return tuple(findings)
-    known = {h.id: h for h in hypotheses}
-    functions = functions_of(
-        [with_past(flight.variables, flight.evidence.step) for flight in flights]
-    )
-    terms = tuple(f.hypothesis for f in findings)
-    shapes = _Shapes(flights, functions, known, terms, settings)
+    shapes = _Shapes.of(flights, [f.hypothesis for f in findings], hypotheses, settings)
     changed = {}
     for finding in judged:
         if finding.verdict == "sensor":
@@ -108,15 +104,10 @@ def imitations(
     """
     if len(flights) < FEWEST_SHAPED:
         return {}
-    known = {h.id: h for h in hypotheses}
-    functions = functions_of([with_past(f.variables, f.evidence.step) for f in flights])
-    terms = tuple(dict.fromkeys(id for ids in models.values() for id in ids))
-    shapes, found = _Shapes(flights, functions, known, terms, settings), {}
-    for axis, ids in models.items():
-        better = shapes.instead_of(axis, ids, sensors)
-        if better:
-            found[axis] = better
-    return found
+    terms = dict.fromkeys(id for ids in models.values() for id in ids)
+    shapes = _Shapes.of(flights, [*terms], hypotheses, settings)
+    better = {axis: shapes.instead_of(axis, ids, sensors) for axis, ids in models.items()}
+    return {axis: variables for axis, variables in better.items() if variables}
 
 
 @dataclass(frozen=True)
@@ -129,9 +120,21 @@ class _Shapes:
     terms: Sequence[str]
     settings: TracingSettings
     cached: dict[str, FunctionProblem] = field(default_factory=dict, init=False, repr=False)
-    products: dict[tuple[str, bool], "Sequence[_Products]"] = field(
+    products: dict[tuple[str, bool], Sequence[AxisProducts]] = field(
         default_factory=dict, init=False, repr=False
     )
+
+    @classmethod
+    def of(
+        cls,
+        flights: Sequence[FlightResidual],
+        terms: Sequence[str],
+        hypotheses: Sequence[Hypothesis],
+        settings: TracingSettings,
+    ) -> "_Shapes":
+        """The comparison with functions of all variables of the flights, and of their past."""
+        functions = functions_of([with_past(f.variables, f.evidence.step) for f in flights])
+        return cls(flights, functions, {h.id: h for h in hypotheses}, terms, settings)
 
     def term(self, finding: Finding) -> Finding:
         """A confirmed term against the functions that could stand in its place on its axes."""
@@ -224,7 +227,12 @@ class _Shapes:
         as_well = share >= _AS_WELL and paired_p(total, instead) >= self.settings.level
         may_be = alone and share >= _ON_ONE_AXIS
         variables = self.functions.variables(problem.chosen(problem.flights, named))
-        if set(map(present, variables)) <= self._drivers(finding):
+        past = any(present(name) != name for name in variables)
+        if (
+            finding.effect in SURFACE_MOTION
+            and past
+            and set(map(present, variables)) <= self._drivers(finding)
+        ):
             return finding  # the past of the surface itself: the same defect in other words
         p = paired_p(instead, nothing)
         names = [*self._named(axis), finding.hypothesis]
@@ -428,7 +436,7 @@ class _Shapes:
             with_functions,
         )
 
-    def _products(self, axis: str, with_functions: bool) -> "Sequence[_Products]":
+    def _products(self, axis: str, with_functions: bool) -> Sequence[AxisProducts]:
         """Products of everything that acts on an axis, by flight: every problem of the axis is made
         of them."""
         for functions in (True, with_functions):
@@ -437,7 +445,7 @@ class _Shapes:
         named = self._named(axis)
         sensors = [h.id for h in self.known.values() if h.kind == "sensor"]
         self.products[axis, with_functions] = in_threads(
-            lambda each: _Products.of(
+            lambda each: AxisProducts.of(
                 each[0].evidence,
                 axis,
                 [*named, *sensors],
@@ -471,71 +479,3 @@ def _channels(names: Iterable[str]) -> frozenset[str]:
     if plain & {"mach", "qbar", "V"}:
         plain |= {"mach", "qbar", "V"}
     return frozenset(plain | ({"mach", "qbar", "V"} if "thrust" in plain else set()))
-
-
-@dataclass(frozen=True)
-class _Products:
-    """Whitened products of one flight on one axis, without the intercept.
-
-    matrix (k + 1, k + 1) : columns `names` and the residual, which is last; the functions are
-    columns ``function 0``, ``function 1``, ...
-    """
-
-    names: tuple[str, ...]
-    matrix: Array
-    functions: int
-
-    @classmethod
-    def of(
-        cls,
-        evidence: Evidence,
-        axis: str,
-        named: Sequence[str],
-        functions: Array,
-        settings: TracingSettings,
-    ) -> "_Products":
-        """Products of named columns (those that act on the axis), functions (n, f) and residual."""
-        flexible = {_function(number): {axis: each} for number, each in enumerate(functions.T)}
-        acting = {
-            name: {axis: evidence.columns[name][axis]}
-            for name in named
-            if axis in evidence.columns.get(name, {})
-        }
-        one = replace(
-            evidence,
-            residual={axis: evidence.residual[axis]},
-            usable={axis: evidence.usable[axis]},
-            columns=acting | flexible,
-            noisy=(),
-            instruments={},
-        )
-        made = normal_equations_of(one, settings)
-        level = made.matrix[0, 1:]
-        whole = made.matrix[1:, 1:] - np.outer(level, level) / made.matrix[0, 0]
-        return cls(made.hypotheses, whole, functions.shape[1])
-
-    def eliminated(
-        self, named: Sequence[str], priors: Mapping[str, float], with_functions: bool
-    ) -> tuple[Array, Array]:
-        """Products (k + 1, k + 1) of named columns (zero where absent), functions and residual
-        without the sensors, which have these prior precisions; and those (k, k) with the
-        sensors."""
-        place = {name: number for number, name in enumerate(self.names)}
-        sensors = [id for id in priors if id in place]
-        functions = [_function(number) for number in range(self.functions if with_functions else 0)]
-        wanted = [*named, *functions]
-        absent, last = len(self.matrix), len(self.matrix) - 1
-        index = [place.get(name, absent) for name in wanted]
-        padded = np.pad(self.matrix, (0, 1))
-        kept = np.array([*index, last], dtype=np.intp)
-        out = np.array([place[id] for id in sensors], dtype=np.intp)
-        block = padded[np.ix_(out, out)] + np.diag([priors[id] for id in sensors])
-        scale = np.sqrt(np.maximum(np.diagonal(block), TRACE))
-        across = padded[np.ix_(out, kept)] / scale[:, None]
-        inner = block / np.outer(scale, scale) + TRACE * np.eye(len(sensors))
-        left = padded[np.ix_(kept, kept)] - across.T @ np.linalg.solve(inner, across)
-        return left, padded[np.ix_(kept[:-1], kept[:-1])]
-
-
-def _function(number: int) -> str:
-    return f"function {number}"

@@ -73,6 +73,7 @@ SENSORS = [
     "surface_bias",
     "surface_delay",
     "surface_backlash",
+    "surface_wide_backlash",
     "surface_dead_zone",
 ]
 

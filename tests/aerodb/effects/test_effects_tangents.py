@@ -172,7 +172,7 @@ PERTURBATIONS: dict[str, tuple[float, Perturbed]] = {
     **{f"delta_{name}_delay": (0.01, _ahead(_early, **by)) for name, by in MOVING.items()},
     **{f"delta_{name}_backlash": (0.001, _ahead(_play(0.2), **by)) for name, by in MOVING.items()},
     **{
-        f"delta_{name}_backlash_wide": (0.001, _ahead(_play(2.0 / 3.0), **by))
+        f"delta_{name}_wide_backlash": (0.001, _ahead(_play(2.0 / 3.0), **by))
         for name, by in MOVING.items()
     },
     **{f"delta_{name}_dead_zone": (0.001, _ahead(_dead, **by)) for name, by in MOVING.items()},

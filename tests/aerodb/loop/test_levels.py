@@ -1,13 +1,11 @@
-"""Constants that flights share: said with what would leave them, where the database is off; and the
-noise floor of flights of which nothing is reconstructed."""
+"""Constants that flights share: said with what would leave them, where the database is off."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerodb.loop import freeze_library, noise_floors, unexplained_levels
-from aerodb.signals import rms
+from aerodb.loop import freeze_library, unexplained_levels
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from tests.aerodb.loop.test_axis_models import database, flights
@@ -48,10 +46,3 @@ def test_nothing_is_said_of_the_right_database(source: FlightsInMemory) -> None:
     ids = tuple(source.flown)
     library = freeze_library(source, ids, database(1.0))
     assert unexplained_levels(source, ids, database(1.0), library) == ()
-
-
-def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: FlightsInMemory) -> None:
-    id = next(iter(source.flown))
-    beside = source.comparison(id, database(1.0))
-    floors = noise_floors(source, [id], database(1.0))[id]
-    assert floors["Cm"] == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))

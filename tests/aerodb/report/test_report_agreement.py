@@ -18,7 +18,7 @@ from aerodb.nomenclature import AXES
 from aerodb.report.estimates_page import estimates_report
 from aerodb.report.glossary import EFFECTS, advice_words, hypothesis_words, in_words
 from aerodb.report.head import Head
-from aerodb.report.headlines import excluded_sizes, shown_axes, what_stayed
+from aerodb.report.headlines import excluded_sizes, headline, shown_axes, what_stayed
 from aerodb.report.response_page import response_report
 from aerodb.report.style import SMALLEST
 from aerodb.report.update_page import update_report
@@ -112,6 +112,17 @@ def test_what_stayed_bad_is_named() -> None:
     clean = loop([found()], [found()], better[:1])
     clean["not_found"] = clean["not_found"][:1]
     assert what_stayed(clean).startswith("Nothing stayed bad: every axis is within 1.25 times")
+
+
+def test_where_nothing_could_have_been_found_the_headline_says_so() -> None:
+    document = loop([], [], [proof("Cm", 0.02, 0.02)])
+    found_nothing = headline(document)
+    assert found_nothing.startswith("Nothing was found that the database lacks: 2 hypotheses")
+    document["not_found"] = [{**each, "verdict": "not_testable"} for each in document["not_found"]]
+    assert headline(document) == (
+        "These flights cannot decide what the database lacks: 2 of 2 hypotheses stay open, most"
+        " because too few flights show them. Next flight: move the flap on its own."
+    )
 
 
 def test_forces_are_told_along_one_set_of_axes() -> None:

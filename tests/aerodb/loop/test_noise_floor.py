@@ -1,0 +1,52 @@
+"""The noise floor: a known error of the state gives what it makes of the coefficient."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.consistency import StateNoise
+from aerodb.loop import ReconstructionErrors, noise_floors
+from aerodb.signals import rms
+from tests.aerodb.loop.test_axis_models import database, flights
+from tests.support.flights_in_memory import FlightsInMemory
+
+ERROR = 0.002  # rad, of alpha
+
+
+class Known(FlightsInMemory):
+    """Flights whose reconstruction is not sure of alpha: by a constant, and by noise up to 1 Hz."""
+
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
+        noise = StateNoise("sensor", (0.1, 1.1), {"alpha": ERROR}, {"alpha": (ERROR**2,)})
+        return replace(ReconstructionErrors(), noise=noise)
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    return flights(range(60, 62), noise=0.0)
+
+
+def slope(source: FlightsInMemory, id: str) -> float:
+    """rms of dCm/dalpha along a flight."""
+    channels, step = source.flight(id).channels, 1e-4
+    moved = {**channels, "alpha": channels["alpha"] + step}
+    two = [database(1.0).predict(c).coefficients["Cm"] for c in (moved, channels)]
+    return rms((two[0] - two[1]) / step)
+
+
+def test_a_known_error_of_alpha_is_its_slope_times_the_error(source: FlightsInMemory) -> None:
+    """Both parts are ERROR rms: together sqrt(2) of it; two draws of the noise give it to a fifth."""
+    known, (id, *_) = Known(source.vehicle, source.flown), tuple(source.flown)
+    white = noise_floors(source, [id], database(1.0))[id]["Cm"]
+    expected = ERROR * slope(source, id)
+    floor = noise_floors(known, [id], database(1.0))[id]["Cm"]
+    assert expected > 3.0 * white
+    assert floor == pytest.approx(np.sqrt(2.0) * expected, rel=0.2)
+
+
+def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: FlightsInMemory) -> None:
+    id = next(iter(source.flown))
+    beside = source.comparison(id, database(1.0))
+    floors = noise_floors(source, [id], database(1.0))[id]
+    assert floors["Cm"] == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
