@@ -23,7 +23,8 @@ def recalibrate_flow(
 ) -> dict[str, Any]:
     """Calibrate a vehicle's sensors from `flights` (ids), and bind these flights to the result.
 
-    Their consistency, coefficients and comparison with the released database are recomputed.
+    A flight that shares more with some others than with all is bound to that group's calibration.
+    Consistency, coefficients and comparison with the released database are recomputed.
     Flights that are processed later are bound to the calibration as well; versions stay as they
     are. Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and
     ``comparison`` by flight.
@@ -31,7 +32,16 @@ def recalibrate_flow(
     where = {"workspace": workspace, "run": run}
     span = {"valid_from": valid_from, "valid_until": valid_until}
     calibration = steps(calibrate, flights, **where, vehicle=vehicle, reason=reason, **span)
-    bound = steps.map(bind, calibration["flights"], **where, calibration=calibration["calibration"])
+    bound = [
+        flight
+        for id in dict.fromkeys(calibration["bound"].values())
+        for flight in steps.map(
+            bind,
+            [own for own in calibration["flights"] if calibration["bound"].get(own) == id],
+            **where,
+            calibration=id,
+        )
+    ]
     consistency = {entry["flight"]: entry for entry in steps.map(check_consistency, bound, **where)}
     coefficients = reconstructed(steps, consistency, where)
     known = [flight for flight in bound if coefficients[flight]["key"] is not None]

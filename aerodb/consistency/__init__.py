@@ -15,7 +15,7 @@ step for one flight; its stages, in order:
    between sensor and smoother; `pressures` holds what concerns port errors and five-hole probes.
 7. `verdict.judge` says whether the flight is good, limited or rejected, and why.
 
-Main names: `make_consistent` -> `Consistent`; `joint_calibration` -> `Calibration`, from several
+Main names: `make_consistent` -> `Consistent`; `joint_calibrations` -> `Calibration`, from several
 flights; `StateNoise`, the error spectrum of the corrected channels; `Origin`, where
 a channel's values come from. Method and references: docs/method/consistency.md.
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from . import calibration
     from .calibration import Calibration, from_document
     from .corrected import Origin
-    from .output_error import joint_calibration
+    from .output_error import joint_calibrations
     from .plan import ReconstructionPlan
     from .smoother import StateNoise, state_noise_from
     from .verdict import Verdict, judge

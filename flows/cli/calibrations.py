@@ -134,6 +134,17 @@ def recalibrate(
     for entry in document["skipped"]:
         session.say(f"skipped {entry['flight'][:12]}: {entry['reason']}")
     _say_parameters(session, document["parameters"])
+    for group in document["groups"]:
+        session.say(
+            f"calibration {group['label']} ({group['calibration'][:12]}) of"
+            f" {', '.join(flight[:12] for flight in group['flights'])}: these share more"
+        )
+        own = {
+            name: entry
+            for name, entry in group["parameters"].items()
+            if name not in document["parameters"]
+        }
+        _say_parameters(session, own or group["parameters"])
     for flight, consistency in document["consistency"].items():
         session.say(f"flight {flight[:12]}:")
         say_consistency(session, consistency, "  ")

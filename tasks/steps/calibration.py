@@ -3,13 +3,14 @@
 from datetime import datetime
 from typing import Any
 
-from aerodb.consistency import joint_calibration
+from aerodb.consistency import joint_calibrations
+from aerodb.consistency.calibration import Calibration
 from aerodb.errors import InputError
 from aerodb.storage.workspace_settings import SettingsError
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.counting import counted_out
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import access_workspace
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def calibrate(
@@ -22,10 +23,12 @@ def calibrate(
     valid_from: str | None = None,
     valid_until: str | None = None,
 ) -> dict[str, Any]:
-    """Estimate the sensor parameters that `flights` (ids) share, and store them as a calibration.
+    """Estimate the sensor parameters that `flights` (ids) share, and store them as calibrations.
 
-    valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label,
-    parameters, flights, skipped.
+    valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label and
+    parameters of what all flights share, the newest of the vehicle, which later flights take;
+    flights, skipped; groups: the same of flights that share more; bound: flight -> calibration,
+    the group's if it has one.
 
     Reads consistent flights and the vehicle; raises UnknownNameError for an unknown id.
     """
@@ -68,21 +71,42 @@ def calibrate(
     span = [
         None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)
     ]
-    calibration = joint_calibration(loaded, described, *span)
-    stored = access.catalogue.add_calibration(
-        calibration.id, vehicle=vehicle, content=calibration.document(), reason=reason, run=run
-    )
-    parameters = {
-        name: {"value": value, "standard_error": error}
-        for name, (value, error) in calibration.by_name.items()
-    }
+    made = [
+        _stored(access, each, reason, run) for each in joint_calibrations(loaded, described, *span)
+    ]
     used = [flight.id for flight in loaded]
+    everyone = next((each for each in made if set(each["flights"]) == set(used)), None)
+    groups = [each for each in made if each is not everyone]
+    bound = {id: each["calibration"] for each in made for id in each["flights"]}
+    bound |= {id: each["calibration"] for each in groups for id in each["flights"]}
     return {
-        "calibration": stored.id,
-        "label": stored.label,
-        "parameters": parameters,
+        **(everyone or groups[-1]),
         "flights": used,
+        "groups": groups,
+        "bound": bound,
         "skipped": skipped,
+    }
+
+
+def _stored(
+    access: WorkspaceAccess, calibration: Calibration, reason: str, run: str
+) -> dict[str, Any]:
+    """Store a calibration, and return its document."""
+    row = access.catalogue.add_calibration(
+        calibration.id,
+        vehicle=calibration.vehicle,
+        content=calibration.document(),
+        reason=reason,
+        run=run,
+    )
+    return {
+        "calibration": row.id,
+        "label": row.label,
+        "parameters": {
+            name: {"value": value, "standard_error": error}
+            for name, (value, error) in calibration.by_name.items()
+        },
+        "flights": list(calibration.flights),
     }
 
 

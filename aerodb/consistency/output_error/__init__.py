@@ -12,7 +12,7 @@ The way through, for one flight:
    (`posterior`) and reconstructs all records with them: a `FlightReconstruction`.
 4. `applied_corrections` says which estimates are used to correct the flight.
 
-For several flights, `joint_calibration` does steps 1 to 3 and returns a `Calibration`.
+For several flights, `joint_calibrations` does steps 1 to 3 and returns a `Calibration`.
 
 Results are of `aerodb.consistency.reconstructed`; `SensorEstimates` are values with covariance.
 Next: `aerodb.consistency.smoother`.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         biases_that_may_be_air,
         decimated_records,
         estimate_sensors,
-        joint_calibration,
+        joint_calibrations,
         most_active,
         reconstruct_flight,
     )

@@ -22,6 +22,7 @@ from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
     SIGNIFICANT,
     SensorEstimates,
+    agreeing_flights,
     is_early,
     never_early,
     overridden_by_calibration,
@@ -69,6 +70,9 @@ TURNS = 10.0
 #: Gain of log-likelihood per sample below which a first look ends: no residual then changes by more
 #: than its ten-thousandth part (rms).
 LOOK = 1e-4
+
+#: Channels of the lateral motion of a symmetric aircraft.
+LATERAL = frozenset(("ay", "p", "r", "beta", "probe_dp_beta", "phi", "psi"))
 
 #: Largest number of rounds in which insignificant parameters are removed.
 _ROUNDS = 5
@@ -426,25 +430,31 @@ def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
     return noise
 
 
-def joint_calibration(
+def joint_calibrations(
     flights: Sequence[Flight],
     vehicle: Vehicle,
     valid_from: datetime | None = None,
     valid_until: datetime | None = None,
-) -> Calibration:
+) -> tuple[Calibration, ...]:
     """Estimate the sensor parameters that several flights share.
 
     One reconstruction of all flights, each with its own winds and initial states. The records with
     the most motion are used, the same number of every flight, `MOST_STRETCHES_JOINT` in all. A
-    parameter in which a flight alone contradicts the joint estimate (`drift`) is not shared: the
-    calibration leaves it to the flights, and gives of the others what the flights alone say
-    together, because the joint estimate of these has borne the contradiction.
+    parameter in which a flight alone contradicts the joint estimate (`drift`) is not shared by all:
+    the calibrations give of the others what the flights alone say together, because the joint
+    estimate of these has borne the contradiction. Flights that agree in the contradicted parameters
+    (`agreeing_flights`) share those among them: a sensor was exchanged or moved between the groups.
 
     Parameters
     ----------
     flights : mapped flights of the vehicle.
     vehicle : sensor positions, priors and accuracy limits.
-    valid_from, valid_until : range of start times (UTC) that the calibration applies to.
+    valid_from, valid_until : range of start times (UTC) that the calibrations apply to.
+
+    Returns
+    -------
+    The calibration of what all flights share last; before it one for each group of flights that
+    share more (its `flights` are the group's).
 
     Raises InputError when no flight can be reconstructed or no parameter is determined.
     """
@@ -454,35 +464,38 @@ def joint_calibration(
     if not records:
         raise InputError("no flight", f"calibration of {vehicle.name}", "give at least one flight")
     result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
-    estimates = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
-    if len(by_flight) > 1:
-        estimates = _shared_by_all(estimates, by_flight, plan, vehicle)
-    estimates = never_early(estimates)
-    if not estimates.names:
+    joint = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
+    everyone = tuple(range(len(by_flight)))
+    shared = {everyone: joint} if len(by_flight) < 2 else _shared(joint, by_flight, plan, vehicle)
+    made = tuple(
+        Calibration(
+            vehicle.name,
+            own.names,
+            own.values,
+            own.covariance,
+            tuple(sorted({flights[number].id for number in numbers})),
+            valid_from,
+            valid_until,
+        )
+        for numbers, each in shared.items()
+        if (own := never_early(each)).names
+    )
+    if not made:
         raise InputError(
             "these flights determine no sensor parameter",
             f"calibration of {vehicle.name}",
             "fly more manoeuvres",
         )
-    ids = tuple(sorted({flight.id for flight in flights}))
-    return Calibration(
-        vehicle.name,
-        estimates.names,
-        estimates.values,
-        estimates.covariance,
-        ids,
-        valid_from,
-        valid_until,
-    )
+    return made
 
 
-def _shared_by_all(
+def _shared(
     joint: SensorEstimates,
     by_flight: Sequence[Sequence[FlightRecord]],
     plan: ReconstructionPlan,
     vehicle: Vehicle,
-) -> SensorEstimates:
-    """The joint estimates, or without the parameters that a flight alone contradicts.
+) -> dict[tuple[int, ...], SensorEstimates]:
+    """Flights (numbers) -> what they share; all of them last.
 
     joint : of all flights. by_flight : their records. plan : that of the joint estimates.
     """
@@ -496,7 +509,48 @@ def _shared_by_all(
         known = with_vehicle_priors(own, plan.stated_priors)
         found = drift(whole, known.names, known.values, known.standard_errors)
         apart |= {entry.name for entry in found}
-    return pooled(alone, set(joint.names) - apart, plan.stated_priors) if apart else joint
+    everyone = tuple(range(len(alone)))
+    if not apart:
+        return {everyone: joint}
+    common = [name for name in joint.names if name not in apart]
+    together = {names: agreeing_flights(alone, names) for names in _by_symmetry(apart)}
+    shared = {}
+    for flights, companions in _companions(together, everyone).items():
+        parts = [
+            own.only([*common, *(name for name, group in companions.items() if k in group)])
+            for k, own in enumerate(alone)
+        ]
+        shared[flights] = pooled(parts, joint.names, plan.stated_priors)
+    return {**shared, everyone: shared.get(everyone) or pooled(alone, common, plan.stated_priors)}
+
+
+def _by_symmetry(names: Collection[str]) -> list[tuple[str, ...]]:
+    """Parameters of the lateral motion and of the longitudinal one: errors of one do not look like
+    errors of the other."""
+    lateral = tuple(name for name in sorted(names) if set(channels_of(name)) & LATERAL)
+    return [part for part in (lateral, tuple(sorted({*names} - {*lateral}))) if part]
+
+
+def _companions(
+    together: Mapping[tuple[str, ...], Sequence[tuple[int, ...]]], flights: Sequence[int]
+) -> dict[tuple[int, ...], dict[str, tuple[int, ...]]]:
+    """Flights that share the same with the same others -> parameter -> flights that share it.
+
+    together : parameters -> groups of flights that agree in them. Flights that share with no other
+    are left out.
+    """
+    found: dict[tuple[tuple[str, tuple[int, ...]], ...], list[int]] = {}
+    for flight in flights:
+        shared = tuple(
+            (name, group)
+            for names, groups in together.items()
+            for group in groups
+            if flight in group and len(group) > 1
+            for name in names
+        )
+        if shared:
+            found.setdefault(shared, []).append(flight)
+    return {tuple(those): dict(shared) for shared, those in found.items()}
 
 
 def _motion(record: FlightRecord) -> float:

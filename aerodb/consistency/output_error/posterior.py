@@ -5,10 +5,12 @@ and not as weights in the search: its weights assume white residuals, are too la
 drift colour them, and would outweigh any calibration sheet.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
+from scipy.stats import chi2
 
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.plan import ReconstructionPlan
@@ -19,6 +21,10 @@ from aerodb.vehicle import Accuracy
 
 #: Smallest distance from zero, in standard errors, of a correction without a stated prior.
 SIGNIFICANT = 3.0
+
+#: Probability of a difference between flights below which they do not agree: that of three standard
+#: errors, as for `aerodb.consistency.calibration.DRIFT`.
+DISAGREE = 0.0027
 
 #: Largest ratio of standard error to prior of an estimate that is worth applying.
 WORTH = 0.7
@@ -45,6 +51,16 @@ class SensorEstimates:
         """Name -> (value, standard error), SI."""
         pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
         return dict(zip(self.names, pairs, strict=True))
+
+    def only(self, names: Iterable[str]) -> "SensorEstimates":
+        """The estimates of those of these parameters that it has, in their order, the others
+        integrated out: values (j,), covariance (j, j), SI."""
+        index = [self.names.index(name) for name in names if name in self.names]
+        return SensorEstimates(
+            tuple(self.names[number] for number in index),
+            self.values[index],
+            self.covariance[np.ix_(index, index)],
+        )
 
     def updated(
         self, names: tuple[str, ...], values: Array, covariance: Array
@@ -166,6 +182,52 @@ def never_early(estimates: SensorEstimates) -> SensorEstimates:
     return estimates
 
 
+def agreeing_flights(
+    flights: Sequence[SensorEstimates], names: Sequence[str]
+) -> tuple[tuple[int, ...], ...]:
+    """Return groups of flights that agree in some parameters, as numbers into `flights`.
+
+    Every flight with one of these parameters starts as a group of its own; the two groups that
+    agree best are joined, until no two agree: the chi-square of their difference, with its
+    covariance, is less likely by chance than `DISAGREE`. Correlated errors count: two biases that
+    a flight cannot tell apart are compared in the sum that it knows.
+
+    Parameters
+    ----------
+    flights : independent estimates, without priors, SI.
+    names : the parameters to compare.
+
+    Source: chi-square test of equal means of normal variables; `docs/method/consistency.md`,
+    section "Calibrations".
+    """
+    groups = {
+        (number,): part for number, own in enumerate(flights) if (part := own.only(names)).names
+    }
+    while len(groups) > 1:
+        likely = {pair: _agreement(*(groups[each] for each in pair)) for pair in _pairs(groups)}
+        best = max(likely, key=lambda pair: likely[pair])
+        if likely[best] < DISAGREE:
+            break
+        one, other = (groups.pop(each) for each in best)
+        groups[tuple(sorted((*best[0], *best[1])))] = pooled([one, other], names, {})
+    return tuple(sorted(groups))
+
+
+def _pairs(groups: Collection[tuple[int, ...]]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    return list(combinations(sorted(groups), 2))
+
+
+def _agreement(one: SensorEstimates, other: SensorEstimates) -> float:
+    """Probability that estimates of equal parameters differ by at least this much; 1 where they
+    have none in common."""
+    both = [name for name in one.names if name in other.names]
+    if not both:
+        return 1.0
+    first, second = (each.only(both) for each in (one, other))
+    difference, spread = first.values - second.values, first.covariance + second.covariance
+    return float(chi2.sf(difference @ np.linalg.solve(spread, difference), len(both)))
+
+
 def pooled(
     flights: Sequence[SensorEstimates], names: Collection[str], stated: Mapping[str, float]
 ) -> SensorEstimates:
@@ -180,11 +242,11 @@ def pooled(
     known = tuple(dict.fromkeys(name for own in flights for name in own.names if name in names))
     information, push = np.zeros((len(known), len(known))), np.zeros(len(known))
     for own in flights:
-        index = [number for number, name in enumerate(own.names) if name in known]
-        at = [known.index(own.names[number]) for number in index]
-        weight = np.linalg.inv(own.covariance[np.ix_(index, index)])
+        part = own.only(known)
+        at = [known.index(name) for name in part.names]
+        weight = np.linalg.inv(part.covariance)
         information[np.ix_(at, at)] += weight
-        push[at] += weight @ own.values[index]
+        push[at] += weight @ part.values
     spread = np.linalg.inv(information)
     return with_vehicle_priors(
         SensorEstimates(known, spread @ push, 0.5 * (spread + spread.T)), stated

@@ -4,7 +4,8 @@ it."""
 import numpy as np
 import pytest
 
-from aerodb.consistency.output_error.estimation import joint_calibration
+from aerodb.consistency.output_error.estimation import joint_calibrations
+from aerodb.consistency.output_error.posterior import SensorEstimates, agreeing_flights
 from aerodb.consistency.whole_flight import make_consistent
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
@@ -29,7 +30,8 @@ def otter(measured):
         )
         for name in RECORDS
     }
-    return flights, joint_calibration(list(flights.values()), TWIN_OTTER)
+    (calibration,) = joint_calibrations(list(flights.values()), TWIN_OTTER)
+    return flights, calibration
 
 
 def test_the_twin_otter_records_do_not_share_what_nasa_removed_from_one(otter):
@@ -69,7 +71,8 @@ def _flight(seed, planted):
 def test_what_flights_share_is_all_kept(first):
     """The empty case: nothing is left out of flights with the same errors."""
     flights = [_flight(first + k, PLANTED) for k in range(3)]
-    found = joint_calibration(flights, parse_vehicle(VEHICLE)).by_name
+    (calibration,) = joint_calibrations(flights, parse_vehicle(VEHICLE))
+    found = calibration.by_name
     sensors = [name for name in PLANTED if not name.startswith("wind")]
     assert set(sensors) <= set(found)
     for name in sensors:
@@ -78,11 +81,17 @@ def test_what_flights_share_is_all_kept(first):
 
 
 def test_what_one_flight_contradicts_is_left_to_the_flights():
-    """A pitch gyro exchanged before the third flight; the rest stays within its interval."""
+    """A pitch gyro exchanged before the third flight: the first two share theirs, the rest is
+    everybody's and stays within its interval."""
     vehicle = parse_vehicle(VEHICLE)
     flights = [_flight(1, PLANTED), _flight(2, PLANTED), _flight(3, {**PLANTED, "q_bias": 0.006})]
-    calibration = joint_calibration(flights, vehicle)
+    before, calibration = joint_calibrations(flights, vehicle)
+    assert before.flights == tuple(sorted(flight.id for flight in flights[:2]))
+    value, error = before.by_name["q_bias"]
+    assert abs(value - PLANTED.get("q_bias", 0.0)) < 3.5 * error < 0.002
+    assert set(calibration.names) < set(before.names)
     assert "q_bias" not in calibration.names
+    assert len(calibration.flights) == 3
     for name, (value, error) in calibration.by_name.items():
         assert abs(value - PLANTED.get(name, 0.0)) < 3.5 * error, name
     found = make_consistent(flights[2], vehicle, calibration)
@@ -96,7 +105,7 @@ def test_a_large_bias_that_all_flights_share_limits_and_does_not_reject():
     vehicle = parse_vehicle(VEHICLE)
     planted = {**PLANTED, "ay_bias": 1.8}
     flights = [_flight(k, planted) for k in range(1, 4)]
-    calibration = joint_calibration(flights[:2], vehicle)
+    (calibration,) = joint_calibrations(flights[:2], vehicle)
     assert abs(calibration.by_name["ay_bias"][0] - 1.8) < 0.05
     assert make_consistent(flights[2], vehicle).verdict.word == "rejected"
     found = make_consistent(flights[2], vehicle, calibration)
@@ -104,3 +113,47 @@ def test_a_large_bias_that_all_flights_share_limits_and_does_not_reject():
     (reason,) = found.verdict.reasons
     assert reason.startswith("ay_bias of 1.8")
     assert reason.endswith("and known from its calibration")
+
+
+def test_records_of_one_day_share_what_another_day_contradicts(measured, otter):
+    """Two halves of f1_017 are flights of one installation. The second finds -.4 +- .3 m/s2 for the
+    side accelerometer, from which NASA removed -1.11; beside the record of another day, the two
+    still share what they know, and neither takes the other day's."""
+    whole = otter[0]["f1_017"]
+    halves = [_part(whole, 0.0, 10.0, "first"), _part(whole, 10.0, 20.0, "second")]
+    made = joint_calibrations([*halves, otter[0]["demo"]], TWIN_OTTER)
+    values = {id: each.by_name for each in made[:-1] for id in each.flights}
+    assert not {"ay_bias", "r_bias"} & (set(made[-1].names) | set(values.get("demo", {})))
+    for name, removed in (("ay_bias", -1.1123), ("r_bias", np.deg2rad(-1.1079))):
+        for half in ("first", "second"):
+            value, error = values[half][name]
+            assert abs(value - removed) < 2 * error
+    assert values["second"]["ay_bias"][1] < 0.25
+
+
+def _part(flight, start, end, name):
+    chosen = (flight.time >= flight.time[0] + start) & (flight.time < flight.time[0] + end)
+    channels = {channel: values[chosen] for channel, values in flight.channels.items()}
+    return Flight(name, flight.vehicle, flight.time[chosen] - flight.time[chosen][0], channels)
+
+
+def _estimates(rng, truth, spread):
+    names = ("ay_bias", "r_bias")
+    return SensorEstimates(names, rng.multivariate_normal(truth, spread), spread)
+
+
+def test_a_sum_known_well_tells_flights_apart_that_know_neither_part():
+    """ay - V r is known to .02 m/s2, ay alone to .7: flights of equal sensors agree in all of 40
+    draws but few, those with .3 m/s2 between them in none."""
+    rng = np.random.default_rng(34)
+    along, across = np.array([72.0, 1.0]) / 72.0, np.array([1.0, -72.0]) / np.hypot(1.0, 72.0)
+    spread = 0.5 * np.outer(along, along) + (0.02 / 72.0) ** 2 * np.outer(across, across)
+    truths = (np.array([-1.1, -0.015]), np.array([-0.8, -0.015]))
+    alike = apart = 0
+    for _ in range(40):
+        flights = [_estimates(rng, truths[k], spread) for k in (0, 0, 1)]
+        groups = agreeing_flights(flights, ("ay_bias", "r_bias"))
+        alike += (0, 1) in groups
+        apart += (2,) in groups
+    assert alike >= 38
+    assert apart == 40
