@@ -3,8 +3,7 @@
 from datetime import datetime
 from typing import Any
 
-from aerodb.consistency import joint_calibrations
-from aerodb.consistency.calibration import Calibration
+from aerodb.consistency import Calibration, joint_calibrations
 from aerodb.errors import InputError
 from aerodb.storage.workspace_settings import SettingsError
 from aerodb.tasks.steps.consistency import load_consistent
