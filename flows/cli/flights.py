@@ -1,7 +1,7 @@
 """``aerodb flight``: ingest logs, list, show, compare and retract flights."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -82,7 +82,7 @@ def ingest(
     for outcome in outcomes:
         _report(session, outcome)
     if len(outcomes) > 1:
-        _summarise(session, outcomes)
+        _summarise(session, outcomes, vehicle)
     session.answer(outcomes)
     if any(outcome["status"] == "refused" for outcome in outcomes):
         raise typer.Exit(3)
@@ -131,8 +131,8 @@ def _say_comparison(session: Session, comparison: dict[str, Any]) -> None:
         session.say(f"  note: {note}")
 
 
-def _summarise(session: Session, outcomes: Sequence[dict[str, Any]]) -> None:
-    """Say what became of a batch of logs, in five lines."""
+def _summarise(session: Session, outcomes: Sequence[dict[str, Any]], vehicle: str) -> None:
+    """Say what became of a batch of logs, in five lines, and what to do next."""
     taken = [each for each in outcomes if each["status"] != "refused"]
     verdicts = Counter(
         each["consistency"]["verdict"] for each in taken if each["consistency"] is not None
@@ -151,6 +151,25 @@ def _summarise(session: Session, outcomes: Sequence[dict[str, Any]]) -> None:
     session.say(
         f"refused: {visible(', '.join(refused[:5])) or 'none'}{', ...' * (len(refused) > 5)}"
     )
+    _propose_calibration(session, [each["consistency"] for each in taken], vehicle)
+
+
+def _propose_calibration(
+    session: Session, documents: Sequence[Mapping[str, Any] | None], vehicle: str
+) -> None:
+    """Propose to calibrate flights together that correct different sensors, each by itself."""
+    alone = [each for each in documents if each and each["checked"] and not each["calibration"]]
+    applied = [
+        {entry["parameter"] for entry in each["estimates"] if entry["applied"]} for each in alone
+    ]
+    counts = Counter(name for names in applied for name in names)
+    uneven = sorted(name for name, count in counts.items() if count < len(alone))
+    if uneven:
+        session.say(
+            f"corrected in some of these flights only: {', '.join(uneven)}. Sensors of one"
+            " installation have one error; estimate together what the flights share:"
+        )
+        session.say(f'aerodb recalibrate --vehicle {vehicle} --reason "flown together"')
 
 
 @app.command()

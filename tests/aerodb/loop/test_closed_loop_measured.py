@@ -27,7 +27,7 @@ from aerodb.tasks.steps.update import plan_update
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.support.attas_stalls import attached_database, window_rms, without_stall
-from tests.support.command import asked
+from tests.support.command import aerodb, asked
 from tests.support.paths import ROOT, VEHICLES
 
 MAPPINGS = ROOT / "storage" / "mappings"
@@ -54,6 +54,19 @@ def otter(measured, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
     return workspace, asked(
         workspace, "close-loop", "--vehicle", "twin-otter", "--direct", *accepted
     )
+
+
+def test_records_that_correct_different_sensors_are_to_be_calibrated_together(otter, measured):
+    """ay is corrected in f1_017 alone. Under their calibration the records have nothing uneven."""
+    log = [
+        str(measured(f"twin_otter/totter_{name}_data.mat"))
+        for name in ("f1_017", "demo", "9752ed20")
+    ]
+    words = ("flight", "ingest", *log, "--vehicle", "twin-otter", "--direct")
+    last = aerodb(otter[0], *words).stdout.strip().splitlines()[-2:]
+    assert last[0].startswith("corrected in some of these flights only: ")
+    assert "ay_bias" in last[0]
+    assert last[1].startswith("aerodb recalibrate --vehicle twin-otter")
 
 
 def test_the_twin_otters_defects_are_suspected_and_no_sensor_explains_them(otter) -> None:
