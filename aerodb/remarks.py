@@ -134,7 +134,11 @@ _SETTING: Final[Mapping[str, str]] = {
 
 def _residual(remark: Remark) -> tuple[str, ...]:
     (channel, *_), size, limit = remark.subjects, _shown(remark, "rms"), _shown(remark, "limit")
-    setting = f" ([accuracy] {_SETTING[channel]})" if channel in _SETTING else ""
+    setting = (
+        f" ([accuracy] {_SETTING[channel]}, [sensors.{channel}] noise)"
+        if channel in _SETTING
+        else ""
+    )
     return (f"{channel} remains {size} from the reconstructed motion; limit {limit}{setting}",)
 
 

@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
     "conditioning": 7,
-    "consistency": 18,
+    "consistency": 19,
     "coefficients": 4,
     "compare": 3,
     "import": 2,

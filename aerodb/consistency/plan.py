@@ -42,6 +42,8 @@ class ReconstructionPlan:
     not_estimated : what could not be estimated and why, in sentences.
     moving_air : whether parameters were left out because the air moved.
     noise_floor : channel -> smallest credible noise (one sigma), SI.
+    declared_noise : channel -> white noise of its sensor as the vehicle file declares it (one
+        sigma), SI.
     removed : parameter that was estimated and removed as insignificant -> its estimate and
         standard error before, SI.
     left_out : channel that has left the estimate -> its rms disagreement before, SI.
@@ -58,6 +60,7 @@ class ReconstructionPlan:
     not_estimated: tuple[str, ...]
     moving_air: bool = False
     noise_floor: Mapping[str, float] = field(default_factory=dict)
+    declared_noise: Mapping[str, float] = field(default_factory=dict)
     removed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     left_out: Mapping[str, float] = field(default_factory=dict)
     doubtful: tuple[str, ...] = ()
@@ -232,6 +235,7 @@ def make_plan(records: Sequence[FlightRecord], vehicle: Vehicle) -> Reconstructi
         stated_priors,
         _left_out(logged, earth, turned),
         noise_floor=noise_floor,
+        declared_noise={name: _sensor(vehicle, name).noise for name in sorted(logged)},
         vertical_air=vehicle.vertical_air,
     )
 

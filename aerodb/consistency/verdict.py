@@ -1,8 +1,9 @@
 """Judge a flight by the residuals of its channels before and after reconstruction.
 
-Limits are the vehicle's (`vehicle.Accuracy`). Rejected: accelerations, rates or qbar fail, so that
-nothing may be identified from the flight. Limited: a channel fails that only some uses need; the
-reasons name it. Limits and words: docs/reference/conventions.md, "Consistency verdicts".
+Limits are the vehicle's (`vehicle.Accuracy`), with the declared noise of the sensor beside them.
+Rejected: accelerations, rates or qbar fail, so that nothing may be identified from the flight.
+Limited: a channel fails that only some uses need; the reasons name it. Limits and words:
+docs/reference/conventions.md, "Consistency verdicts".
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -98,6 +99,7 @@ def judge(
     faults: Sequence[SensorFault] = (),
     left_out: Mapping[str, float] | None = None,
     calibrated: Collection[str] = (),
+    noise: Mapping[str, float] | None = None,
 ) -> Verdict:
     """The verdict on one flight of a joint reconstruction.
 
@@ -114,11 +116,13 @@ def judge(
         the flight; nothing else is judged by it.
     calibrated : parameters that a calibration names: known and removed, whatever their size, they
         limit a flight but do not reject it.
+    noise : channel -> standard deviation of its white noise as declared, SI: the limits are of
+        errors, and noise adds to them (root sum of squares).
     """
     left_out = left_out or {}
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
-    noise = moving_air(paths, left_out)
+    moving = moving_air(paths, left_out)
     checks, remarks = [], list[Remark]()
     words: list[VerdictWord] = []
     for name in dict.fromkeys(name for path in paths for name in path.residuals):
@@ -126,13 +130,13 @@ def judge(
             _rms(path.before.get(name) for path in paths),
             _rms(path.residuals.get(name) for path in paths),
         )
-        limit = _limit(name, accuracy, speed, _mean_pressure(paths))
+        limit = _limit(name, accuracy, speed, _mean_pressure(paths), noise)
         if name in left_out:
             checks.append(ChannelCheck(name, before, left_out[name], limit, "limited"))
             words.append("limited")
             remarks.append(_remark(DEPARTURE, checks[-1]))
             continue
-        rest = [_judged_rms(path, name, noise.matters) for path in _with(name, paths)]
+        rest = [_judged_rms(path, name, moving.matters) for path in _with(name, paths)]
         check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
         checks.append(check)
         if check.verdict != "good":
@@ -174,11 +178,11 @@ def judge(
     if not result.converged:
         words.append("limited")
         remarks.append(Remark(NOT_CONVERGED))
-    if noise.matters:
+    if moving.matters:
         words.append("limited")
-        gusts = {name: (float(size), "m/s") for name, size in noise.gusts.items()}
-        remarks.append(Remark(MOVING_AIR, tuple(noise.gusts), gusts, noise.because))
-    return Verdict(_worst(words), tuple(remarks), tuple(checks), noise)
+        gusts = {name: (float(size), "m/s") for name, size in moving.gusts.items()}
+        remarks.append(Remark(MOVING_AIR, tuple(moving.gusts), gusts, moving.because))
+    return Verdict(_worst(words), tuple(remarks), tuple(checks), moving)
 
 
 def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = ()) -> ProcessNoise:
@@ -195,14 +199,16 @@ def moving_air(paths: Sequence[ReconstructedPath], left_out: Collection[str] = (
 
 
 def disagreements(
-    paths: Sequence[ReconstructedPath], accuracy: Accuracy
+    paths: Sequence[ReconstructedPath],
+    accuracy: Accuracy,
+    noise: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[float, float]]:
     """Channel with a limit -> rms of its residual, judged as in `judge`, and the limit, SI."""
     shown = [residuals_as_angles(path) for path in paths]
     speed = float(np.mean(np.concatenate([path.V for path in shown])))
     moving, found = moving_air(paths).matters, {}
     for name in dict.fromkeys(name for path in shown for name in path.residuals):
-        limit = _limit(name, accuracy, speed, _mean_pressure(shown))
+        limit = _limit(name, accuracy, speed, _mean_pressure(shown), noise)
         rest = [_judged_rms(path, name, moving) for path in _with(name, shown)]
         if rest and np.isfinite(limit):
             found[name] = (float(np.sqrt(np.mean(np.square(rest)))), limit)
@@ -336,7 +342,14 @@ def navigation_limits(accuracy: Accuracy) -> dict[str, float]:
     }
 
 
-def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> float:
+def _limit(
+    name: str,
+    accuracy: Accuracy,
+    speed: float,
+    pressure: float,
+    noise: Mapping[str, float] | None,
+) -> float:
+    """Limit of a channel's rms residual, SI; nan: none. Its declared noise is no error."""
     limits = {
         **navigation_limits(accuracy),
         **dict.fromkeys(("phi", "theta", "psi"), accuracy.attitude),
@@ -344,7 +357,7 @@ def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> floa
         "V": 0.5 * accuracy.qbar_fraction * speed,  # qbar goes with the square of the speed
         "qbar": accuracy.qbar_fraction * pressure,
     }
-    return limits.get(name, float("nan"))
+    return float(np.hypot(limits.get(name, float("nan")), (noise or {}).get(name, 0.0)))
 
 
 def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:

@@ -109,6 +109,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
         common_faults(records),
         plan.left_out,
         () if calibration is None else calibration.names,
+        plan.declared_noise,
     )
     if plan.misplaced:
         verdict = verdict.with_first("limited", Remark(MISPLACED, text=plan.misplaced))

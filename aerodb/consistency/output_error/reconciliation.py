@@ -53,7 +53,7 @@ def reconciled(
     accuracy : limits of the vehicle.
     """
     result = solve(plan)
-    found = disagreements(result.paths, accuracy)
+    found = disagreements(result.paths, accuracy, plan.declared_noise)
     lost = found.get("psi", (0.0, np.inf))[0]
     if lost > ASTRAY:
         plan = plan.without_channel("psi", lost)
@@ -87,7 +87,9 @@ def _gross(
     """Channels beyond `GROSS` limits, without those that have left: rms and limit, SI."""
     return {
         name: (size, limit)
-        for name, (size, limit) in disagreements(result.paths, accuracy).items()
+        for name, (size, limit) in disagreements(
+            result.paths, accuracy, plan.declared_noise
+        ).items()
         if name not in plan.left_out and size > GROSS * limit
     }
 

@@ -60,7 +60,7 @@ def test_attas_verdicts(three, freed):
     }
     assert [verdict.word for verdict in words.values()] == ["good", "limited", "good"]
     assert words["fAttasAil1"].reasons == (
-        "phi remains 0.35 deg from the reconstructed motion; limit 0.3 deg ([accuracy] attitude)",
+        "phi remains 0.35 deg from the reconstructed motion; limit 0.3 deg ([accuracy] attitude, [sensors.phi] noise)",
     )
     assert not any(verdict.process_noise.matters for verdict in words.values())
 

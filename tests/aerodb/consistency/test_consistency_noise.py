@@ -14,7 +14,7 @@ from aerodb.errors import UnknownNameError
 from aerodb.flight import Flight
 from aerodb.tasks.steps.consistency import noise_of
 from aerodb.vehicle import parse_vehicle
-from tests.support.consistent_flights import RATE, VEHICLE, exact, table
+from tests.support.consistent_flights import NAME, RATE, VEHICLE, exact, table
 from tests.support.moving_air import FIRST, FREE, moving_air
 
 
@@ -71,3 +71,28 @@ def test_intensities_in_common_are_those_of_one_flight_and_lie_between_those_of_
     assert low < intensities_of(both, (calm.flight, "rough")).gusts.vertical < high
     with pytest.raises(UnknownNameError):
         intensities_of(both, ("calmer",))
+
+
+def _airspeed_beside(noise: float, wave: float) -> Flight:
+    """Half a minute at 60 m/s, with white noise and a slow wave [m/s] on the airspeed."""
+    columns = table(5, planted={}, seconds=30.0)
+    channels = {name: values for name, values in columns.items() if name != "time"}
+    white = noise * np.random.default_rng(5).standard_normal(len(columns["time"]))
+    slow = wave * np.sin(2.0 * np.pi * columns["time"] / 20.0)
+    return Flight("5" * 64, NAME, columns["time"], {**channels, "V": channels["V"] + white + slow})
+
+
+def test_a_noisy_airspeed_is_no_error_where_its_noise_is_declared() -> None:
+    """1.2 m/s of white noise at 60 m/s, where an error of 1 % rejects."""
+    flight = _airspeed_beside(1.2, 0.0)
+    undeclared = make_consistent(flight, parse_vehicle(VEHICLE)).verdict
+    assert undeclared.word == "rejected"
+    assert undeclared.reasons[0].endswith("([accuracy] qbar_fraction, [sensors.V] noise)")
+    declared = make_consistent(flight, parse_vehicle(f"{VEHICLE}\n[sensors.V]\nnoise = 1.2\n"))
+    assert declared.verdict.word == "good"
+
+
+def test_declared_noise_hides_no_error() -> None:
+    """A wave of 3 m/s beside the noise rejects, declared or not."""
+    noisy = parse_vehicle(f"{VEHICLE}\n[sensors.V]\nnoise = 1.2\n")
+    assert make_consistent(_airspeed_beside(1.2, 3.0), noisy).verdict.word == "rejected"

@@ -274,7 +274,7 @@ def test_reasons_are_kept_as_data_and_those_of_before_are_read_once(
         Remark(SUSPECTED, ("v0001",), text="a mass: \0"),
     )
     words = (
-        "V remains 2 m/s from the reconstructed motion; limit nan m/s ([accuracy] qbar_fraction)",
+        "V remains 2 m/s from the reconstructed motion; limit nan m/s ([accuracy] qbar_fraction, [sensors.V] noise)",
         "beside version v0001: lift: none",
         "suspected beside version v0001: a mass: \\x00",
     )
