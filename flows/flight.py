@@ -4,7 +4,13 @@ database."""
 from typing import Any
 
 from aerodb.flows.run import Steps, requires
-from aerodb.tasks.steps import check_consistency, compare_with_version, reconstruct, store_log
+from aerodb.tasks.steps import (
+    check_consistency,
+    compare_with_version,
+    judged_beside,
+    reconstruct,
+    store_log,
+)
 from aerodb.tasks.workspace_access import access_workspace
 
 
@@ -77,7 +83,11 @@ def _beside_released(
             entry["flight"]: entry
             for entry in steps.map(compare_with_version, known, **where, version=released)
         }
-    return {"consistency": consistency, "coefficients": coefficients, "comparison": compared}
+    judged = {
+        flight: judged_beside(document, flight, workspace=workspace)
+        for flight, document in consistency.items()
+    }
+    return {"consistency": judged, "coefficients": coefficients, "comparison": compared}
 
 
 def reconstructed(

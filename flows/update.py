@@ -11,7 +11,7 @@ from aerodb.tasks.steps import (
     freeze_library,
     plan_update,
     publish_candidate,
-    trace_flight,
+    untraced_reason,
     validate,
     write_update_page,
 )
@@ -53,13 +53,18 @@ def update_flow(
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)
     library = steps(freeze_library, plan, **where)
-    steps.map(
-        trace_flight,
+    reasons = steps.map(
+        untraced_reason,
         plan.hold_out.identified,
         **where,
         library=library,
         database=access_workspace(workspace).database(baseline),
     )
-    rivals = steps(find_sensor_rivals, plan, library, update, **where)
-    document = steps(publish_candidate, plan, update, proof, beyond, rivals, **where)
+    untraced = {
+        flight: reason
+        for flight, reason in zip(plan.hold_out.identified, reasons, strict=True)
+        if reason
+    }
+    rivals = steps(find_sensor_rivals, plan, library, update, untraced, **where)
+    document = steps(publish_candidate, plan, update, proof, beyond, rivals, untraced, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 2,
     "estimate": 7,
-    "update": 9,
+    "update": 10,
     "gram": 12,
-    "close_loop": 32,
+    "close_loop": 33,
 }
 
 #: Names of versions that the product itself moves.

@@ -14,7 +14,15 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.support import Array
-from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Interval, Refit, flown_envelope
+from aerodb.tables import (
+    STATE_CHANNEL,
+    AeroDatabase,
+    Increment,
+    Interval,
+    Refit,
+    continued,
+    flown_envelope,
+)
 
 
 def add_effects(
@@ -59,18 +67,17 @@ def add_effects(
     increments = []
     for axis, members in by_axis.items():
         index = [number for number, _ in members]
-        increments.append(
-            Increment(
-                axis=axis,
-                regressors=tuple(accepted[number].increment[part][1] for number, part in members),
-                estimates=values[index],
-                covariance=covariance[np.ix_(index, index)],
-                envelope=envelopes[axis],
-                flights=tuple(flights),
-                note=note or "effects: " + ", ".join(accepted[number].id for number in index),
-                refit=refit,
-            )
+        added = Increment(
+            axis=axis,
+            regressors=tuple(accepted[number].increment[part][1] for number, part in members),
+            estimates=values[index],
+            covariance=covariance[np.ix_(index, index)],
+            envelope=envelopes[axis],
+            flights=tuple(flights),
+            note=note or "effects: " + ", ".join(accepted[number].id for number in index),
+            refit=refit,
         )
+        increments.append(continued(added, database))
     return replace(database, increments=(*database.increments, *increments))
 
 

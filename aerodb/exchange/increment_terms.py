@@ -12,7 +12,6 @@ from typing import Final
 
 from aerodb.nomenclature import CHANNELS
 from aerodb.tables import (
-    BASE_VARIABLES,
     CONSTANTS,
     FUNCTIONS,
     LIFT_INCREMENTS,
@@ -121,23 +120,22 @@ def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Ex
     held: dict[str, Expression] = {}
     weights: dict[str, Expression] = {}
     used = frozenset[str]().union(*(regressor.names for regressor in increment.regressors))
+    fading = frozenset[str]().union(*map(increment.fading, range(len(increment.regressors))))
     for name, interval in increment.envelope.items():
         if name in used:
-            clipped = Call("clip", (Name(name), number(interval.low), number(interval.high)))
-            variables[f"{stem}_held_{name}"] = Variable(
-                clipped, "", f"{name}, held where flights have been"
-            )
+            clipped = Call("clip", (Name(name), *map(number, increment.held_between(name))))
+            where = "flights have been" if increment.margins is None else "the increment continues"
+            variables[f"{stem}_held_{name}"] = Variable(clipped, "", f"{name}, held where {where}")
             held[name] = Name(f"{stem}_held_{name}")
-        if name in used.union(BASE_VARIABLES):
+        if name in fading:
             variables[f"{stem}_weight_{name}"] = Variable(
                 _weight(name, interval), "1", f"envelope of {name}: {_RULE}"
             )
             weights[name] = Name(f"{stem}_weight_{name}")
     addends = []
-    for estimate, regressor in zip(increment.layered, increment.regressors, strict=True):
-        acting = [
-            weights[name] for name in weights if name in regressor.names.union(BASE_VARIABLES)
-        ]
+    layered = zip(increment.layered, increment.regressors, strict=True)
+    for k, (estimate, regressor) in enumerate(layered):
+        acting = [weights[name] for name in weights if name in increment.fading(k)]
         if estimate == 0.0:
             continue
         addends.append(

@@ -325,6 +325,7 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
         **({"refit": _refit_document(increment.refit)} if increment.refit is not None else {}),
         **({"lengthened_cells": increment.lengthened_cells} if increment.lengthened_cells else {}),
         **({} if increment.induces_drag else {"induces_drag": False}),
+        **({} if increment.margins is None else {"margins": dict(increment.margins)}),
     }
 
 
@@ -385,6 +386,7 @@ def _increment(file: IncrementFile, where: str) -> Increment:
         refit=_refit(file.refit),
         lengthened_cells=file.lengthened_cells,
         induces_drag=file.induces_drag,
+        margins=file.margins,
     )
     if bare.full_note:
         return replace(bare, note=note_without_structure(file.note, bare))
@@ -427,6 +429,8 @@ def database_content_sha256(database: AeroDatabase) -> str:
             increment.covariance,
             np.array(bounds, dtype=np.float64).reshape(-1, 3),
         ]
+        if increment.margins is not None:
+            arrays.append(np.array([m for _, m in sorted(increment.margins.items())]))
     for state in database.states:
         parameters = _state_document(state)["parameters"]
         arrays += [

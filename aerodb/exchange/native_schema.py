@@ -127,6 +127,7 @@ class IncrementFile(Strict):
     refit: RefitFile | None = None
     lengthened_cells: Annotated[int, Field(ge=0)] = 0
     induces_drag: bool = True
+    margins: dict[str, float] | None = None
 
     @model_validator(mode="after")
     def _square(self) -> Self:

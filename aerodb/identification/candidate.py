@@ -32,7 +32,9 @@ def update_by(
     """
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
     plain = estimate_increments(logs, comparisons, model, database)
-    update = with_fitted_estimates(plain, fits_of(method, flights, model, database))
+    update = with_fitted_estimates(
+        plain, fits_of(method, flights, _without_dependent(plain, model), database)
+    )
     if not consider or method.kind != "equation error":
         return update
     widened = estimate_increments(logs, comparisons, model, database, consider)
@@ -42,6 +44,21 @@ def update_by(
             own.covariance + wide.covariance - narrow.covariance
             for own, wide, narrow in zip(update.axes, widened.axes, plain.axes, strict=True)
         ],
+    )
+
+
+def _without_dependent(update: Update, model: ModelFile) -> ModelFile:
+    """The model file without the terms that `update` left out as combinations of others."""
+    dependent = {axis.axis: axis.dependent for axis in update.axes}
+    return model.model_copy(
+        update={
+            "increment": tuple(
+                each.model_copy(
+                    update={"terms": tuple(t for t in each.terms if t not in dependent[each.axis])}
+                )
+                for each in model.increment
+            )
+        }
     )
 
 

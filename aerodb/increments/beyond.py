@@ -37,6 +37,7 @@ class Beyond:
     excursions : per variable that leaves its envelope.
     intervals : stretches of time [s] outside.
     share : of the usable samples that lie outside.
+    continued : whether an increment on the axis continues beyond its envelope instead of fading.
     held, extrapolated : rms residual over all usable samples, with the increments held and faded
         as the version has them, and with their slopes extrapolated.
     held_outside, extrapolated_outside : the same over the samples outside.
@@ -48,6 +49,7 @@ class Beyond:
     excursions: tuple[Excursion, ...]
     intervals: tuple[tuple[float, float], ...]
     share: float
+    continued: bool
     held: float
     extrapolated: float
     held_outside: float
@@ -62,7 +64,8 @@ def with_extrapolated_slopes(database: AeroDatabase) -> AeroDatabase:
     See docs/method/updates.md, section Envelope.
     """
     return replace(
-        database, increments=tuple(replace(each, envelope={}) for each in database.increments)
+        database,
+        increments=tuple(replace(each, envelope={}, margins=None) for each in database.increments),
     )
 
 
@@ -94,6 +97,7 @@ def beyond_envelopes(
                 excursions,
                 _intervals(flight.time, beyond),
                 float(beyond.sum() / good.sum()),
+                any(i.margins is not None for i in database.increments if i.axis == axis),
                 *(rms(residual[good]) for residual in residuals),
                 *(rms(residual[beyond]) for residual in residuals),
                 *(float(np.std(residual[good])) for residual in residuals),
@@ -112,7 +116,7 @@ def _outside(
         if increment.axis != axis:
             continue
         values = database.resolved(increment.names, channels)
-        acting = frozenset[str]().union(*map(increment.fading, range(len(increment.regressors))))
+        acting = frozenset[str]().union(*map(increment.limiting, range(len(increment.regressors))))
         for name in sorted(acting):
             interval = increment.envelope[name]
             value = np.broadcast_to(values[name], good.shape)

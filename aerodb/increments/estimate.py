@@ -22,12 +22,13 @@ from aerodb.increments.samples import (
 )
 from aerodb.nomenclature import MOMENT_AXES
 from aerodb.signals import Theil, theil
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 from aerodb.tables import (
     QUANTITIES,
     AeroDatabase,
     Increment,
     Interval,
+    continued,
     flown_envelope,
     new_sign_changes,
 )
@@ -35,6 +36,11 @@ from aerodb.tables import (
 #: Two estimates correlated beyond this cannot be separated by these flights; they are reported as
 #: an alias group.
 ALIAS_CORRELATION = 0.95
+
+#: Least part of a column, relative to its size, that others do not explain: less is rounding.
+_INDEPENDENT = 1e-9
+#: Least share of a term in a dependent column, relative to the largest, to be named.
+_TAKES_PART = 0.1
 
 #: An increment on one of these axes holds the drag that an increment on the lift induces.
 _DRAG = frozenset({"C_drag", "CX"})
@@ -55,6 +61,8 @@ class AxisUpdate:
     theil : of database + increment against measurement.
     at_bound : names of estimates that ended on a bound.
     not_excited : declared terms that these flights do not excite; they were left out.
+    dependent : declared terms that were left out because in these flights they are a linear
+        combination of others -> these others.
     aliases : groups of estimates that these flights cannot separate.
     """
 
@@ -69,6 +77,7 @@ class AxisUpdate:
     theil: Theil
     at_bound: tuple[str, ...]
     not_excited: tuple[str, ...]
+    dependent: Mapping[str, tuple[str, ...]]
     aliases: tuple[tuple[str, ...], ...]
 
 
@@ -196,6 +205,9 @@ def _axis(
     matrix = np.concatenate([s.columns[s.good] for s in used])
     response = np.concatenate([s.comparison.residual(axis)[s.good] for s in used])
     moved = excited(matrix, regressors)
+    not_excited = tuple(r.name for r, moves in zip(regressors, moved, strict=True) if not moves)
+    dependent = _dependent(declared, matrix, [r.name for r in regressors], moved, used)
+    moved = moved & [regressor.name not in dependent for regressor in regressors]
     chosen = [regressor for regressor, moves in zip(regressors, moved, strict=True) if moves]
     names = [regressor.name for regressor in chosen]
     if not chosen:
@@ -211,13 +223,16 @@ def _axis(
     predicted = measured - response + matrix[:, moved] @ estimates
     ids = tuple(s.comparison.flight for s in used)
     names_used = frozenset[str]().union(*(regressor.expression.names for regressor in chosen))
-    increment = Increment(
-        axis=axis,
-        regressors=tuple(regressor.expression for regressor in chosen),
-        estimates=estimates,
-        covariance=covariance,
-        envelope=flown_envelope(names_used, [(s.channels, s.good) for s in used], database),
-        flights=ids,
+    increment = continued(
+        Increment(
+            axis=axis,
+            regressors=tuple(regressor.expression for regressor in chosen),
+            estimates=estimates,
+            covariance=covariance,
+            envelope=flown_envelope(names_used, [(s.channels, s.good) for s in used], database),
+            flights=ids,
+        ),
+        database,
     )
     deviation = np.sqrt(np.diag(covariance))
     correlation = _correlation(covariance)
@@ -232,10 +247,42 @@ def _axis(
         r_squared=fit.r_squared,
         theil=theil(predicted, measured),
         at_bound=constrained.at_bound,
-        not_excited=tuple(r.name for r, moves in zip(regressors, moved, strict=True) if not moves),
+        not_excited=not_excited,
+        dependent=dependent,
         aliases=_aliases(names, correlation),
     )
     return result, increment
+
+
+def _dependent(
+    declared: DeclaredIncrement,
+    matrix: Array,
+    names: Sequence[str],
+    moved: Mask,
+    used: Sequence[AxisSamples],
+) -> dict[str, tuple[str, ...]]:
+    """Return the excited terms (of n columns) that are linear combinations of constants, of terms
+    with a value of their own (`fixed`, `prior`) or of terms declared before them, and of which."""
+    lengths = [samples.count for samples in used]
+    if not declared.own_constants:
+        lengths = [len(matrix)]
+    constants = np.repeat(np.eye(len(lengths)), lengths, axis=0)
+    known = CONSTANT in names
+    kept, labels = (constants, [CONSTANT] * len(lengths)) if known else (constants[:, :0], [])
+    first = declared.fixed.keys() | declared.prior.keys()
+    found: dict[str, tuple[str, ...]] = {}
+    for k in sorted(np.flatnonzero(moved).tolist(), key=lambda k: names[k] not in first):
+        if names[k] == CONSTANT:
+            continue
+        column = matrix[:, k] / np.linalg.norm(matrix[:, k])
+        shares = np.linalg.lstsq(kept, column, rcond=None)[0]
+        if names[k] not in first and np.linalg.norm(column - kept @ shares) < _INDEPENDENT:
+            sizes = np.abs(shares) * np.linalg.norm(kept, axis=0)
+            acting = [n for n, s in zip(labels, sizes, strict=True) if s > _TAKES_PART * max(sizes)]
+            found[names[k]] = tuple(dict.fromkeys(acting))
+        else:
+            kept, labels = np.column_stack([kept, column]), [*labels, names[k]]
+    return found
 
 
 def _fitted(

@@ -35,6 +35,7 @@ from aerodb.tables import (
     Increment,
     Law,
     StateModel,
+    continued,
     evaluate,
     flown_envelope,
     parse,
@@ -191,7 +192,9 @@ def added_stall(
         values = np.append(shape.nuisance[axis], gain)
         note = f"traced: {EFFECT} with the attached flow's corrections"
         increments.append(
-            Increment(axis, names, values, covariance, envelope, tuple(flights), note)
+            continued(
+                Increment(axis, names, values, covariance, envelope, tuple(flights), note), database
+            )
         )
     return replace(with_state, increments=(*with_state.increments, *increments))
 

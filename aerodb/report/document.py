@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, Final
 
 from aerodb.coefficients import THRUST_REMEDY
 from aerodb.increments import AxisUpdate, AxisValidation, Beyond, Excursion, HoldOut, Update
@@ -117,8 +117,13 @@ def beyond_document(entry: Beyond) -> dict[str, Any]:
         **asdict(entry),
         "excursions": [asdict(each) for each in entry.excursions],
         "intervals": [list(each) for each in entry.intervals],
-        "used": "held",
+        "used": "continued" if entry.continued else "held",
     }
+
+
+#: What a version does beyond an envelope (docs/method/updates.md, section Envelope).
+_AS_FADED: Final = "with the correction held at the edge and faded"
+_AS_CONTINUED: Final = "with slopes continued and then held"
 
 
 def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[Remark]:
@@ -133,8 +138,8 @@ def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[
         ways = [_excursion(each) for each in entry.excursions]
         sentence = (
             f"{name} leaves the flown envelope on {entry.axis} in {entry.share:.0%} of its samples"
-            f" ({'; '.join(ways)}). There the error is {entry.held_outside:.2g} with the correction"
-            f" held at the edge and faded, as the version has it, and"
+            f" ({'; '.join(ways)}). There the error is {entry.held_outside:.2g} as the version has"
+            f" it, {_AS_CONTINUED if entry.continued else _AS_FADED}, and"
             f" {entry.extrapolated_outside:.2g} with its slopes extrapolated; over the whole flight"
             f" {entry.held:.2g} and {entry.extrapolated:.2g}."
         )
@@ -182,6 +187,7 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
         "fit_percent": entry.theil.fit_percent,
         "correlation": entry.correlation.tolist(),
         "not_excited": list(entry.not_excited),
+        "dependent": {term: list(others) for term, others in entry.dependent.items()},
         "aliases": [list(group) for group in entry.aliases],
     }
 
@@ -246,6 +252,11 @@ def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut)
             remarks.append(
                 f"{axis.axis}: {' and '.join(group)} moved together in these flights and cannot be"
                 " told apart (alias group)."
+            )
+        for term, others in axis.dependent.items():
+            remarks.append(
+                f"{axis.axis}: {term} was left out: in these flights it is a linear combination of"
+                f" {', '.join(others)}, whose estimate holds what both do."
             )
         if axis.not_excited:
             remarks.append(

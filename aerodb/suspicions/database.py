@@ -130,8 +130,8 @@ def _lift(
     if axis not in measured:
         return []
     good = usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
-    if good.sum() < 100:
-        return []
+    if good.sum() < 100 or not np.any(predicted.get("CZ", predicted[axis])[good]):
+        return []  # a database without lift contradicts none
     cause = (
         ": mass, area, density, airspeed or the angle of attack is wrong, or the log is another"
         " aircraft's"

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         breakpoints_over,
         channel_of,
         consolidate,
+        continued,
         diff,
         evaluate_database,
         failed_check_cases,

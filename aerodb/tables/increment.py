@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
@@ -55,6 +56,11 @@ class Interval:
         beyond = np.maximum(self.low - np.asarray(x), np.asarray(x) - self.high)
         with np.errstate(over="ignore"):  # far beyond a very small cell
             return np.clip(2.0 - beyond / self.cell, 0.0, 1.0)
+
+
+def _in_words(name: str, margin: float) -> str:
+    angle = is_surface(name) or name in ("alpha", "beta")
+    return f"{name} by {np.degrees(margin):.3g} deg" if angle else f"{name} by {margin:.3g}"
 
 
 class IncrementValue(NamedTuple):
@@ -122,6 +128,9 @@ class Increment:
         cell of the envelope rule.
     induces_drag : on C_lift: whether what depends on the total lift follows (`LIFT_INCREMENTS`);
         False where an increment of the drag was estimated that holds what the lift induces.
+    margins : where the database has nothing else on the axis (`aerodb.tables.continued`): variable
+        of the envelope -> how far beyond it the regressors continue, in its unit, before they are
+        held; nothing fades. None: regressors are held at the envelope's edge, and fade.
 
     Raises InputError where shapes do not match or a regressor calls a table.
     """
@@ -137,6 +146,7 @@ class Increment:
     refit: Refit | None = None
     lengthened_cells: int = 0
     induces_drag: bool = True
+    margins: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         k, where = len(self.regressors), f"increment on {self.axis}"
@@ -154,6 +164,10 @@ class Increment:
         object.__setattr__(self, "regressors", tuple(self.regressors))
         object.__setattr__(self, "flights", tuple(self.flights))
         object.__setattr__(self, "folded", tuple(self.folded) or ("",) * k)
+        if self.margins is not None:
+            for name, margin in self.margins.items():
+                if name not in self.envelope or not (np.isfinite(margin) and margin >= 0.0):
+                    raise InputError(f"margin of {margin:g} beyond the envelope of {name}", where)
         if len(self.folded) != k:
             raise InputError(f"{k} regressors, {len(self.folded)} entries in 'folded'", where)
         object.__setattr__(self, "_program", compile_program(self.regressors, {}))
@@ -167,6 +181,10 @@ class Increment:
         if self.lengthened_cells:
             cells = f"held and faded over {self.lengthened_cells} table cells of alpha each"
             parts.append(f"{cells}: over one, a slope would change sign outside the data")
+        if self.margins is not None:
+            far = [_in_words(name, margin) for name, margin in self.margins.items() if margin]
+            how = f"continued beyond its envelope, {', '.join(far)}, then held" if far else "held"
+            parts.append(f"{how} without fading: the database has nothing else on this axis")
         return "; ".join(filter(None, parts))
 
     @cached_property
@@ -187,10 +205,21 @@ class Increment:
         """Whether any regressor acts as a layer."""
         return bool(np.any(self.layered))
 
+    def limiting(self, regressor: int) -> frozenset[str]:
+        """Return the variables whose envelope (SI units) limits a regressor, by its number: its own
+        and `BASE_VARIABLES`."""
+        return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
+
     def fading(self, regressor: int) -> frozenset[str]:
         """Return the variables over whose envelope (SI units) a regressor, by its number, fades:
-        its own and `BASE_VARIABLES`."""
-        return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
+        those of `limiting`, or none where it continues."""
+        return self.limiting(regressor) if self.margins is None else frozenset()
+
+    def held_between(self, name: str) -> tuple[float, float]:
+        """Return between which values of a variable of the envelope, in its unit, regressors
+        change: those of the envelope, and its margin beyond."""
+        interval, margin = self.envelope[name], (self.margins or {}).get(name, 0.0)
+        return interval.low - margin, interval.high + margin
 
     def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:
         """Value and standard error under the envelope rule, whether folded or not.
@@ -200,7 +229,9 @@ class Increment:
         Beyond the envelope a regressor's variables are held at its edge, and its weight is the
         product over `fading`. The part of the correction that has faded is an error of the baseline
         there, so that its square is added to the variance: fully faded, the standard error is the
-        baseline's error as far as the flights show it.
+        baseline's error as far as the flights show it. Where regressors continue (`margins`), no
+        flight tells whether they should: what straight continuation adds to the value at the
+        envelope's edge is such an error.
 
         Raises InputError naming missing channels.
         """
@@ -211,7 +242,16 @@ class Increment:
         inside = np.ones(len(columns), dtype=np.bool_)
         for name, interval in self.envelope.items():
             inside &= interval.contains(channels[name])
-        return self.combined(columns * weights, columns, inside)
+        if self.margins is None:
+            doubted = columns * (1.0 - weights)
+        else:
+            held = {n: (i.low, i.high) for n, i in self.envelope.items()}
+            doubted = self._values(channels, {}) - self._values(channels, held)
+        acting = columns * weights
+        variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting)
+        variance += (doubted @ self.estimates) ** 2
+        error = np.sqrt(np.maximum(variance, 0.0))
+        return IncrementValue(acting @ self.estimates, error, inside)
 
     def weight(self, channels: Mapping[str, Value]) -> Array:
         """(n,) weight of the flights' evidence: 1 inside the envelope and one cell beyond, 0 where
@@ -224,13 +264,6 @@ class Increment:
             weight *= interval.weight(channels[name])
         return weight
 
-    def combined(self, acting: Array, held: Array, inside: NDArray[np.bool_]) -> IncrementValue:
-        """Value and standard error from the faded regressors `acting` (n, k) and the regressors
-        without fading, `held` (n, k)."""
-        faded = (held - acting) @ self.estimates
-        variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting) + faded**2
-        return IncrementValue(acting @ self.estimates, np.sqrt(np.maximum(variance, 0.0)), inside)
-
     def value(self, channels: Mapping[str, Value]) -> Array:
         """(n,) value of the layer: `evaluate` without standard error and without folded
         regressors."""
@@ -238,21 +271,28 @@ class Increment:
         return np.asarray((columns * weights) @ self.layered, dtype=np.float64)
 
     def columns(self, channels: Mapping[str, Value]) -> tuple[Array, Array]:
-        """(n, k) regressors with variables held at the envelope's edge, and (n, k) their
-        weights.
+        """(n, k) regressors with variables held at the envelope's edge, or `margins` beyond, and
+        (n, k) their weights.
 
         Channels are (n,): angles [rad], speeds [m/s], Mach number [-].
         """
-        n = max((np.size(channels[name]) for name in self.names), default=1)
-        held: dict[str, Any] = {name: channels[name] for name in self._program.inputs}
-        weight: dict[str, Array] = {}
-        for name, interval in self.envelope.items():
-            weight[name] = interval.weight(channels[name])
-            if name in held:
-                held[name] = np.clip(held[name], interval.low, interval.high)
-        columns, weights = np.empty((n, len(self.regressors))), np.ones((n, len(self.regressors)))
-        for k, values in enumerate(self._program.run(held).values):
-            columns[:, k] = values
+        columns = self._values(channels, {name: self.held_between(name) for name in self.envelope})
+        weights = np.ones(columns.shape)
+        for k in range(columns.shape[1]):
             for name in self.fading(k):
-                weights[:, k] *= weight[name]
+                weights[:, k] *= self.envelope[name].weight(channels[name])
         return columns, weights
+
+    def _values(
+        self, channels: Mapping[str, Value], held: Mapping[str, tuple[float, float]]
+    ) -> Array:
+        """(n, k) regressors, with variables `held` between two values each."""
+        n = max((np.size(channels[name]) for name in self.names), default=1)
+        given: dict[str, Any] = {
+            name: np.clip(channels[name], *held[name]) if name in held else channels[name]
+            for name in self._program.inputs
+        }
+        columns = np.empty((n, len(self.regressors)))
+        for k, values in enumerate(self._program.run(given).values):
+            columns[:, k] = values
+        return columns

@@ -26,6 +26,9 @@ HAT_RATES: Final[dict[str, tuple[str, str]]] = {
 INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
 #: Coefficients along the wind axes: drag aft, side force right, lift up.
 WIND_AXES: Final[tuple[str, ...]] = ("C_drag", "C_side", "C_lift")
+#: Wind axis -> the body axes that it acts on at small angles. Evidence from flights on a wind axis
+#: counts for these.
+BODY_AXES_OF: Final = {"C_drag": ("CX", "CZ"), "C_side": ("CY",), "C_lift": ("CX", "CZ")}
 
 
 @dataclass(frozen=True)

@@ -117,8 +117,8 @@ def total_coefficients(
 def _layer(number_: int, increment: Increment, estimates: dict[str, float]) -> list[Expression]:
     """The regressors of an increment, held and faded by its envelope, times their estimates."""
     held: dict[str, Expression] = {
-        name: Call("clip", (Name(name), number(interval.low), number(interval.high)))
-        for name, interval in increment.envelope.items()
+        name: Call("clip", (Name(name), *map(number, increment.held_between(name))))
+        for name in increment.envelope
     }
     parts: list[Expression] = []
     for k, regressor in enumerate(increment.regressors):

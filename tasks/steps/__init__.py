@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .coefficients import reconstruct
     from .compare import compare_with_database, compare_with_version
     from .conditioning import mapping_of
-    from .consistency import check_consistency, load_consistent
+    from .consistency import check_consistency, judged_beside, load_consistent
     from .counting import repeat_documents, repeating
     from .design import design_flight
     from .estimate_records import estimate_records
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from .report import flight_page, update_page, version_page, write_update_page
     from .runs import mark_ended
     from .store import trim_cache
-    from .trace import find_sensor_rivals, freeze_library, trace_flight
+    from .trace import find_sensor_rivals, freeze_library, trace_flight, untraced_reason
     from .update import estimate, plan_update, validate
     from .validate_responses import response_page, summarise_responses
 

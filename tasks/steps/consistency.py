@@ -99,6 +99,14 @@ def record_verdict(
     access.catalogue.judge_flight(row.id, whole["verdict"], [*remarks, *suspected])
 
 
+def judged_beside(document: Mapping[str, Any], flight: str, *, workspace: str) -> dict[str, Any]:
+    """Return the document of a flight's consistency with the verdict that is recorded: what
+    contradicts the released version is among its reasons. UnknownNameError for an unknown flight.
+    """
+    remarks = access_workspace(workspace).catalogue.flight(flight).remarks
+    return limited_document(document, [each for each in remarks if each.kind == CONTRADICTS])
+
+
 def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:
     """Return a consistent flight, channels (n,) in SI units; reconstruct and store it if needed.
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         point_lineage,
     )
     from .differences import DatabaseDiff, NodeChanges, TermChange, diff
-    from .envelope import flown_envelope
+    from .envelope import continued, flown_envelope
     from .evaluation import Evaluation, Place, evaluate_database
     from .linear_terms import LinearTable, linear_tables
     from .nodes import neutral_point, table_grids, vary

@@ -18,7 +18,7 @@ Where only part of a baseline is declared, the error is that part.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,7 @@ from aerodb.tables.analysis.declared_uncertainty import declared_variance
 from aerodb.tables.analysis.linear_terms import depends_on
 from aerodb.tables.database import AeroDatabase, Prediction
 from aerodb.tables.functions import Value
-from aerodb.tables.reference import WIND_AXES, wind_to_body
-
-#: Wind axis -> the body axes that it acts on at small angles. Evidence from flights on a wind axis
-#: counts for these.
-_BODY_AXES_OF: Final = {"C_drag": ("CX", "CZ"), "C_side": ("CY",), "C_lift": ("CX", "CZ")}
+from aerodb.tables.reference import BODY_AXES_OF, WIND_AXES, wind_to_body
 
 
 class Place(IntEnum):
@@ -91,12 +87,12 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
     for increment in database.increments:
         result, left = increment.evaluate(values), increment.weight(values)
         own[increment.axis] += result.standard_error**2
-        for axis in _BODY_AXES_OF.get(increment.axis, (increment.axis,)):
+        for axis in BODY_AXES_OF.get(increment.axis, (increment.axis,)):
             known.add(axis)
             weight[axis] = np.maximum(weight[axis], left)
             inside[axis] |= result.inside
     declared, uncertain = declared_variance(database, values, rotation, n)
-    known |= {axis for source in uncertain for axis in _BODY_AXES_OF.get(source, (source,))}
+    known |= {axis for source in uncertain for axis in BODY_AXES_OF.get(source, (source,))}
     variance = _in_body_axes(own, rotation)
     for axis, share in declared.items():
         variance[axis] += (1.0 - weight[axis]) ** 2 * share
@@ -146,6 +142,6 @@ def _outside(
     beyond = {axis: np.zeros(n, dtype=np.bool_) for axis in AXES}
     for term in database.terms if prediction.outside_tables else ():
         for table in depends_on(term.expression, database) & prediction.outside_tables.keys():
-            for axis in _BODY_AXES_OF.get(term.axis, (term.axis,)):
+            for axis in BODY_AXES_OF.get(term.axis, (term.axis,)):
                 beyond[axis] |= prediction.outside_tables[table]
     return beyond

@@ -217,7 +217,8 @@ def increments() -> tuple[Increment, ...]:
         "lift slope",
     )
     second = Increment("C_lift", regressors[1:4], rng.normal(0, 0.1, 3), np.eye(3) * 1e-4, wide)
-    return first, second, replace(second, axis="Cm", envelope={})
+    going_on = replace(first, axis="Cn", margins={"alpha": 0.1, "q_hat": 0.0})
+    return first, second, replace(second, axis="Cm", envelope={}), going_on
 
 
 def test_increments_keep_their_envelope_rule_inside_jsbsim() -> None:

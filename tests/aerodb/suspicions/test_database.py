@@ -270,3 +270,12 @@ def test_channels_full_of_rubbish_end_no_check(value: float) -> None:
             against_database(
                 flight(), beside, {**compared.measured, axis: values}, *arrays[1:], None, of
             )
+
+
+def test_a_database_without_lift_contradicts_no_lift() -> None:
+    """Empty, or of the lateral axes alone; half the lift is a contradiction, as it was."""
+    right, of = database(), about_cg()
+    for axes in ((), ("CY", "Cl", "Cn")):
+        partial = replace(right, terms=tuple(t for t in right.terms if t.axis in axes))
+        assert said(flight(), of, partial) == ()
+    assert any(each.kind == "size" for each in said(flight(), of, database(CZ_alpha=0.3)))

@@ -66,9 +66,10 @@ def test_the_machine_gives_the_predicted_coefficients(name: str) -> None:
         np.testing.assert_allclose(row, predicted[axis], rtol=1e-10, atol=1e-12 * scale)
 
 
-def test_increments_act_in_their_envelopes_in_body_and_wind_axes() -> None:
-    """An increment of Cm on alpha and q with an envelope that fades out, one of drag; and other
-    estimates in their place."""
+@pytest.mark.parametrize("margins", [None, {"alpha": 0.07}])
+def test_increments_act_in_their_envelopes_in_body_and_wind_axes(margins) -> None:
+    """An increment of Cm on alpha and q with an envelope beyond which it fades, or continues, one of
+    drag; and other estimates in their place."""
     base = _aircraft("T37")
     pitch = Increment(
         axis="Cm",
@@ -76,6 +77,7 @@ def test_increments_act_in_their_envelopes_in_body_and_wind_axes() -> None:
         estimates=np.array([-0.3, 2.0]),
         covariance=np.eye(2),
         envelope={"alpha": Interval(0.0, 0.2, 0.05)},
+        margins=margins,
     )
     drag = Increment(
         axis="C_drag",
