@@ -63,7 +63,9 @@ if TYPE_CHECKING:
     from .validation import (
         NEAR_FLOOR,
         AxisValidation,
+        Floors,
         HoldOut,
+        NoiseFloor,
         choose_hold_out,
         validate_by_leaving_one_out,
         validate_on_held_out,

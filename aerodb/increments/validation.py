@@ -144,8 +144,22 @@ def _split(flights: Sequence[str], held: set[str]) -> HoldOut:
     return HoldOut(identified, tuple(name for name in flights if name in held), "held-out")
 
 
-#: Flight (id) -> axis -> rms error that the true model would leave there.
-Floors = Mapping[str, Mapping[str, float]]
+@dataclass(frozen=True)
+class NoiseFloor:
+    """The rms error that the true model would leave on an axis of a flight: of its mean (`level`)
+    and about it (`shape`), dimensionless."""
+
+    level: float
+    shape: float
+
+    @property
+    def total(self) -> float:
+        """Of both, rms."""
+        return float(np.hypot(self.level, self.shape))
+
+
+#: Flight (id) -> axis -> what the true model would leave there.
+Floors = Mapping[str, Mapping[str, NoiseFloor]]
 
 
 def validate_on_held_out(
@@ -261,7 +275,7 @@ def _axis_validation(
     measured = [c.measured[axis][c.usable[axis]] for c in chosen]
     predicted = [c.predicted[axis][c.usable[axis]] for c in chosen]
     error = _pooled(held_after) if held_after else _pooled(fitted)
-    floor = _floor(axis, dict(zip(named, chosen, strict=True)), floors, error or 0.0)
+    floor = _floor(axis, dict(zip(named, chosen, strict=True)), floors or {})
     first = _pooled(held_before) if held_after else _pooled(raw)
     spread = _pooled([m - m.mean() for m in measured]) or 0.0
     explained = 1.0 - (error or 0.0) ** 2 / spread**2 if spread > 0 else 0.0
@@ -309,21 +323,24 @@ def _outcome(before: float, after: float, floor: float, explained: float) -> Out
     return "improved" if after < before else "worse"
 
 
-def _floor(
-    axis: str, comparisons: Mapping[str, Comparison], floors: Floors | None, error: float
-) -> float:
+def _floor(axis: str, comparisons: Mapping[str, Comparison], floors: Floors) -> float:
     """The rms error on an axis that the true model would leave on these flights.
 
-    error : that the candidate leaves. What priors allow of the state may be more than these flights
-    have; the right database leaves no more than another, but for the sensors' noise.
+    What priors allow of the state may be more than a flight has: the right database leaves no
+    larger mean of a flight than the candidate, and no larger error about it, but for the sensors'
+    noise. A mean that the state may explain is no excuse for an error about it, nor one flight's
+    error for another's.
     """
-    sensors = [c.sigma[axis][c.usable[axis]] for c in comparisons.values()]
-    every = [
-        np.full(len(noise), (floors or {}).get(flight, {}).get(axis, rms(noise)))
-        for flight, noise in zip(comparisons, sensors, strict=True)
-    ]
-    white = _pooled(sensors) or 0.0
-    return max(white, min(_pooled(every) or 0.0, error))
+    squares, samples = 0.0, 0
+    for flight, compared in comparisons.items():
+        good = compared.usable[axis]
+        residual, white = compared.residual(axis)[good], rms(compared.sigma[axis][good])
+        known = floors.get(flight, {}).get(axis, NoiseFloor(0.0, white))
+        level = min(known.level, abs(float(residual.mean())))
+        shape = max(white, min(known.shape, float(residual.std())))
+        squares += len(residual) * (level**2 + shape**2)
+        samples += len(residual)
+    return float(np.sqrt(squares / samples)) if samples else 0.0
 
 
 def _residuals(

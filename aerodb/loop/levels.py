@@ -77,7 +77,7 @@ def unexplained_levels(
             continue
         means = np.array([each.mean() for each in residuals])
         level, error = float(means.mean()), rms(np.concatenate(residuals))
-        floor = rms(np.array([each[axis] for each in floors.values() if axis in each]))
+        floor = rms(np.array([each[axis].total for each in floors.values() if axis in each]))
         if abs(level) <= _FLOORS * floor or level**2 <= _SHARE * error**2:
             continue
         spread = float(means.std(ddof=1)) if len(means) > 1 else None

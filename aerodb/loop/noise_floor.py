@@ -13,6 +13,7 @@ import numpy as np
 from aerodb.coefficients import Comparison, compare, total_coefficients
 from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
+from aerodb.increments import NoiseFloor
 from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import rms
 from aerodb.support import Array, in_threads
@@ -27,8 +28,8 @@ _MOST: Final = 6000
 
 def noise_floors(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
-) -> dict[str, dict[str, float]]:
-    """Return flight (id) -> axis -> rms error that remains if `database` is right.
+) -> dict[str, dict[str, NoiseFloor]]:
+    """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless.
 
     The larger of the sensors' white noise in the measured coefficient and of the state noise run
     through measurement and prediction (which holds both, where reconstruction gives it), and what
@@ -36,7 +37,7 @@ def noise_floors(
     lacks what is needed.
     """
 
-    def floor(id: str) -> dict[str, float]:
+    def floor(id: str) -> dict[str, NoiseFloor]:
         comparison = source.comparison(id, database)
         white = {
             axis: rms(comparison.sigma[axis][good])
@@ -44,22 +45,22 @@ def noise_floors(
             if good.any()
         }
         noise = source.reconstruction(id).noise
-        if noise is None:
-            return white
-        known = state_error(source.flight(id), noise, database, source.vehicle)
-        return {
-            axis: float(np.hypot(max(sigma, known[axis][0]), known[axis][1]))
-            if axis in known
-            else sigma
-            for axis, sigma in white.items()
-        }
+        known = (
+            {} if noise is None else state_error(source.flight(id), noise, database, source.vehicle)
+        )
+        return {axis: _with_white(sigma, known.get(axis)) for axis, sigma in white.items()}
 
     return dict(zip(flights, in_threads(floor, flights), strict=True))
 
 
+def _with_white(sigma: float, known: tuple[float, NoiseFloor] | None) -> NoiseFloor:
+    moving, constant = (0.0, NoiseFloor(0.0, 0.0)) if known is None else known
+    return NoiseFloor(constant.level, float(np.hypot(max(sigma, moving), constant.shape)))
+
+
 def state_error(
     flight: Flight, noise: StateNoise, database: AeroDatabase, vehicle: Vehicle
-) -> dict[str, tuple[float, float]]:
+) -> dict[str, tuple[float, NoiseFloor]]:
     """Return axis -> rms by which measured - predicted changes under the state noise of a flight,
     and under its constant errors, each of one sigma and independent; dimensionless."""
     first = max(0, (len(flight.time) - _MOST) // 2)
@@ -86,13 +87,16 @@ def state_error(
             also = {"qbar": noise.pressure_slope * size} if name == "V" else {}
             constant.append(residuals({name: size, **also}))
 
-    def change(axis: str, others: Sequence[Comparison]) -> float:
+    def changes(axis: str, others: Sequence[Comparison]) -> NoiseFloor:
         good, own = clean.usable[axis], clean.residual(axis)
-        squares = [np.mean(np.square((o.residual(axis) - own)[good])) for o in others]
-        return float(np.sqrt(np.sum(squares)))
+        each = [(other.residual(axis) - own)[good] for other in others]
+        return NoiseFloor(
+            float(np.sqrt(sum(np.mean(change) ** 2 for change in each))),
+            float(np.sqrt(sum(np.var(change) for change in each))),
+        )
 
     return {
-        axis: (change(axis, moving) / np.sqrt(_DRAWS), change(axis, constant))
+        axis: (changes(axis, moving).total / np.sqrt(_DRAWS), changes(axis, constant))
         for axis, good in clean.usable.items()
         if good.any()
     }

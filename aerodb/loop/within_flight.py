@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis, add_effects, envelopes_of, view_of
-from aerodb.increments import AxisValidation, Update, keep_slope_signs, validate_by_leaving_one_out
+from aerodb.increments import (
+    AxisValidation,
+    Floors,
+    Update,
+    keep_slope_signs,
+    validate_by_leaving_one_out,
+)
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.manoeuvre_units import manoeuvre_spans
@@ -40,7 +46,7 @@ def validated_within_flights(
     loop: LoopResult,
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
-    floors: Mapping[str, Mapping[str, float]],
+    floors: Floors,
 ) -> tuple[AxisValidation, ...]:
     """Return the rms error (dimensionless) before and after on heads and tails of flights.
 

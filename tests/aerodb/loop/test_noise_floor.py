@@ -38,9 +38,9 @@ def slope(source: FlightsInMemory, id: str) -> float:
 def test_a_known_error_of_alpha_is_its_slope_times_the_error(source: FlightsInMemory) -> None:
     """Both parts are ERROR rms: together sqrt(2) of it; two draws of the noise give it to a fifth."""
     known, (id, *_) = Known(source.vehicle, source.flown), tuple(source.flown)
-    white = noise_floors(source, [id], database(1.0))[id]["Cm"]
+    white = noise_floors(source, [id], database(1.0))[id]["Cm"].total
     expected = ERROR * slope(source, id)
-    floor = noise_floors(known, [id], database(1.0))[id]["Cm"]
+    floor = noise_floors(known, [id], database(1.0))[id]["Cm"].total
     assert expected > 3.0 * white
     assert floor == pytest.approx(np.sqrt(2.0) * expected, rel=0.2)
 
@@ -49,4 +49,5 @@ def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: Flights
     id = next(iter(source.flown))
     beside = source.comparison(id, database(1.0))
     floors = noise_floors(source, [id], database(1.0))[id]
-    assert floors["Cm"] == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
+    assert floors["Cm"].level == 0.0
+    assert floors["Cm"].shape == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
