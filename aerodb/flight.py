@@ -22,7 +22,8 @@ class Flight:
     time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel
     name (or ``flight`` for all channels) -> (n,) uint8 (uint16 where a flag needs it), bits as in
     `nomenclature.FLAGS`; a channel without an entry has no flagged sample. missing : channels that
-    the mapping knows and the log does not have. notes : assumptions made on the way.
+    the mapping knows and the log does not have. notes : assumptions made on the way. estimated :
+    channels that an estimator on board made of other sensors (`Source` of a mapping).
     """
 
     id: str
@@ -36,6 +37,7 @@ class Flight:
     start_utc: datetime | None = None
     log_sha256: str = ""
     mapping: str = ""
+    estimated: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         n = self.time.shape[0]

@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 3,
     "import": 2,
     "fly": 2,
-    "estimate": 7,
-    "update": 10,
+    "estimate": 8,
+    "update": 11,
     "gram": 12,
     "close_loop": 33,
 }

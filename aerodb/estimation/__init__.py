@@ -84,5 +84,6 @@ if TYPE_CHECKING:
     )
     from .splines import SplineKind, chosen_knots, piecewise_polynomials
     from .time_history import TimeHistory
+    from .whiteness import FALSE_ALARMS, coloured_innovations
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

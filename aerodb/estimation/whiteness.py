@@ -1,6 +1,6 @@
 """Whether residuals are white: what a method that takes them so must tell."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import gammaincc
@@ -11,6 +11,29 @@ from aerodb.support import Array
 _LAGS = 20
 #: Fewest samples for each lag.
 _PER_LAG = 10
+
+
+#: Probability that white innovations of a fit are called coloured, over all its outputs together.
+FALSE_ALARMS = 0.01
+#: Correlation of one innovation with the next below which they are as good as white: the standard
+#: errors of a first-order process are then wrong by a fifth.
+_CORRELATED = 0.2
+
+
+def coloured_innovations(residuals: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
+    """Return the outputs whose innovations are not white, with their correlation from one sample to
+    the next (a scalar without unit).
+
+    residuals : record -> output -> (n,). Of fits with white innovations at most `FALSE_ALARMS` have
+    such an output: each is tested by Ljung and Box at that level over the number of outputs.
+    """
+    names = dict.fromkeys(name for record in residuals.values() for name in record)
+    found = {}
+    for name in names:
+        p_value, correlation = ljung_box([record[name] for record in residuals.values()])
+        if p_value * len(names) < FALSE_ALARMS and abs(correlation) > _CORRELATED:
+            found[name] = correlation
+    return found
 
 
 def ljung_box(records: Sequence[Array]) -> tuple[float, float]:

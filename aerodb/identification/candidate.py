@@ -1,6 +1,6 @@
 """The estimates of any method as a candidate database."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +9,19 @@ from aerodb.errors import InputError
 from aerodb.estimation import Fit
 from aerodb.identification.equations import parameter_name
 from aerodb.identification.identification_flight import IdentificationFlight
+from aerodb.identification.method_comparison import reservations_of
 from aerodb.identification.methods import Method
 from aerodb.identification.problem import fits_of
-from aerodb.increments import AxisUpdate, ConsiderParameter, ModelFile, Update, estimate_increments
+from aerodb.increments import (
+    CONSTANT,
+    AxisUpdate,
+    ConsiderParameter,
+    ModelFile,
+    Update,
+    alias_groups,
+    estimate_increments,
+)
+from aerodb.signals import Theil, theil
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 
@@ -32,8 +42,11 @@ def update_by(
     """
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
     plain = estimate_increments(logs, comparisons, model, database)
-    update = with_fitted_estimates(
-        plain, fits_of(method, flights, _without_dependent(plain, model), database)
+    fits = fits_of(method, flights, _without_dependent(plain, model), database)
+    estimated = frozenset[str]().union(*(flight.estimated for flight in flights))
+    update = replace(
+        with_fitted_estimates(plain, fits),
+        reservations=reservations_of(method.name, fits, estimated),
     )
     if not consider or method.kind != "equation error":
         return update
@@ -63,7 +76,8 @@ def _without_dependent(update: Update, model: ModelFile) -> ModelFile:
 
 
 def with_fitted_estimates(update: Update, fits: Sequence[Fit]) -> Update:
-    """Return the update with the estimates and covariances of `fits` in place of its own.
+    """Return the update with the estimates and covariances of `fits` in place of its own, and what
+    the method's own information and outputs say of collinearity and fit.
 
     update : of `estimate_increments`, whose increments, envelopes and flights stay. The terms of an
     axis must be in one fit.
@@ -71,9 +85,29 @@ def with_fitted_estimates(update: Update, fits: Sequence[Fit]) -> Update:
     Raises InputError naming a term that the method gives no estimate of.
     """
     axes = []
+    slopes = {
+        parameter_name(axis.axis, term)
+        for axis in update.axes
+        for term in axis.names
+        if term != CONSTANT
+    }
     for axis in update.axes:
-        values, covariance = _fitted(axis, fits)
-        axes.append(replace(axis, estimates=values, covariance=covariance))
+        fit, values, covariance = _fitted(axis, fits)
+        inflation = _variance_inflation(fit, slopes)
+        explained, followed = _explained(fit)
+        axes.append(
+            replace(
+                axis,
+                estimates=values,
+                covariance=covariance,
+                vif=np.array(
+                    [inflation.get(parameter_name(axis.axis, term), 1.0) for term in axis.names]
+                ),
+                r_squared=min(explained.values(), default=np.nan),
+                theil=followed,
+                outputs=explained,
+            )
+        )
     return _with_covariances(replace(update, axes=tuple(axes)), [a.covariance for a in axes])
 
 
@@ -92,6 +126,7 @@ def _with_covariances(update: Update, covariances: Sequence[Array]) -> Update:
                 covariance=covariance,
                 standard_errors=deviation,
                 correlation=correlation,
+                aliases=alias_groups(axis.names, correlation),
             )
         )
         increments[first + k] = replace(
@@ -101,9 +136,40 @@ def _with_covariances(update: Update, covariances: Sequence[Array]) -> Update:
     return replace(update, candidate=candidate, axes=tuple(axes))
 
 
-def _fitted(axis: AxisUpdate, fits: Sequence[Fit]) -> tuple[Array, Array]:
-    """Estimates (k,) and covariance (k, k) of the terms of an axis; a constant of its own for each
-    flight counts as their mean."""
+def _variance_inflation(fit: Fit, slopes: Collection[str]) -> dict[str, float]:
+    """Slope -> how many times its variance is what it would be if the other slopes were known, with
+    constants, initial states and biases unknown in both cases."""
+    index = [k for k, n in enumerate(fit.names) if n in slopes and fit.covariance[k, k] > 0.0]
+    if not index:
+        return {}
+    correlation = fit.correlation[np.ix_(index, index)]
+    factors = np.diag(np.linalg.pinv(correlation))
+    return {fit.names[k]: max(1.0, float(v)) for k, v in zip(index, factors, strict=True)}
+
+
+def _explained(fit: Fit) -> tuple[dict[str, float], Theil]:
+    """Output -> coefficient of determination over all records, about the mean; and Theil's
+    statistics of the output that is explained least."""
+    shares: dict[str, tuple[float, Theil]] = {}
+    for name in dict.fromkeys(n for record in fit.residuals.values() for n in record):
+        held = [r for r in fit.residuals if name in fit.residuals[r]]
+        left = np.concatenate([fit.residuals[r][name] for r in held])
+        model = np.concatenate([fit.fitted[r][name] for r in held])
+        seen = np.isfinite(left) & np.isfinite(model)
+        measured = (model + left)[seen]
+        power = float(np.sum((measured - measured.mean()) ** 2)) if seen.any() else 0.0
+        if power > 0.0:
+            share = 1.0 - float(left[seen] @ left[seen]) / power
+            shares[name] = share, theil(model[seen], measured)
+    if not shares:
+        raise InputError(f"{fit.method} explains no output", "update", "use another method")
+    least = min(shares, key=lambda name: shares[name][0])
+    return {name: share for name, (share, _) in shares.items()}, shares[least][1]
+
+
+def _fitted(axis: AxisUpdate, fits: Sequence[Fit]) -> tuple[Fit, Array, Array]:
+    """The fit that holds the terms of an axis, their estimates (k,) and covariance (k, k); a
+    constant of its own for each flight counts as their mean."""
     wanted = [parameter_name(axis.axis, term) for term in axis.names]
     for fit in fits:
         own = [[n for n in fit.names if n == name or n.startswith(f"{name}[")] for name in wanted]
@@ -120,7 +186,7 @@ def _fitted(axis: AxisUpdate, fits: Sequence[Fit]) -> tuple[Array, Array]:
             values[row] = np.mean([known[each] for each in names]) if names else known[name]
         else:
             if np.isfinite(values).all():
-                return values, mix @ fit.covariance @ mix.T
+                return fit, values, mix @ fit.covariance @ mix.T
         missing = [n for n, v in zip(wanted, values, strict=True) if not np.isfinite(v)]
         raise InputError(
             f"{fit.method} gives no estimate of {', '.join(missing) or name}",

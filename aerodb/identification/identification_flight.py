@@ -16,6 +16,7 @@ class IdentificationFlight:
     comparison : with the database that the increments are declared on.
     coefficients : of the flight, in the vehicle's geometry.
     windows : stretches that dynamic methods fly, from and to [s] from the first sample.
+    estimated : channels that no sensor measured but an estimator made.
     """
 
     flight: Flight
@@ -23,3 +24,4 @@ class IdentificationFlight:
     coefficients: Coefficients
     vehicle: Vehicle
     windows: tuple[tuple[float, float], ...]
+    estimated: frozenset[str] = frozenset()

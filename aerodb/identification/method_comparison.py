@@ -1,12 +1,19 @@
 """Answers of several methods beside each other: do they agree, and which one to believe."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from aerodb.estimation import Fit, ParameterEstimate, dependent, output_or_filter_error
+from aerodb.estimation import (
+    FALSE_ALARMS,
+    Fit,
+    ParameterEstimate,
+    coloured_innovations,
+    dependent,
+    output_or_filter_error,
+)
 from aerodb.identification.methods import METHODS
 
 #: Methods agree where their estimates differ by no more than this many standard errors.
@@ -42,17 +49,26 @@ class MethodAgreement:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """Parameters by several methods; the method to believe here, why in sentences, and whether
-    anything speaks against it."""
+    """Parameters by several methods, and which to believe.
+
+    preferred : the method whose answer is the least doubtful; None where none gives any. believe :
+    the same, or None where the innovations of a filter contradict what its answer rests on.
+    reasons : why, in sentences. reserved : whether anything speaks against it.
+    """
 
     parameters: tuple[MethodAgreement, ...]
     believe: str | None
     reasons: tuple[str, ...]
     reserved: bool = False
+    preferred: str | None = None
 
 
-def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
+def compare_methods(
+    fits: Mapping[str, Sequence[Fit]], estimated: Collection[str] = ()
+) -> MethodComparison:
     """Compare the fits of several methods, each method's fits over all axes.
+
+    estimated : channels that no sensor measured but an estimator made, on board or afterwards.
 
     The difference of two estimates is measured by the root sum of squares of their standard errors:
     methods share the flights, so that this overstates the scatter of the difference where their
@@ -68,9 +84,15 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
         for name in names
     )
     believe, reasons = _believe(fits)
-    reservations = _reservations(fits.get(believe or "", ()))
+    if believe is not None:
+        believe, why = _beside_sensors(believe, fits, estimated)
+        reasons += why
+    preferred = believe
+    reservations = reservations_of(believe or "", fits.get(believe or "", ()), estimated)
+    if believe and METHODS[believe].disturbed and _coloured(fits[believe]):
+        believe = None
     plain = fits.get("output-error", ())
-    if believe and METHODS[believe].disturbed and not all(fit.converged for fit in plain):
+    if preferred and METHODS[preferred].disturbed and not all(fit.converged for fit in plain):
         reservations += (
             "With reservation: without process noise the model does not follow the motion at all;"
             " if the aircraft is stable, look for a wrong sign, unit or equation",
@@ -84,16 +106,74 @@ def compare_methods(fits: Mapping[str, Sequence[Fit]]) -> MethodComparison:
             f"{len(apart)} of {len(parameters)} parameters differ by more than {_AGREE:g} standard"
             f" errors between methods, most {worst.name}, by {worst.spread:.1f} ({pair})",
         )
-    return MethodComparison(parameters, believe, reasons, bool(reservations))
+    return MethodComparison(parameters, believe, reasons, bool(reservations), preferred)
 
 
-def _reservations(fits: Sequence[Fit]) -> tuple[str, ...]:
-    """Return what speaks against the method that is believed: inputs of which its residuals still
+def _coloured(fits: Sequence[Fit]) -> dict[str, float]:
+    return {
+        name: value for fit in fits for name, value in coloured_innovations(fit.residuals).items()
+    }
+
+
+def _of_estimators(fits: Sequence[Fit], estimated: Collection[str]) -> list[str]:
+    """The outputs of fits that an estimator made."""
+    outputs = {name for fit in fits for record in fit.residuals.values() for name in record}
+    return sorted(outputs.intersection(estimated))
+
+
+def _beside_sensors(
+    method: str, fits: Mapping[str, Sequence[Fit]], estimated: Collection[str]
+) -> tuple[str, tuple[str, ...]]:
+    """The method to prefer to one that fits an estimator's channels, and why: equation error, whose
+    accelerations are measured, where it was tried and determines most of its parameters."""
+    made = _of_estimators(fits[method], estimated) if METHODS[method].kind == "dynamic" else []
+    other = next(
+        (name for name in fits if METHODS[name].kind == "equation error" and _stands(fits[name])),
+        None,
+    )
+    if not made or other is None:
+        return method, ()
+    own, others = (
+        {e.name: e for fit in fits[name] for e in fit.estimates} for name in (method, other)
+    )
+    apart = [
+        f"{name} {own[name].value:.3g} +- {own[name].standard_error:.2g} by {method} and"
+        f" {e.value:.3g} +- {e.standard_error:.2g} by {other}"
+        for name, e in others.items()
+        if name in own and _agreement(name, {method: own[name], other: e}).spread > _AGREE
+    ]
+    reasons = [
+        f"{method} fits {' and '.join(made)}, which no sensor measured: errors of the estimator"
+        f" count as motion. {other} takes the accelerations as measured"
+    ]
+    if apart:
+        reasons.append(f"the two differ by more than their joint uncertainty: {'; '.join(apart)}")
+    return other, tuple(reasons)
+
+
+def reservations_of(
+    method: str, fits: Sequence[Fit], estimated: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Return what speaks against a method's answer, in sentences: outputs that no sensor measured
+    (`estimated`), innovations of a filter that are not white, inputs of which its residuals still
     hold a response, and estimates at bounds."""
     inputs = dict.fromkeys(each.input for fit in fits for each in dependent(fit.input_correlations))
     bound = [e.name for fit in fits for e in fit.estimates if e.standing == "at bound"]
     bound = [name for name in bound if not name.startswith("process_noise_")]
     found = []
+    if method and METHODS[method].kind == "dynamic" and (made := _of_estimators(fits, estimated)):
+        found.append(
+            f"With reservation: no sensor measured {' and '.join(made)}, and {method} takes the"
+            " errors of the estimator that made it for motion; regression on derived accelerations"
+            " is to be preferred"
+        )
+    if method and METHODS[method].disturbed and (coloured := _coloured(fits)):
+        rows = ", ".join(f"{name} ({value:.2f})" for name, value in coloured.items())
+        found.append(
+            f"With reservation: the innovations of {method} are not white (correlation from sample"
+            f" to sample of {rows}; of right models {FALSE_ALARMS:.0%} are called so): its"
+            " estimates may be biased, and its standard errors, which leave that out, are too small"
+        )
     worst = _least_followed(fits)
     if worst is not None and worst[1] < _HALF_FOLLOWED:
         found.append(
@@ -135,10 +215,10 @@ def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, 
     standing: list[str] = []
     for method, each in fits.items():
         estimates = [e for fit in each for e in fit.estimates]
-        good = sum(e.standing in ("estimated", "fixed", "tied", "prior") for e in estimates)
+        good = _determined(each)
         if not all(fit.converged for fit in each):
             reasons.append(f"{method} did not converge")
-        elif not estimates or good < _STANDING * len(estimates):
+        elif not _stands(each):
             reasons.append(f"{method} determines {good} of {len(estimates)} parameters")
         else:
             standing.append(method)
@@ -164,6 +244,18 @@ def _believe(fits: Mapping[str, Sequence[Fit]]) -> tuple[str | None, tuple[str, 
                 return method, tuple(reasons)
             reasons.append(f"{method} follows {worst[0]} by {worst[1]:.0f} % only")
     return standing[0], tuple(reasons)
+
+
+def _determined(fits: Sequence[Fit]) -> int:
+    known = ("estimated", "fixed", "tied", "prior")
+    return sum(e.standing in known for fit in fits for e in fit.estimates)
+
+
+def _stands(fits: Sequence[Fit]) -> bool:
+    """Whether fits converged and determine at least half of their parameters."""
+    count = sum(len(fit.estimates) for fit in fits)
+    converged = all(fit.converged for fit in fits)
+    return converged and count > 0 and _determined(fits) >= _STANDING * count
 
 
 def _least_followed(fits: Sequence[Fit]) -> tuple[str, float] | None:

@@ -22,6 +22,7 @@ unknown, `own` the parameters that every record has of its own. ``late_inputs = 
 and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, in s, which a
 ``[[parameter]]`` may start elsewhere, fix or bound. ``random_walk`` of a ``[[parameter]]`` lets it
 change with time, by its standard deviation per root of a second, where `ekf` or `ukf` estimate it.
+`estimated` names outputs that no sensor measured but an estimator on board made.
 
 Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll_rate [deg/s]"``,
 ``time = "t [ms]"`` (`aerodb.logs.find_columns`).
@@ -94,6 +95,7 @@ class StateSpaceTable(Strict):
     late_inputs: list[str] = []
     late_outputs: list[str] = []
     own: list[str] = []
+    estimated: list[str] = []
 
 
 class ParameterTable(Strict):
@@ -134,6 +136,7 @@ class StateSpaceFile(Strict):
         for what, names, known in (
             ("entry", [*described, *table.own], entries),
             ("state", table.initial, tuple(table.states)),
+            ("output", table.estimated, tuple(table.outputs)),
         ):
             for name in names:
                 if name not in known:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         AxisUpdate,
         ConsiderParameter,
         Update,
+        alias_groups,
         estimate_increments,
         keep_slope_signs,
     )
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
         GateCheck,
         GateVerdict,
         Standing,
+        judge_aliases,
         judge_contradictions,
         judge_import,
         judge_release,

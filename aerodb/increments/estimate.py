@@ -2,7 +2,7 @@
 standard errors, consider parameters and a flown envelope."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -57,8 +57,11 @@ class AxisUpdate:
     ----------
     names, estimates, standard_errors, vif : (k,), per term that was estimated.
     covariance : (k, k), corrected for coloured residuals; correlation : (k, k) from it.
-    r_squared : of the fit to the residuals.
-    theil : of database + increment against measurement.
+    r_squared : of the fit to the residuals; of another method than regression, of the output that
+        it explains least.
+    theil : of database + increment against measurement; of another method, of that output.
+    outputs : of another method, output -> coefficient of determination; of one that flies, the
+        same outputs stand beside every axis.
     at_bound : names of estimates that ended on a bound.
     not_excited : declared terms that these flights do not excite; they were left out.
     dependent : declared terms that were left out because in these flights they are a linear
@@ -79,6 +82,7 @@ class AxisUpdate:
     not_excited: tuple[str, ...]
     dependent: Mapping[str, tuple[str, ...]]
     aliases: tuple[tuple[str, ...], ...]
+    outputs: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -102,11 +106,13 @@ class ConsiderParameter:
 
 @dataclass(frozen=True)
 class Update:
-    """The candidate database, the estimates per axis, and the ids of the identifying flights."""
+    """The candidate database, the estimates per axis, the ids of the identifying flights, and what
+    speaks against the method's answer, in sentences."""
 
     candidate: AeroDatabase
     axes: tuple[AxisUpdate, ...]
     flights: tuple[str, ...]
+    reservations: tuple[str, ...] = ()
 
 
 def estimate_increments(
@@ -249,7 +255,7 @@ def _axis(
         at_bound=constrained.at_bound,
         not_excited=not_excited,
         dependent=dependent,
-        aliases=_aliases(names, correlation),
+        aliases=alias_groups(names, correlation),
     )
     return result, increment
 
@@ -409,8 +415,9 @@ def _constrained(fit: Regression, declared: DeclaredIncrement) -> _Constrained:
     return _Constrained(estimates, covariance, at_bound)
 
 
-def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
-    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION, without the constant."""
+def alias_groups(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of estimates, by their names (k,), that are linked by correlations (k, k)
+    beyond `ALIAS_CORRELATION`, without the constant."""
     groups: list[set[str]] = []
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):

@@ -198,6 +198,26 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     )
 
 
+def judge_aliases(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
+    """Return the gate's check of estimates that the flights cannot tell apart: their sum is known,
+    and each of them may be anything.
+
+    report : of the version (docs/reference/contract.md). accepted : ``alias@AXIS`` of the axes
+    where a person accepts that, with a reason.
+    """
+    return GateCheck(
+        "no estimates that cannot be told apart",
+        tuple(
+            f"{entry['axis']}: {' and '.join(group)} moved together, and these flights tell only"
+            f" what they do together (if that is enough: --accept alias@{entry['axis']}, and the"
+            " --reason)"
+            for entry in report.get("increments", ())
+            for group in entry.get("aliases", ())
+            if f"alias@{entry['axis']}" not in accepted
+        ),
+    )
+
+
 def open_shapes(report: Mapping[str, Any]) -> dict[str, str]:
     """Return id -> why a version must not be released with it: an addition whose own function
     other functions of the flights' variables beat, or what has no name on an axis of an addition.

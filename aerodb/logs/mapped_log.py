@@ -31,10 +31,11 @@ class _Clock:
 
 @dataclass(frozen=True)
 class FieldValues:
-    """Values of a field on the cleaned clock of its topic."""
+    """Values of a field on the cleaned clock of its topic; `estimated` as in `Source`."""
 
     topic: str
     values: Array
+    estimated: bool = False
 
 
 @dataclass
@@ -159,7 +160,7 @@ class MappedLog:
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
         try:
-            return FieldValues(location.topic, convert(raw, declared, unit))
+            return FieldValues(location.topic, convert(raw, declared, unit), source.estimated)
         except InputError as error:
             where = f"{self.recording.source}, field {location.topic}.{location.field}"
             raise InputError(

@@ -101,6 +101,7 @@ def map_recording(
         start_utc=recording.start_utc,
         log_sha256=recording.sha256,
         mapping=mapping.name,
+        estimated=frozenset(signal.name for signal in signals.values() if signal.estimated),
     )
     return _completed(flight, mapping, vehicle)
 
@@ -135,6 +136,7 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
                 located.topic,
                 located.values,
                 vehicle.surfaces[label] if entry.command else None,
+                located.estimated,
             )
         elif entry.name in (*_RATES, *_ACCELERATIONS):
             _refuse_broken_clock(log, entry)
@@ -186,8 +188,11 @@ def _derive(log: MappedLog, derived: Derived) -> list[LoggedSignal]:
         return []
     results = method.compute(*(entry.values for entry in present))
     topic = present[0].topic
+    estimated = any(source.estimated for source in derived.sources)
     return [
-        LoggedSignal(name, topic, _unwrapped(values) if name in _WRAPPING else values)
+        LoggedSignal(
+            name, topic, _unwrapped(values) if name in _WRAPPING else values, estimated=estimated
+        )
         for name, values in zip(derived.channels, results, strict=True)
     ]
 

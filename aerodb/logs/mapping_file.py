@@ -38,7 +38,7 @@ class Source(Strict):
     """One field of a log; `topic` may contain ``*`` and alternatives ``a|b`` (first that exists).
 
     The value is ``offset + scale * field`` in `unit`; without `unit`, in the unit that the log
-    declares.
+    declares. `estimated`: no sensor's value, but one that an estimator on board made of others.
     """
 
     topic: str
@@ -46,6 +46,14 @@ class Source(Strict):
     unit: str | None = None
     scale: float = 1.0
     offset: float = 0.0
+    estimated: bool = False
+
+    @model_serializer(mode="wrap")
+    def _without_default(self, serialize: SerializerFunctionWrapHandler) -> Any:
+        """A sensor's source is written as before `estimated` was: results made with it keep their
+        keys."""
+        written = serialize(self)
+        return {k: v for k, v in written.items() if k != "estimated" or v}
 
 
 class Clock(Strict):

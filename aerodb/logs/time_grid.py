@@ -36,12 +36,14 @@ _REACH = 100
 
 @dataclass(frozen=True)
 class LoggedSignal:
-    """One channel on its topic's clock; `surface` calibrates a command."""
+    """One channel on its topic's clock; `surface` calibrates a command, `estimated` as in
+    `Source`."""
 
     name: str
     topic: str
     values: Array
     surface: Surface | None = None
+    estimated: bool = False
 
 
 def _times(log: MappedLog, topic: str) -> Array:

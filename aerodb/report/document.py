@@ -184,6 +184,7 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
         "axis": entry.axis,
         "terms": terms,
         "r_squared": entry.r_squared,
+        "outputs": dict(entry.outputs),
         "fit_percent": entry.theil.fit_percent,
         "correlation": entry.correlation.tolist(),
         "not_excited": list(entry.not_excited),
@@ -235,7 +236,7 @@ def left_out_remarks(left_out: Mapping[str, Sequence[str]], labels: Mapping[str,
 
 def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:
     """Remarks that a reader must know before trusting the numbers."""
-    remarks, axes = [], update.axes
+    remarks, axes = [f"{each}." for each in update.reservations], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
     remarks += [
         f"{increment.axis}: the increment is {increment.full_note}."

@@ -50,8 +50,10 @@ def estimates_report(
     """
     believe = document["believe"]
     several = len(document["methods"]) > 1
+    preferred = document.get("preferred")  # documents of earlier releases lack it
     verdict = (
         "No method gives an answer to believe."
+        + (f" The least doubtful is {preferred}." if preferred else "")
         if believe is None
         else f"Believe here: {believe}."
         if several

@@ -200,6 +200,8 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
     if several and document["believe"]:
         reserved_words = ", with reservation" if document["reserved"] else ""
         session.say(f"believe here: {document['believe']}{reserved_words}")
+    elif several and document["preferred"]:
+        session.say(f"believe here: none; the least doubtful is {document['preferred']}")
 
 
 def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:

@@ -138,7 +138,9 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
     say_flights(session, document)
     for entry in document["increments"]:
         session.say()
-        session.say(f"increment on {entry['axis']} (R2 {entry['r_squared']:.3f}):")
+        shares = entry["outputs"] or {"": entry["r_squared"]}
+        told = ", ".join(f"{name} {share:.3f}".strip() for name, share in shares.items())
+        session.say(f"increment on {entry['axis']} (R2 {told}):")
         session.table(
             ["term", "value", "standard error", "unit", "VIF"],
             [

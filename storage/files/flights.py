@@ -52,6 +52,7 @@ def write_flight(path: Path, flight: Flight) -> None:
         "start_utc": _time_text(flight.start_utc),
         "log_sha256": flight.log_sha256,
         "mapping": flight.mapping,
+        **({"estimated": sorted(flight.estimated)} if flight.estimated else {}),
     }
     write_atomically(path, lambda temporary: write_columns(temporary, columns, metadata))
 
@@ -86,6 +87,7 @@ def read_flight(path: Path, channels: Iterable[str] | None = None) -> Flight:
         start_utc=_time(stored["start_utc"]),
         log_sha256=stored["log_sha256"],
         mapping=stored["mapping"],
+        estimated=frozenset(stored.get("estimated", ())),
     )
 
 

@@ -202,6 +202,14 @@ def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
     return frozenset(name for name in ("alpha", "beta") if origins.get(name) == motion)
 
 
+def unmeasured_angles(document: Mapping[str, Any]) -> frozenset[str]:
+    """Return the flow angles whose values are no sensor's, from a stored document: reconstructed
+    without one, or without the one that was left out."""
+    alone = Origin.MOTION_ALONE.name.lower()
+    others = (n for n, origin in document.get("origins", {}).items() if origin == alone)
+    return reconstructed_angles(document) | (frozenset(others) & {"alpha", "beta"})
+
+
 def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:
     """Return parameter -> standard error [SI] of every correction applied, from a stored
     document."""

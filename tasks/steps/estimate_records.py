@@ -44,7 +44,7 @@ def estimate_records(
     def fitted(method: Method) -> list[Fit]:
         return [state_space_fit(method, records, file)]
 
-    fits, compared = fits_document(chosen, fitted)
+    fits, compared = fits_document(chosen, fitted, file.state_space.estimated)
     document = {
         "records": [
             {

@@ -1,6 +1,6 @@
 """Estimates of declared increments by several methods, on the same samples of the same flights."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -28,6 +28,7 @@ from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
+from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
 from aerodb.tasks.steps.fly import flown_windows, manoeuvre_windows
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -58,7 +59,8 @@ def estimate_by_methods(
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
     iterations, log_likelihood, notes, estimates, correlations, input_correlations, histories of
     parameters that change, report; or reason where it gave none), parameters (parameter, estimates
-    by method, spread, furthest, agree), believe, reasons. Estimates are in the unit that each
+    by method, spread, furthest, agree), believe, preferred (that which is believed, or would be if
+    nothing contradicted it), reserved, reasons. Estimates are in the unit that each
     states.
     """
     access = access_workspace(workspace)
@@ -87,7 +89,8 @@ def estimate_by_methods(
             return [state_space_fit(method, flight_records(given, file), file)]
         return fits_of(method, given, parse_model_file(model), database)
 
-    fits, compared = fits_document(chosen, fitted)
+    estimated = frozenset[str]().union(*(each.estimated for each in given))
+    fits, compared = fits_document(chosen, fitted, estimated)
     compared["reasons"] += _left_out(fits, given)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
     table = _long([fit for each in fits.values() for fit in each])
@@ -139,16 +142,23 @@ def identification_flights(
                 loaded.coefficients,
                 vehicle,
                 tuple((since, until) for since, until, _ in windows),
+                loaded.flight.estimated
+                | unmeasured_angles(load_consistent(access, row, run).document),
             )
         )
     return found
 
 
 def fits_document(
-    methods: Sequence[Method], fitted: Callable[[Method], list[Fit]]
+    methods: Sequence[Method],
+    fitted: Callable[[Method], list[Fit]],
+    estimated: Collection[str] = (),
 ) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
     """Return the fits of each method over all axes, empty where it gave none (its InputError is the
-    reason); and the part of the document of `estimate_by_methods` that says what they are."""
+    reason); and the part of the document of `estimate_by_methods` that says what they are.
+
+    estimated : channels that no sensor measured.
+    """
     fits: dict[str, list[Fit]] = {}
     reasons: dict[str, str] = {}
     for method in methods:
@@ -156,7 +166,7 @@ def fits_document(
             fits[method.name] = fitted(method)
         except InputError as error:
             fits[method.name], reasons[method.name] = [], str(error)
-    comparison = compare_methods({name: each for name, each in fits.items() if each})
+    comparison = compare_methods({name: each for name, each in fits.items() if each}, estimated)
     return fits, {
         "methods": [
             {"method": method.name, "kind": method.kind}
@@ -169,6 +179,7 @@ def fits_document(
         ],
         "parameters": [_parameter(each) for each in comparison.parameters],
         "believe": comparison.believe,
+        "preferred": comparison.preferred,
         "reasons": list(comparison.reasons),
         "reserved": comparison.reserved,
     }

@@ -13,6 +13,7 @@ from aerodb.increments import (
     GateCheck,
     GateVerdict,
     Standing,
+    judge_aliases,
     judge_contradictions,
     judge_derivatives,
     judge_import,
@@ -46,8 +47,9 @@ def promote(
     """Point `name` at a version (its id); ``released`` only through the gate.
 
     accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
-    (``alpha_scale@all``), findings whose shape is open (``unnamed@CZ``) and ``contradictions`` of
-    flights, for which the gate would refuse; they are stored with the reason.
+    (``alpha_scale@all``), estimates that cannot be told apart (``alias@Cm``), findings whose shape
+    is open (``unnamed@CZ``) and ``contradictions`` of flights, for which the gate would refuse;
+    they are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, notes (what was not
     held out, what is only suspected), derivatives. Raises GateRefusal with every reason, also if
@@ -166,6 +168,7 @@ def _gate(
     rivals = documents.report.get("rivals", [])
     known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
     known |= {rival["hypothesis"] for rival in rivals} | {CONTRADICTIONS}
+    known |= {f"alias@{entry['axis']}" for entry in documents.report.get("increments", ())}
     unknown = set(accept) - known - open_shapes(documents.report).keys()
     if unknown:
         raise InputError(
@@ -178,6 +181,7 @@ def _gate(
             *verdict.checks,
             derivatives,
             judge_rivals(rivals, accept),
+            judge_aliases(documents.report, accept),
             judge_shapes(documents.report, accept),
             judge_contradictions(_contradictions(row, access), accept),
             *_enough_flights(row, access, gate),

@@ -352,3 +352,23 @@ def test_a_vehicle_or_a_record_and_a_model_that_fits_it_are_asked_for(tmp_path) 
     refused = aerodb(tmp_path / "w", "estimate", "--model", str(increments), "--record", "roll.csv")
     assert refused.returncode == 3
     assert "linear model" in refused.stderr
+
+
+def test_an_output_of_an_estimator_is_a_reservation_and_a_wrong_name_an_error(tmp_path) -> None:
+    time = np.arange(0.0, 12.0, 0.02)
+    command, p = roll(time)
+    log = written(tmp_path / "roll.csv", "time,delta_aileron,p", time, command, p)
+    methods = ("--methods", "output-error", "--methods", "regression")
+
+    def answer(line: str):
+        text = ROLL.replace('outputs = ["p"]', 'outputs = ["p"]' + line)
+        return ("estimate", "--model", model(tmp_path, text), "--record", log, *methods)
+
+    measured = asked(tmp_path / "w", *answer(""))
+    assert (measured["believe"], measured["reserved"]) == ("output-error", False)
+    made = asked(tmp_path / "w", *answer('\nestimated = ["p"]'))
+    assert made["believe"] == made["preferred"] == "regression"
+    assert any("output-error fits p, which no sensor measured" in why for why in made["reasons"])
+    refused = aerodb(tmp_path / "w", *answer('\nestimated = ["r"]'))
+    assert refused.returncode == 3
+    assert "no output 'r'" in refused.stderr

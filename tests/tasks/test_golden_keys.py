@@ -38,8 +38,8 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (33, "6a2e54a6de35a3c0", "1770900a248fac28"),
     "fly": (2, "e9006597445c3fd3", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (7, "5917020f62a1eca3", "be09817f5df27dda"),
-    "update": (10, "05bdec71498edcd4", "6b1983884f9e9ae7"),
+    "estimate": (8, "5d0f3dd79e31fdb8", "be09817f5df27dda"),
+    "update": (11, "2f0919c7faaae732", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.

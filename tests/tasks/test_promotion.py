@@ -72,7 +72,7 @@ def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
     done = asked(
         workspace, "version", "promote", "candidate", "--reason", "lift slope proved on two flights"
     )
-    assert (done["label"], done["moved"], len(done["checks"])) == ("v0002", True, 11)
+    assert (done["label"], done["moved"], len(done["checks"])) == ("v0002", True, 12)
     assert (
         asked(workspace, "version", "promote", "candidate", "--reason", "twice")["moved"] is False
     )

@@ -12,14 +12,10 @@ from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
 from aerodb.estimation.parameters import bounds_of, priors_of
 from aerodb.estimation.standing import standings
 from aerodb.estimation.time_history import elapsed
-from aerodb.estimation.whiteness import ljung_box
+from aerodb.estimation.whiteness import coloured_innovations, ljung_box
 from aerodb.signals import theil
 from aerodb.support import Array
 
-#: Probability of white innovations below which they are called coloured.
-_COLOURED = 0.01
-#: Correlation of one innovation with the next from which they are called coloured.
-_CORRELATED = 0.2
 #: Samples for each unknown, below which a record is too short for its standard errors.
 _PER_UNKNOWN = 5.0
 
@@ -64,14 +60,13 @@ def fit_of(
             )
             if seen.any() and np.isfinite(predicted[seen, j]).all()
         }
-    rows, notes = [], [f"The search diverged: {why}."] if why else [_turbulence(test)]
+    notes = [f"The search diverged: {why}."] if why else [_turbulence(test)]
     for name in model.outputs:
-        p_value, correlation = ljung_box(
+        tests[f"white innovations of {name}"], _ = ljung_box(
             [values[name] for values in residuals.values()] if not why else []
         )
-        tests[f"white innovations of {name}"] = p_value
-        if p_value < _COLOURED and abs(correlation) > _CORRELATED:
-            rows.append(f"{name} ({correlation:.2f})")
+    coloured_ones = {} if why else coloured_innovations(residuals)
+    rows = [f"{name} ({correlation:.2f})" for name, correlation in coloured_ones.items()]
     if rows:
         notes.append(
             f"The innovations of {', '.join(rows)} are correlated from sample to sample:"

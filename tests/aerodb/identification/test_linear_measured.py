@@ -62,5 +62,7 @@ def test_hfb320_in_turbulence_by_command(measured, tmp_path) -> None:
     plain = found["output-error"]
     assert -29.0 < plain["Cm_q"][0] < -24.0
     assert plain["CL_alpha"][0] < 0.92 * PUBLISHED["CL_alpha"]
-    assert document["believe"] == "filter-error"
+    # Its turbulence is not white: the published answer is the less doubtful one, and no more.
+    assert (document["believe"], document["preferred"]) == (None, "filter-error")
+    assert any("innovations of filter-error are not white" in why for why in document["reasons"])
     assert any("Process noise drives the motion" in reason for reason in document["reasons"])

@@ -66,7 +66,7 @@ def test_process_noise_that_does_not_explain_the_record_is_not_believed(left, be
             )
         ]
     comparison = compare_methods(fits)
-    assert comparison.believe == believed
+    assert comparison.believe == comparison.preferred == believed
     lacking = any("does not explain the record" in reason for reason in comparison.reasons)
     assert lacking == (believed == "output-error")
 
@@ -82,6 +82,73 @@ def test_a_filter_beside_a_model_that_follows_nothing_is_believed_with_reservati
         comparison = compare_methods(fits)
         assert comparison.believe == "filter-error"
         assert any("wrong sign" in why for why in comparison.reasons) is not converged
+
+
+def coloured(rng: np.random.Generator, correlation: float, n: int = 700) -> np.ndarray:
+    """A first-order process of unit variance."""
+    series = rng.standard_normal(n)
+    series[1:] *= np.sqrt(1.0 - correlation**2)
+    for i in range(1, n):
+        series[i] += correlation * series[i - 1]
+    return series
+
+
+@pytest.mark.parametrize(("correlation", "white"), [(0.0, True), (0.43, False), (-0.36, False)])
+def test_a_filter_whose_innovations_are_not_white_is_preferred_and_not_believed(
+    correlation, white
+) -> None:
+    """The correlations of beta and of other outputs on the measured F/A-18; output error's
+    residuals are far longer correlated, so that process noise explains most of them."""
+    rng = np.random.default_rng(11)
+    fits = {
+        "output-error": [
+            fit("output-error", {"Lr": (0.28, 0.2)}, residuals={"r": {"p": coloured(rng, 0.97)}})
+        ],
+        "filter-error": [
+            fit(
+                "filter-error",
+                {"Lr": (-0.6, 0.25)},
+                tests={"process noise": 1e-9},
+                residuals={"r": {"p": coloured(rng, correlation), "r": coloured(rng, 0.0)}},
+            )
+        ],
+    }
+    comparison = compare_methods(fits)
+    assert comparison.preferred == "filter-error"
+    assert (comparison.believe is not None, comparison.reserved) == (white, not white)
+    said = [why for why in comparison.reasons if "not white" in why]
+    assert len(said) == (not white)
+    assert all(f"of p ({'-' * (correlation < 0)}0." in why and "too small" in why for why in said)
+
+
+ANGLES = {"r": {"alpha": np.sin(np.arange(200.0)), "q": np.cos(np.arange(200.0))}}
+
+
+def flown(value: float, error: float) -> dict[str, list[Fit]]:
+    return {"output-error": [fit("output-error", {"Cm_alpha": (value, error)}, residuals=ANGLES)]}
+
+
+def test_what_an_estimator_made_is_no_measurement_for_a_method_that_flies() -> None:
+    """A pitch stiffness that output error loses in the autopilot's alpha, and regression has."""
+    regression = {"regression": [fit("regression", {"Cm_alpha": (-0.34, 0.07)})]}
+    comparison = compare_methods(regression | flown(-0.015, 0.019), {"alpha"})
+    assert comparison.believe == "regression"
+    (apart,) = (why for why in comparison.reasons if "joint uncertainty" in why)
+    assert "Cm_alpha -0.015 +- 0.019 by output-error and -0.34 +- 0.07 by regression" in apart
+    alike = compare_methods(regression | flown(-0.30, 0.02), {"alpha"})
+    assert alike.believe == "regression"
+    assert not any("joint uncertainty" in why for why in alike.reasons)
+    alone = compare_methods(flown(-0.015, 0.019), {"alpha"})
+    assert (alone.believe, alone.reserved) == ("output-error", True)
+    assert any("regression on derived accelerations" in why for why in alone.reasons)
+
+
+def test_sensors_and_what_is_not_fitted_give_no_reservation() -> None:
+    regression = {"regression": [fit("regression", {"Cm_alpha": (-0.34, 0.07)})]}
+    for estimated in ((), ("beta", "phi")):
+        comparison = compare_methods(regression | flown(-0.015, 0.019), estimated)
+        assert (comparison.believe, comparison.reserved) == ("output-error", False)
+        assert not any("no sensor measured" in why for why in comparison.reasons)
 
 
 def test_nothing_is_believed_where_nothing_is_determined() -> None:

@@ -79,7 +79,7 @@ def test_output_error_is_biased_as_published(
 
 
 @pytest.mark.campaign
-def test_filter_error_is_not_and_is_believed(
+def test_filter_error_is_not_and_is_the_less_doubtful(
     measured: Callable[[str], Path], tmp_path: Path
 ) -> None:
     methods = ("output-error", "filter-error")
@@ -90,4 +90,4 @@ def test_filter_error_is_not_and_is_believed(
     assert slope["value"] == pytest.approx(4.33, abs=2.0 * slope["standard_error"])
     assert slope["standard_error"] < 0.1
     assert damping["value"] == pytest.approx(-34.7, abs=3.5)
-    assert document["believe"] == "filter-error"
+    assert document["preferred"] == "filter-error"

@@ -16,6 +16,7 @@ from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.logs.mapping_file import parse_mapping
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Recording, Topic
+from aerodb.storage.files.flights import read_flight, write_flight
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers.tabular import read_tabular
 from aerodb.vehicle import Vehicle, parse_vehicle
@@ -466,3 +467,17 @@ def test_what_missing_channels_prevent() -> None:
     assert consequences_of_missing(["delta_rudder"]) == [
         "no position of rudder: no control effectiveness of these"
     ]
+
+
+def test_what_an_estimator_made_is_told_from_what_sensors_measured(tmp_path: Path) -> None:
+    """The flight says which of its channels they are, also when it is read back; the mapping of
+    sensors is written as before there was the word."""
+    recording = _recording({"g": (FAST, {"q": FAST, "a": FAST})})
+    entry = '\n[[channel]]\nname = "alpha"\nsources = [{topic="g", field="a", unit="rad"'
+    for word, estimated in (("", frozenset()), (", estimated = true", frozenset({"alpha"}))):
+        mapping = _mapping(("q", "g", "q", "rad/s"), more=f"{entry}{word}}}]\n")
+        flight = map_recording(recording, mapping, vehicle_with_elevator())
+        assert flight.estimated == estimated
+        write_flight(tmp_path / "flight.parquet", flight)
+        assert read_flight(tmp_path / "flight.parquet").estimated == estimated
+        assert ("estimated" in mapping.model_dump_json()) == bool(word)
