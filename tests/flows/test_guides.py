@@ -1,5 +1,5 @@
-"""The guides in docs/guides/ are exact: every command runs, and the output contains every line
-shown, in this order.
+"""The guides in docs/guides/ and the studies in docs/studies/ are exact: every command runs, and the
+output contains every line shown, in this order.
 
 `...` in a line stands for anything, a line of its own for any lines. Columns are compared without
 the width of their gaps.
@@ -9,7 +9,8 @@ import os
 import re
 import shlex
 import subprocess
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,15 @@ GUIDES = (
     "simulators",
     "from-csv-or-mat",
 )
+
+#: Of measured flights, which are where $AERODB_TEST_DATA says: page -> a record that it needs.
+STUDIES = {
+    "twin-otter": "twin_otter/totter_f1_017_data.mat",
+    "attas-dihedral": "attas/fAttasRud1.mat",
+    "attas-stall": "attas/fAttas_qst01.asc",
+    "hfb-320": "hfb320/hfb320_1_10.asc",
+    "refused": "ampyx_ap2/validationDataFC114_1_v2_pc.mat",
+}
 
 #: Guides that the campaign follows; the second continues the first.
 _LONG = ("with-a-boom", "first-finding", "simulators")
@@ -54,14 +64,17 @@ def run(command: str, folder: Path) -> str:
         code, said = result.exit_code, result.output
         assert code == 0, (command, said, result.exception)
         return said
+    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
     done = subprocess.run(
-        command, shell=True, cwd=folder, capture_output=True, text=True, timeout=600, check=False
-    )
+        command, shell=True, cwd=folder, capture_output=True, text=True, timeout=600, check=False,
+        env={**os.environ, "PATH": path},
+    )  # fmt: skip
     assert done.returncode == 0, (command, done.stderr)
     return done.stdout
 
 
 def _expanded(word: str, folder: Path) -> list[str]:
+    word = os.path.expandvars(word)
     return sorted(path.name for path in folder.glob(word)) if "*" in word else [word]
 
 
@@ -105,7 +118,8 @@ def follow(name: str, followed: dict[str, Path]) -> Path:
     """Runs a guide, after the one that it continues; returns its folder."""
     if name in followed:
         return followed[name]  # FAILED, where it began and did not end
-    guide = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
+    guide = (DOCS / ("studies" if name in STUDIES else "guides") / f"{name}.md").read_text("utf-8")
+    assert guide.count("\n```") % 2 == 0, f"{name}: a block is not closed"
     continues = re.search(r"<!-- continues: (\S+) -->", guide)
     folder = follow(continues[1], followed) if continues else followed[""] / name
     if folder == FAILED:
@@ -133,8 +147,26 @@ def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None
     follow(name, followed)
 
 
-def test_every_guide_is_followed_and_linked() -> None:
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[] if n == "refused" else [pytest.mark.campaign]) for n in STUDIES],
+)
+def test_a_study_does_what_it_says(
+    name: str,
+    followed: dict[str, Path],
+    measured: Callable[[str], Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    record = measured(STUDIES[name])
+    monkeypatch.setenv("AERODB_TEST_DATA", str(record.parents[1]))
+    follow(name, followed)
+
+
+def test_every_guide_and_study_is_followed_and_linked() -> None:
     assert {path.stem for path in FOLDER.glob("*.md")} == set(GUIDES), "nothing but guides"
+    index = (DOCS / "studies" / "README.md").read_text(encoding="utf-8")
+    studies = {path.stem for path in (DOCS / "studies").glob("*.md")} - {"README"}
+    assert studies == set(STUDIES) == set(re.findall(r"\]\(([\w-]+)\.md\)", index))
     listed = {path.name for path in DOCS.glob("*.md")}
     assert listed == {"README.md", "security.md"}, "the list of documents"
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
