@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.plan import ReconstructionPlan
@@ -200,7 +200,7 @@ def agreeing_flights(
     Source: chi-square test of equal means of normal variables; `docs/method/consistency.md`,
     section "Calibrations".
     """
-    groups = {
+    groups: dict[tuple[int, ...], SensorEstimates] = {
         (number,): part for number, own in enumerate(flights) if (part := own.only(names)).names
     }
     while len(groups) > 1:
@@ -225,7 +225,7 @@ def _agreement(one: SensorEstimates, other: SensorEstimates) -> float:
         return 1.0
     first, second = (each.only(both) for each in (one, other))
     difference, spread = first.values - second.values, first.covariance + second.covariance
-    return float(chi2.sf(difference @ np.linalg.solve(spread, difference), len(both)))
+    return float(chdtrc(len(both), difference @ np.linalg.solve(spread, difference)))
 
 
 def pooled(
