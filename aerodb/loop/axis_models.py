@@ -37,6 +37,7 @@ from aerodb.tracing import (
     cross_flight_tests,
     imitated_sensors,
     increment_models,
+    outdoing_sensors,
     significant_beside,
     supported_axes,
     trace_increment_models,
@@ -122,7 +123,8 @@ def axis_models(
     predict each flight. sensors : ids of sensors found to be wrong: where terms would imitate one
     that is wrong given the models as well, it is to be mended first, and nothing is proposed.
     surfaces : ids of findings that a surface follows its log badly, whatever explains them as well:
-    an axis most of whose model one of them explains stays as it is.
+    an axis most of whose model one of them explains stays as it is; so does one most of whose model
+    a sensor explains that outdoes every single effect.
     """
     hypotheses, settings = library.hypotheses, library.settings
     number = {each.id: index for index, each in enumerate(hypotheses)}
@@ -166,7 +168,8 @@ def axis_models(
         if not errors or evidently_moving(source, flights, baseline, library):
             return None, ()
         proved = {axis: models[axis] for axis in errors}
-        beaten = imitated_shapes(source, flights, baseline, library, proved, surfaces)
+        outdo = [*dict.fromkeys([*surfaces, *(hypotheses[i].id for i in outdoing_sensors(tests))])]
+        beaten = imitated_shapes(source, flights, baseline, library, proved, outdo)
         remarks = tuple(_imitates(axis, *errors[axis], beaten[axis]) for axis in beaten)
         errors = {axis: error for axis, error in errors.items() if axis not in beaten}
     while errors:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import FlightView, Hypothesis
+from aerodb.effects import FlightView
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
@@ -19,6 +19,7 @@ from aerodb.nomenclature import AXES
 from aerodb.signals import rms
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
+from aerodb.tracing import CrossFlightTests, agreement, cross_flight_tests, may_be_off_by
 
 #: A constant of this many noise floors is one that the right database would hardly leave.
 _FLOORS: Final = 3.0
@@ -28,16 +29,21 @@ _SHARE: Final = 0.3
 _CONSTANT: Final = 0.7
 #: At most, rivals that are said.
 _SAID: Final = 3
+#: Agreement (chi-square of one error) from which what varies within flights shows the error too:
+#: 95 %.
+_SHOWN: Final = 3.84
 
 
 @dataclass(frozen=True)
 class LevelRival:
     """An error of a sensor or of the vehicle file that would leave the level: id of its hypothesis,
-    and the value that it would need, in `unit` (SI)."""
+    and the value that it would need, in `unit` (SI). varies : whether what varies within the
+    flights shows the error as well."""
 
     hypothesis: str
     value: float
     unit: str
+    varies: bool
 
 
 @dataclass(frozen=True)
@@ -84,26 +90,34 @@ def unexplained_levels(
         views = in_threads(
             lambda id: source.view(id, candidate, library.settings.bandwidth), flights
         )
-        rivals = _rivals(axis, level, views, library.hypotheses)
+        normal_equations = in_threads(
+            lambda id: source.normal_equations(id, candidate, library), flights
+        )
+        tests = cross_flight_tests(normal_equations, library.hypotheses, library.settings)
+        rivals = _rivals(axis, level, views, tests)
         found.append(UnexplainedLevel(axis, level, spread, level**2 / error**2, floor, rivals))
     return tuple(found)
 
 
 def _rivals(
-    axis: str, level: float, views: Sequence[FlightView], hypotheses: Sequence[Hypothesis]
+    axis: str, level: float, views: Sequence[FlightView], tests: CrossFlightTests
 ) -> tuple[LevelRival, ...]:
-    """Errors of believable size that would leave this level on an axis, and little else."""
-    rivals = []
-    for each in hypotheses:
-        if each.kind != "sensor":
-            continue
+    """Errors of believable size that would leave this level on an axis, and little else there, and
+    which what varies within the flights does not exclude.
+
+    The likeliest first: what varies counts against how well the error is known.
+    """
+    test, rivals = tests.tested((), (), 1), []
+    for index in tests.campaign.sensors:
+        each = tests.campaign.hypotheses[index]
         columns = [each.columns(view).get(axis) for view in views]
         seen = np.concatenate([np.zeros(0), *(column for column in columns if column is not None)])
         slope = float(seen.mean()) if len(seen) else 0.0
         if slope == 0.0 or slope**2 < _CONSTANT * float(np.mean(seen**2)):
             continue
-        value, (least, most) = level / slope, each.plausible
-        if least <= value <= most:
-            unlikely = abs(value) / (each.prior_sigma or np.inf)
-            rivals.append((unlikely, LevelRival(each.id, value, each.unit)))
+        value = level / slope
+        if may_be_off_by(tests, test, index, value):
+            shown = agreement(test, index, value)
+            unlikely = (value / (each.prior_sigma or np.inf)) ** 2 - shown
+            rivals.append((unlikely, LevelRival(each.id, value, each.unit, shown > _SHOWN)))
     return tuple(rival for _, rival in sorted(rivals, key=lambda pair: pair[0])[:_SAID])

@@ -51,7 +51,7 @@ def imitated_shapes(
     sensors: Sequence[str] = (),
 ) -> dict[str, tuple[str, ...]]:
     """Return axis -> variables of what all terms of its increment model (axis -> terms) imitate,
-    given `database`; sensors : ids of those found to be wrong. See `tracing.imitations`."""
+    given `database`; sensors : ids of those that may be wrong. See `tracing.imitations`."""
     body = {_MAINLY.get(axis, axis): axis for axis in models}
     ids = {own: [term.id for term in models[axis]] for own, axis in body.items()}
     wanted = {id for members in ids.values() for id in members}

@@ -65,6 +65,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "cg_offset": "position of the centre of gravity along body {subject}",
     "inertia_error": "moment of inertia {subject}",
     "thrust_scale": "scale of thrust",
+    "thrust_line_offset": "position of the thrust line along body {subject}",
     "surface_scale": "scale of the deflection of the {subject}",
     "surface_bias": "zero of the deflection of the {subject}",
     "surface_delay": "delay of the {subject}",

@@ -160,7 +160,11 @@ def _of_level(level: UnexplainedLevel) -> str:
         for rival in level.rivals
         for factor, unit in [(100.0, "%") if rival.unit == "1" else for_people(rival.unit)]
     ]
-    return f"{what} The zero term may be wrong, or one of these: {listed(needed)}."
+    varies = [hypothesis_words(rival.hypothesis) for rival in level.rivals if rival.varies]
+    also = (
+        f" Of these, what varies within the flights agrees with {listed(varies)}." if varies else ""
+    )
+    return f"{what} The zero term may be wrong, or one of these: {listed(needed)}.{also}"
 
 
 def _without_a_name(

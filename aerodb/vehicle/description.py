@@ -33,7 +33,8 @@ MASS_CHANNELS = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
 _MEASURABLE = (*MASS_CHANNELS, "thrust")
 #: Ends of the names of errors: of a sensor, a surface or a mass property.
 _ERRORS = ("_bias", "_scale", "_delay", "_offset", "_share")
-_POSITION = ("air_data_x", "air_data_z")
+#: Errors of positions [m].
+_POSITION = ("air_data_x", "air_data_z", "thrust_line_y", "thrust_line_z")
 
 
 #: Name of a navigation solution: channels end on it.

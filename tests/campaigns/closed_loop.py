@@ -21,6 +21,7 @@ import numpy as np
 
 from tests.campaigns.fleet import CONDITIONS, Airframe, airframe
 from tests.campaigns.instruments import CELLS
+from tests.campaigns.misstated import MISSTATED
 from tests.campaigns.outside import OUTSIDE, changed
 from tests.campaigns.planted import (
     PLANTED,
@@ -182,6 +183,40 @@ def run_outside(
             yield line
 
 
+def run_misstated(
+    aircraft: str, kinds: Sequence[str], flights: Sequence[int], seed: int, folder: Path
+) -> Iterable[dict[str, Any]]:
+    """The runs of an aircraft against its own database, where vehicle data are wrong.
+
+    The folders are kept.
+    """
+    for kind in kinds:
+        wrong = MISSTATED[kind]
+        craft = wrong.craft(airframe(aircraft))
+        here = Path(
+            tempfile.mkdtemp(prefix=f"{craft.vehicle}-{kind.replace(' ', '-')}-", dir=folder)
+        )
+        numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
+        where = (here / "all", folder / "flights")
+        ready = prepared(craft, "declared", numbers, seed, *where, seen=wrong.log)
+        for n in flights:
+            loop = looped(craft, ready, n, here / f"{n}-flights")
+            line: dict[str, Any] = {
+                "aircraft": aircraft, "misstated": kind, "flights": n, "seed": seed,
+                "consistency": dict(Counter(list(ready.verdicts.values())[:n])),
+                "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
+            }  # fmt: skip
+            if loop.found is not None:
+                line["added"] = loop.found["added"]
+                line["findings"] = [
+                    [f["verdict"], f["hypothesis"], f.get("value"), f.get("ci95"),
+                     f["explanation_set"]]
+                    for f in loop.found["findings"]
+                ]  # fmt: skip
+                line["levels"] = loop.found["levels"]
+            yield line
+
+
 def power(
     found: Mapping[str, Any], planted: Planted, truth: Mapping[str, float | None]
 ) -> dict[str, Any]:
@@ -268,6 +303,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cell", nargs="+", default=list(CELLS), choices=[*CELLS])
     parser.add_argument("--planted", nargs="*", default=[], choices=[*PLANTED])
     parser.add_argument("--outside", nargs="*", default=[], choices=[*OUTSIDE])
+    parser.add_argument("--misstated", nargs="*", default=[], choices=[*MISSTATED])
     parser.add_argument("--flights", nargs="+", type=int, default=[3, 6, 12])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=Path("campaign"))
@@ -283,6 +319,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 continue
             if chosen.outside:
                 _append(chosen.folder, "outside", run_outside(aircraft, chosen.outside, *common))
+                continue
+            if chosen.misstated:
+                lines = run_misstated(aircraft, chosen.misstated, *common)
+                _append(chosen.folder, "misstated", lines)
                 continue
             for cell in chosen.cell:
                 _append(chosen.folder, "results", run_null(aircraft, cell, *common))

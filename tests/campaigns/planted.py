@@ -261,10 +261,11 @@ PLANTED: Mapping[str, Planted] = {
 
 def stated(craft: Airframe) -> dict[str, float]:
     """Channel -> one sigma of what the vehicle file says was measured outside flight: mass
-    properties, thrust and deflections to 1 %, the CG to 1 % of the chord."""
+    properties, thrust and deflections to 1 %, the CG and the thrust line to 1 % of the chord."""
     reference = craft.database().reference
     share = dict.fromkeys(("mass", "Ixx", "Iyy", "Izz", "thrust", *craft.channels), 0.01)
-    return share | dict.fromkeys(("cg_x", "cg_z"), 0.01 * reference.chord)
+    positions = ("cg_x", "cg_z", "thrust_line_y", "thrust_line_z")
+    return share | dict.fromkeys(positions, 0.01 * reference.chord)
 
 
 def measured_text(craft: Airframe) -> str:

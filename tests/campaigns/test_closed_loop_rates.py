@@ -18,9 +18,10 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.flight import Flight
 from aerodb.signals import rms
 from aerodb.vehicle import parse_vehicle
-from tests.campaigns.closed_loop import CLASSES, run_null, run_outside, run_planted
+from tests.campaigns.closed_loop import CLASSES, run_misstated, run_null, run_outside, run_planted
 from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, STEP
+from tests.campaigns.misstated import MISSTATED
 from tests.campaigns.outside import OUTSIDE
 from tests.campaigns.pilot import flown
 from tests.campaigns.planted import PLANTED
@@ -177,6 +178,36 @@ def test_a_late_aileron_is_no_roll_damping(tmp_path: Path) -> None:
     verdict, (low, high) = found["surface_delay@all:aileron"]
     assert verdict in ("sensor", "ambiguous_sensor")
     assert 0.1 < low < 0.15 + INTEGRATION < high < 0.2
+
+
+def test_a_thrust_line_that_is_off_is_no_effect_of_thrust(tmp_path: Path) -> None:
+    """.4 m below where it is: `thrust_effect@Cm` was confirmed and added for it."""
+    (line,) = run_misstated(AIRCRAFT, ["thrust line .4 m"], [5], 1, tmp_path)
+    assert not line["refused"]
+    assert line["added"] == []
+    (finding,) = line["findings"]
+    verdict, hypothesis, _, _, members = finding
+    assert (verdict, hypothesis) == ("ambiguous_sensor", "thrust_effect@Cm")
+    assert set(members) == {"thrust_effect@Cm", "thrust_line_offset@all:z"}
+
+
+def _vehicle_data(aircraft: str, seed: int, folder: Path) -> list[dict[str, Any]]:
+    return [*run_misstated(aircraft, [*MISSTATED], [6], seed, folder)]
+
+
+@pytest.mark.campaign
+def test_wrong_vehicle_data_are_named_and_never_added(folder: Path) -> None:
+    """In a finding or as what a constant of CZ or Cm may be, in three runs of four."""
+    lines = _in_processes(_vehicle_data, [(craft, 1, folder) for craft in FLEET])
+    runs = [line for line in lines if not line["refused"]]
+    assert [line for line in runs if line["added"]] == []
+    named = [
+        MISSTATED[line["misstated"]].right
+        in {id for *_, ids in line["findings"] for id in ids}
+        | {rival["hypothesis"] for level in line["levels"] for rival in level["rivals"]}
+        for line in runs
+    ]
+    assert np.mean(named) >= 0.75
 
 
 #: What may be claimed where a shape is outside the library: effects of the same surface or rate on

@@ -3,10 +3,12 @@
 Tangents: mass ``(C qbar S + T)/(qbar S)`` per unit share, on the forces and through the arm on the
 moments; CG: the moment of the forces about the displaced point, and the transfer of accelerometer
 and air data over the changed arms; inertia ``dI wdot + w x (dI w)``; thrust: minus the thrust and
-its moment. Forces and accelerations are those of the model: with the measured ones, these columns
-would span any residual (docs/method/tracing.md, section 4).
+its moment; its line: minus the moment of the thrust about the displaced point. Forces and
+accelerations are those of the model: with the measured ones, these columns would span any residual
+(docs/method/tracing.md, section 4).
 
-Believable size: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs. 1-4.
+Believable size: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %, its line some hundredths of
+the chord. Source: 003, eqs. 1-4.
 """
 
 from functools import partial
@@ -22,6 +24,11 @@ from aerodb.physics import inertial_moment, specific_force_at_cg
 
 SOURCE = "003, eqs. 1-4"
 INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")
+#: Chords by which a thrust line taken from a drawing is off, one sigma: a nacelle's axis is known
+#: to some centimetres, the line of a jet or slipstream beside a wing less well.
+_LINE = 0.02
+#: Chords by which it may be off at most: a pod's height above or below the wing it was taken at.
+_FARTHEST_LINE = 0.5
 
 
 def mass(view: FlightView) -> Columns:
@@ -66,6 +73,16 @@ def thrust(view: FlightView) -> Columns:
     Each column is (n,), dimensionless.
     """
     return view.as_coefficients(-view.thrust, -view.thrust_moment)
+
+
+def thrust_line(view: FlightView, axis: str) -> Columns:
+    """Columns of thrust_line_offset, 1/m: the thrust is assumed to act further along body `axis`
+    than it does.
+
+    Each column is (n,), in the unit 1/m.
+    """
+    unit = np.eye(3)["xyz".index(axis)]
+    return view.as_coefficients(np.zeros_like(view.thrust), np.cross(view.thrust, unit))
 
 
 def _mass(context: LibraryContext) -> list[Hypothesis]:
@@ -151,10 +168,36 @@ def _thrust(context: LibraryContext) -> list[Hypothesis]:
     ]
 
 
+def _thrust_line(context: LibraryContext) -> list[Hypothesis]:
+    """Across the line only: along it, which is nearly x, nothing changes."""
+    if context.vehicle.thrust.source != "channel":
+        return []
+    chord = context.vehicle.reference.chord
+    farthest = round(_FARTHEST_LINE * chord, 6)
+    return [
+        sensor(
+            context,
+            "thrust_line_offset",
+            f"thrust_line_{axis}",
+            partial(thrust_line, axis=axis),
+            unit="m",
+            plausible=(-farthest, farthest),
+            natural=round(_LINE * chord, 6),
+            because=f"the thrust line lies elsewhere along {axis} than assumed",
+            formula=f"T x e_{axis}/(qbar*S*l)",
+            needs=("thrust", "qbar"),
+            source=SOURCE,
+            subject=axis,
+        )
+        for axis in "yz"
+    ]
+
+
 MASS = Template("mass_error", "sensor", "(C*qbar*S + T)/(qbar*S), and its moment", SOURCE, _mass)
 CG = Template(
     "cg_offset", "sensor", "e x (F + T)/(qbar*S*l), and the arms", SOURCE, _centre_of_gravity
 )
 INERTIA = Template("inertia_error", "sensor", "(dI*wdot + w x dI*w)/(qbar*S*l)", SOURCE, _inertia)
 THRUST = Template("thrust_scale", "sensor", "-T/(qbar*S), and its moment", SOURCE, _thrust)
-TEMPLATES = (MASS, CG, INERTIA, THRUST)
+THRUST_LINE = Template("thrust_line_offset", "sensor", "T x e/(qbar*S*l)", SOURCE, _thrust_line)
+TEMPLATES = (MASS, CG, INERTIA, THRUST, THRUST_LINE)

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
         cross_flight_tests,
         imitated_sensors,
         increment_models,
+        outdoing_sensors,
         significant_beside,
         supported_axes,
         trace_increment_models,
     )
     from .between_flights import FlightDependence, dependences_on_conditions
     from .covariance import joint_covariance
+    from .explanation_sets import agreement, may_be_off_by
     from .few_flights import (
         LINEAR,
         FewFlightFindings,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from .refinement import Refined, downgraded_on_axes, refine
     from .residual_records import FlightResidual
     from .rotating_air import driven_by_rates, lost_in_rotating_air
+    from .selection import CrossFlightTests
     from .shapes import FEWEST_SHAPED, imitations, with_checked_shapes
     from .unexplained_residual import (
         UnexplainedResidual,

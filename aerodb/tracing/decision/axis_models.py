@@ -18,7 +18,7 @@ from aerodb.tracing.decision.few_flights import LINEAR
 from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.selection import CrossFlightTests, Decision
 from aerodb.tracing.decision.verdicts import judged
-from aerodb.tracing.estimates import campaign
+from aerodb.tracing.estimates import campaign, holm
 from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
 
@@ -90,6 +90,20 @@ def increment_models(
         and test.unmasked[index] < _LEAVES
     ]
     return (*kept, *constants)
+
+
+def outdoing_sensors(tests: CrossFlightTests) -> tuple[int, ...]:
+    """Return the sensors (indices) that explain more than any single effect does, and more than
+    chance would (Holm over the library), before anything is found.
+
+    Errors of other sensors may hide them from the test of docs/method/tracing.md, section 8: a mass
+    from that of dynamic pressure and all inertias together.
+    """
+    test, sensors = tests.tested((), ()), set(tests.campaign.sensors)
+    effects = [i for i in range(len(test.gain)) if i not in sensors and test.testable[i]]
+    most = max((float(test.gain[i]) for i in effects), default=0.0)
+    p = holm(test.unmasked, len(test.unmasked))
+    return tuple(i for i in sorted(sensors) if p[i] < tests.settings.level and test.gain[i] > most)
 
 
 def imitated_sensors(

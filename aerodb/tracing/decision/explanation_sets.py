@@ -12,6 +12,7 @@ from aerodb.support import Array
 from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
+    LOST,
     CrossFlightTests,
     Decision,
     flight_gains,
@@ -21,9 +22,7 @@ from aerodb.tracing.decision.selection import (
 )
 from aerodb.tracing.estimates import Tested, paired_p
 
-#: A rival's gain is lost when less than this part of it is left once the term is in.
-LOST = 0.25
-#: The same where the finding is a sensor: a small effect is easily taken for the sensor that is
+#: `LOST` where the finding is a sensor: a small effect is easily taken for the sensor that is
 #: nearly its twin, and then the sensor does not take all of its gain.
 _LOST_TO_SENSOR = 0.5
 
@@ -205,6 +204,20 @@ def may_be_off_by(tests: CrossFlightTests, test: Tested, sensor: int, error: flo
     flights' own estimate of it does not exclude that."""
     low, high = _may_be(tests, test, sensor)
     return low <= error <= high
+
+
+def agreement(test: Tested, sensor: int, error: float) -> float:
+    """Return by how much an error of a sensor (SI unit) explains what varies within flights.
+
+    Twice the fall of the negative log-likelihood of the sensor's estimate, the errors that other
+    sensors may have included: dimensionless, negative where the error contradicts what varies, and
+    0 where nothing that varies shows it.
+    """
+    if not test.testable[sensor]:
+        return 0.0
+    by_sensors = float(test.systematic_at([sensor])[0]) / test.settings.kappa
+    mean, own = float(test.mean[sensor]), float(test.standard_error[sensor])
+    return (mean**2 - (error - mean) ** 2) / (own**2 + by_sensors**2)
 
 
 def finding_of(

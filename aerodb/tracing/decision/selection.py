@@ -14,11 +14,20 @@ from scipy.special import stdtrit
 from aerodb.remarks import NOT_BELIEVABLE, Remark
 from aerodb.support import Array
 from aerodb.tracing.decision.findings import Vote
-from aerodb.tracing.estimates import Campaign, FlightEstimates, Tested, coherent_gain, over_flights
+from aerodb.tracing.estimates import (
+    Campaign,
+    FlightEstimates,
+    Tested,
+    coherent_gain,
+    holm,
+    over_flights,
+)
 from aerodb.tracing.settings import TracingSettings
 
 #: Flights that a suspected term needs: one flight says nothing about another.
 FEWEST_SUSPECTED = 2
+#: A gain is lost when less than this part of it is left once another hypothesis is in.
+LOST = 0.25
 
 
 @dataclass(frozen=True)
@@ -136,7 +145,7 @@ def decide(tests: CrossFlightTests) -> Decision:
             dropped |= {*accepted, term} - set(kept)
             accepted = kept
         elif sensor is not None:
-            freed = (*freed, sensor)
+            freed = (*freed, _behind(tests, accepted, freed, sensor))
         else:
             break
     suspected = _suspected(tests, accepted, freed)
@@ -195,6 +204,29 @@ def _sensor_wins(
         return True
     alone = tests.gain(term, accepted, freed, fixed=(sensor,))
     return bool(tests.tested(accepted, freed).gain[sensor] > alone)
+
+
+def _behind(
+    tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...], sensor: int
+) -> int:
+    """The sensor that explains `sensor` and is not explained by it; `sensor` itself where there is
+    none.
+
+    Errors of several others may imitate it together, and so hide it: those of dynamic pressure and
+    of all moments of inertia imitate that of the mass.
+    """
+    test, given = tests.tested(accepted, freed), tests.tested(accepted, (*freed, sensor))
+    shown = holm(test.unmasked, len(test.unmasked)) < tests.settings.level
+    behind = [
+        other
+        for other in tests.campaign.sensors
+        if shown[other]
+        and other not in (*freed, sensor)
+        and not _known_better(tests, test, other)
+        and given.gain[other] >= LOST * test.gain[other]
+        and tests.tested(accepted, (*freed, other)).gain[sensor] < LOST * test.gain[sensor]
+    ]
+    return max(behind, key=lambda other: float(test.gain[other]), default=sensor)
 
 
 def _kept(

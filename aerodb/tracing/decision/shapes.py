@@ -98,7 +98,7 @@ def imitations(
     most of what they do: the terms only imitate it.
 
     flights : as for `with_checked_shapes`. models : body axis -> ids of the model's terms.
-    sensors : ids of findings that surfaces follow their logs badly. Functions of the present values
+    sensors : ids of those that may be wrong. Functions of the present values
     of all that the terms depend on do not count: they are the terms, in a shape of more freedom.
     docs/method/tracing.md, section 27.
     """

@@ -69,6 +69,7 @@ SENSORS = [
     "cg_offset",
     "inertia_error",
     "thrust_scale",
+    "thrust_line_offset",
     "surface_scale",
     "surface_bias",
     "surface_delay",

@@ -127,6 +127,15 @@ def _probe(k: int) -> Perturbed:
     return perturbed
 
 
+def _line(k: int) -> Perturbed:
+    def perturbed(flight: Flight, of: Vehicle, h: float) -> tuple[Flight, Vehicle]:
+        point = tuple(x + h * (j == k) for j, x in enumerate(of.thrust.point))
+        thrust = of.thrust.model_copy(update={"point": point})
+        return flight, of.model_copy(update={"thrust": thrust})
+
+    return perturbed
+
+
 def _plus(x: Array, h: float) -> Array:
     return x + h
 
@@ -156,6 +165,8 @@ PERTURBATIONS: dict[str, tuple[float, Perturbed]] = {
         _mass(Ixz=lambda of, h: of.mass.Ixz + h * np.sqrt(of.mass.Ixx * of.mass.Izz)),
     ),
     "thrust_scale": (0.02, _scaled("thrust")),
+    "thrust_line_y": (0.05, _line(1)),
+    "thrust_line_z": (0.05, _line(2)),
     "delta_elevator_scale": (0.02, _scaled("delta_elevator")),
     "delta_rudder_scale": (0.02, _scaled("delta_rudder")),
     "delta_flap_scale": (0.02, _scaled("delta_flap")),

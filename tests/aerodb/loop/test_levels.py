@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerodb.coefficients import total_coefficients
 from aerodb.loop import freeze_library, unexplained_levels
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
@@ -40,6 +41,34 @@ def test_a_wrong_zero_term_is_said_with_what_else_would_leave_it(source: Flights
     moved, still = (off_by(OFF).predict(c).coefficients["Cm"] for c in (step, channels))
     slope = float(np.mean(moved - still)) / 0.01
     assert elevator.value == pytest.approx(OFF / slope, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [0.05, -0.05])
+def test_a_wrong_mass_is_said_with_what_varies_within_the_flights(
+    source: FlightsInMemory, share: float
+) -> None:
+    """Every flight's intercept holds most of what it leaves on CZ. A bias of the vane would leave that
+    as well, but not the rest."""
+    mass = source.vehicle.mass
+    heavy = mass.model_copy(update={"mass": (1.0 + share) * np.asarray(mass.mass, dtype=float)})
+    assumed = source.vehicle.model_copy(update={"mass": heavy})
+    wrong = {}
+    for id, (flight, made) in source.flown.items():
+        as_assumed, right = (
+            total_coefficients(flight, vehicle, angular_acceleration="logged").values
+            for vehicle in (assumed, source.vehicle)
+        )
+        shifted = {axis: made.values[axis] + as_assumed[axis] - right[axis] for axis in made.values}
+        wrong[id] = (flight, replace(made, values=shifted))
+    ids, heavier = tuple(wrong), FlightsInMemory(assumed, wrong)
+    levels = unexplained_levels(
+        heavier, ids, database(1.0), freeze_library(heavier, ids, database(1.0))
+    )
+    (lift,) = (level for level in levels if level.axis == "CZ")
+    said = {rival.hypothesis: rival for rival in lift.rivals}
+    assert said["mass_error@all"].varies
+    assert said["mass_error@all"].value == pytest.approx(share, rel=0.1)
+    assert "alpha_bias@all" not in said
 
 
 def test_nothing_is_said_of_the_right_database(source: FlightsInMemory) -> None:

@@ -104,6 +104,22 @@ def test_a_wrong_sensor_is_called_a_sensor() -> None:
     assert finding.ci95[0] < 0.6 < finding.ci95[1]
 
 
+@pytest.mark.parametrize(("planted", "named"), [((0.2, 0.2), "whole"), ((0.2, 0.0), "first")])
+def test_one_sensor_takes_the_place_of_several_that_it_explains(
+    planted: tuple[float, float], named: str
+) -> None:
+    """As a mass does of dynamic pressure and the inertias; one of these alone keeps its name."""
+    library = [instrument("first", 0.05), instrument("second", 0.05), instrument("whole", 0.02)]
+    seen = []
+    for flight in flights(6, dict(zip((A_CX, A_CZ), planted, strict=True))):
+        own = {axis: flight.columns[id][axis] for id, axis in ((A_CX, "CX"), (A_CZ, "CZ"))}
+        both = {"first@all": {"CX": own["CX"]}, "second@all": {"CZ": own["CZ"]}, "whole@all": own}
+        seen.append(replace(flight, columns=both))
+    finding = only(traced(seen, library))
+    assert (finding.effect, finding.verdict) == (named, "sensor")
+    assert finding.ci95[0] < 0.2 < finding.ci95[1]
+
+
 def test_two_terms_at_once_are_both_found() -> None:
     result = traced(flights(6, {A_CX: 0.3, A_CZ: -0.3}))
     assert {f.hypothesis: f.verdict for f in result.findings} == {
