@@ -28,6 +28,9 @@ _ROLES: Final[tuple[tuple[str, Role], ...]] = (
 #: moves is its pick-off. Travel [rad] of one whose limits the vehicle file does not state.
 _STILL: Final = 1e-4
 _TRAVEL: Final = float(np.deg2rad(50.0))
+#: So does one that varies by less than this many sigmas of its stated noise: half of the variance
+#: or more is noise.
+_NOISE: Final = float(np.sqrt(2.0))
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,10 @@ def surfaces_at_rest(vehicle: Vehicle, channels: Mapping[str, Array]) -> frozens
         moving = [surface.right, surface.left] if surface.right else [surface.name]
         limits = [vehicle.surfaces[name].limits for name in moving if name in vehicle.surfaces]
         travel = min((high - low for low, high in limits), default=_TRAVEL)
+        stated = [vehicle.sensors.get(f"delta_{name}") for name in moving]
+        noise = max((sensor.noise for sensor in stated if sensor), default=0.0)
         values = channels[surface.channel]
         known = values[np.isfinite(values)]
-        if len(known) and float(known.std()) < _STILL * travel:
+        if len(known) and float(known.std()) < max(_STILL * travel, _NOISE * noise):
             resting.add(surface.channel)
     return frozenset(resting)

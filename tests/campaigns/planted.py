@@ -228,6 +228,9 @@ PLANTED: Mapping[str, Planted] = {
     "Cm_de 25 %": Planted(
         scaled("PITCH", ("elevator",), 0.75), ("control_effectiveness@Cm:elevator",), "Cm"
     ),
+    "Cl_da 25 %": Planted(
+        scaled("ROLL", ("aileron",), 0.75), ("control_effectiveness@Cl:aileron",), "Cl"
+    ),
     "pitch damping 40 %": Planted(
         scaled("PITCH", ("q-aero",), 0.6), ("pitch_damping@Cm",), "Cm", ("alpha_dot@Cm",)
     ),

@@ -3,7 +3,8 @@
 docs/method/tracing.md, section 10. A rival is rejected only for a reason, and the reason is kept.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from aerodb.tracing.decision.selection import (
 )
 from aerodb.tracing.estimates import Tested, paired_p
 
+#: Two findings cancel where together they leave less than this part of the sum of squares of each.
+_CANCELS = 0.25
 #: `LOST` where the finding is a sensor: a small effect is easily taken for the sensor that is
 #: nearly its twin, and then the sensor does not take all of its gain.
 _LOST_TO_SENSOR = 0.5
@@ -68,6 +71,45 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
     for i in (*rivals, *behind):
         fallen.pop(i, None)
     return Explanation(index, rivals, behind, fallen)
+
+
+def with_cancelling(
+    tests: CrossFlightTests, decision: Decision, explanations: Sequence[Explanation]
+) -> list[Explanation]:
+    """Return the explanation sets of all findings, each with the findings that cancel it.
+
+    Two that leave together less than a quarter of what each of them leaves were not seen: only what
+    they leave was. They are one group, and nothing is claimed of either. What varies within flights
+    counts; of a constant and a freed sensor, the level. docs/method/tracing.md, section 10.
+    """
+    products, rows = tests.campaign.products, list(tests.flights)
+    square, offsets = products.matrix[rows].sum(axis=0), products.offsets
+    test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
+    levels = products.intercepts[rows].mean(axis=0)
+
+    def cancel(one: int, other: int) -> bool:
+        constant = one if one in offsets else other if other in offsets else None
+        if constant is None:
+            pair = [one, other]
+            size = np.nan_to_num(test.mean[pair]) / products.factor[pair]
+            each = square[np.ix_(pair, pair)] * np.outer(size, size)
+            return bool(each.sum() < _CANCELS * np.diagonal(each).min())
+        beside = other if constant == one else one
+        if beside not in decision.freed:
+            return False  # a slope and a constant turn a curve about a point of it
+        left = float(levels[offsets[constant], beside] * test.mean[beside])
+        own = float(test.mean[constant])
+        return (own + left) ** 2 < _CANCELS * min(own**2, left**2)
+
+    sensors = set(tests.campaign.sensors)
+    indices = [explanation.index for explanation in explanations]
+    found = []
+    for each in explanations:
+        partners = [i for i in indices if i != each.index and cancel(each.index, i)]
+        rivals = dict.fromkeys([*each.rivals, *(i for i in partners if i not in sensors)])
+        behind = dict.fromkeys([*each.sensors, *(i for i in partners if i in sensors)])
+        found.append(replace(each, rivals=tuple(rivals), sensors=tuple(behind)))
+    return found
 
 
 def _fitting(

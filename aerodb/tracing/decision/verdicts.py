@@ -6,10 +6,21 @@ import numpy as np
 
 from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
-from aerodb.tracing.decision.explanation_sets import Explanation, explain, finding_of
+from aerodb.tracing.decision.explanation_sets import (
+    Explanation,
+    explain,
+    finding_of,
+    with_cancelling,
+)
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
-from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision, decide
+from aerodb.tracing.decision.selection import (
+    FEWEST_SUSPECTED,
+    CrossFlightTests,
+    Decision,
+    decide,
+    implausible,
+)
 from aerodb.tracing.estimates import OFFSET, Tested, campaign
 from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
@@ -60,7 +71,9 @@ def judged(
     """
     decision, hypotheses, settings = decide(tests), tests.campaign.hypotheses, tests.settings
     indices = (*decision.terms, *decision.freed)
-    explanations = [explain(tests, decision, index) for index in indices]
+    explanations = with_cancelling(
+        tests, decision, [explain(tests, decision, index) for index in indices]
+    )
     repeated = _repeated(tests, decide)
     findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
@@ -133,7 +146,9 @@ def _finding(
     index = explanation.index
     fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
-    verdict = verdict_of(decision, explanation, bool(test.adjusted[index] < tests.settings.level))
+    absurd = None if index in decision.freed else implausible(tests, test, index)
+    significant = bool(test.adjusted[index] < tests.settings.level)
+    verdict = verdict_of(decision, explanation, significant and absurd is None)
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     hypothesis = tests.campaign.hypotheses[index]
     low, high = test.interval(index)
@@ -149,14 +164,16 @@ def _finding(
             f"{hypothesis.parameter} = {with_unit(float(test.mean[index]), hypothesis.unit)} (95 %:"
             f" {low:.3g} to {high:.3g}) over {np.count_nonzero(test.included[:, index])} flights"
         ),
-        reasons=_reasons(tests, decision, explanation, verdict),
+        reasons=(absurd.sentence,)
+        if absurd and verdict == "suspected"
+        else _reasons(tests, decision, explanation, verdict),
         refound=(again, len(repeated)),
     )
 
 
 def verdict_of(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:
-    """Return the verdict; significant : whether it is over the library, in the model of all. The
-    rules are those of docs/method/tracing.md, section 12."""
+    """Return the verdict; significant : whether it is over the library, in the model of all, and of
+    a size that is believable. The rules are those of docs/method/tracing.md, section 12."""
     if explanation.index in decision.freed:
         return "ambiguous_sensor" if explanation.rivals else "sensor"
     if explanation.sensors:

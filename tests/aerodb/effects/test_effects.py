@@ -14,14 +14,14 @@ from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import TEMPLATES, hypotheses_for, library_sha256
 from aerodb.effects.stall import stall_hysteresis
-from aerodb.effects.surfaces import role_of, surfaces_of
+from aerodb.effects.surfaces import role_of, surfaces_at_rest, surfaces_of
 from aerodb.effects.template import LibrarySettings, Template
 from aerodb.effects.user_effects import parse_effects, registered_templates
 from aerodb.errors import AeroError, InputError, UnknownNameError
 from aerodb.exchange.native import read_native
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Kirchhoff
-from aerodb.vehicle import Vehicle, parse_vehicle
+from aerodb.vehicle import Sensor, Vehicle, parse_vehicle
 from tests.support import effect_flights
 
 #: The names of the contract.
@@ -133,6 +133,19 @@ def test_phoenix_gets_more_than_35_hypotheses_with_their_rivals() -> None:
         assert "_" not in item.because.replace("Ixx", ""), item.id
         assert (item.prior_sigma is None) == (item.kind == "aerodynamic"), item.id
         assert item.prior_sigma is None or 0 < item.prior_sigma <= item.plausible[1], item.id
+
+
+def test_a_surface_that_moves_less_than_its_stated_noise_is_at_rest() -> None:
+    """.02 deg rms of a travel of 40 deg: a pick-off whose noise is not stated is believed."""
+    values = {"delta_elevator": np.deg2rad(0.02) * np.random.default_rng(1).standard_normal(2000)}
+    moved = {"delta_elevator": 3.0 * values["delta_elevator"]}
+    vehicle = effect_flights.vehicle()
+    noisy = vehicle.model_copy(
+        update={"sensors": {"delta_elevator": Sensor(noise=float(np.deg2rad(0.02)))}}
+    )
+    assert surfaces_at_rest(vehicle, values) == set()
+    assert surfaces_at_rest(noisy, values) == {"delta_elevator"}
+    assert surfaces_at_rest(noisy, moved) == set()
 
 
 def test_only_what_makes_sense_is_expanded() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
+from aerodb.signals import rms
 from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.residual_records import FlightResidual
@@ -126,6 +127,57 @@ def test_two_terms_at_once_are_both_found() -> None:
         A_CX: "confirmed",
         A_CZ: "confirmed",
     }
+
+
+@pytest.mark.parametrize(("alike", "verdict"), [(0.9, "alias_group"), (0.6, "confirmed")])
+def test_two_terms_that_cancel_are_one_group(alike: float, verdict: str) -> None:
+    """Of opposite sign and at this correlation; nearly all of both is what the other takes away."""
+    twin, seen = term("twin", "CX"), []
+    for flight in flights(6):
+        own = flight.columns[A_CX]["CX"]
+        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
+        other = alike * own + np.sqrt(1.0 - alike**2) * apart * rms(own) / rms(apart)
+        columns = {**flight.columns, twin.id: {"CX": other}}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + own - other}
+        seen.append(replace(flight, columns=columns, residual=residual))
+    findings = traced(seen, [*LIBRARY, twin]).findings
+    assert {f.hypothesis: f.verdict for f in findings} == dict.fromkeys((A_CX, twin.id), verdict)
+    others = set().union(*(f.explanation_set for f in findings))
+    assert others == {A_CX, twin.id}
+    assert all((len(f.explanation_set) == 2) == (verdict == "alias_group") for f in findings)
+
+
+def test_a_constant_that_only_a_freed_sensor_brings_is_no_claim() -> None:
+    """The sensor varies as what is lacking does, but its level is not in the residual."""
+    offset = Hypothesis(
+        "zero_offset", ("CX",), "", "CX_0", "aerodynamic", "1", (-9.0, 9.0), None, "CX is off"
+    )
+
+    def seen(level: float) -> list[Evidence]:
+        """level : of the residual; the sensor's error of .6 leaves 1.8."""
+        made = []
+        for flight in flights(6, {SENSOR: 0.6}):
+            column = {**flight.columns[SENSOR], "CX": flight.columns[SENSOR]["CX"] + 3.0}
+            constant = {"CX": np.ones(flight.samples)}
+            columns = {**flight.columns, SENSOR: column, offset.id: constant}
+            residual = {**flight.residual, "CX": flight.residual["CX"] + level}
+            made.append(replace(flight, columns=columns, residual=residual))
+        return made
+
+    right = traced(seen(1.8), [*LIBRARY, offset]).findings
+    assert [(f.hypothesis, f.verdict) for f in right] == [(SENSOR, "sensor")]
+    cancelled = traced(seen(0.0), [*LIBRARY, offset]).findings
+    assert {f.hypothesis: f.verdict for f in cancelled} == dict.fromkeys(
+        (SENSOR, offset.id), "ambiguous_sensor"
+    )
+    assert all(set(f.explanation_set) >= {SENSOR, offset.id} for f in cancelled)
+
+
+def test_a_size_that_is_not_believable_is_not_confirmed() -> None:
+    small = replace(LIBRARY[0], plausible=(-0.1, 0.1))
+    finding = only(traced(flights(6, {A_CX: 0.6}), [small, *LIBRARY[1:]]))
+    assert (finding.hypothesis, finding.verdict) == (A_CX, "suspected")
+    assert "believable is -0.1 to 0.1" in finding.because
 
 
 def test_twins_are_an_alias_group_and_the_next_flight_says_what_to_move() -> None:
