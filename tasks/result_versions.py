@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 7,
     "update": 9,
     "gram": 13,
-    "close_loop": 34,
+    "close_loop": 33,
 }
 
 #: Names of versions that the product itself moves.

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .hypothesis import Columns, Hypothesis
     from .library import hypotheses_for, library_sha256
     from .measurement import (
+        BELIEVED,
         ERROR_COLUMNS,
         NATURAL_ANGLE_ERRORS,
         SURFACE_MOTION,

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         effect_words,
         hypothesis_words,
         in_words,
+        listed,
         rejected,
     )
     from .head import Head

@@ -145,6 +145,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
     say_derivatives(session, document.get("derivatives", []))
     _say_not_found(session, document["not_found"])
     _say_suspected(session, document)
+    _say_wanted(session, document)
     for sentence in document["next_flight"]:
         session.say(f"next flight: {advice_words(sentence)}")
     for sentence in document["remarks"]:
@@ -171,6 +172,37 @@ def _say_suspected(session: Session, document: dict[str, Any]) -> None:
             f" close-loop --vehicle {document['vehicle']} --baseline"
             f" {document['baseline'][:12]} {options}"
         )
+
+
+def _say_wanted(session: Session, document: dict[str, Any]) -> None:
+    """Print the command that runs again with the measurements which tell findings from sensors."""
+    from aerodb.report import hypothesis_words, listed
+
+    open_ones = [finding for finding in document["findings"] if finding.get("wanted")]
+    if not open_ones:
+        return
+    wanted = {each["parameter"]: each for finding in open_ones for each in finding["wanted"]}
+    session.say()
+    for finding in open_ones:
+        sizes = [
+            each["parameter"]
+            + ("" if each["sigma"] is None else f" to {_with_unit(each['sigma'], each['unit'])}")
+            for each in finding["wanted"]
+        ]
+        session.say(
+            f"to tell the {hypothesis_words(finding['hypothesis'])} from sensors, measure"
+            f" outside flight: {listed(sizes)}"
+        )
+    options = " ".join(f"--measured {name}=SIGMA" for name in wanted)
+    session.say(
+        f"then: aerodb close-loop --vehicle {document['vehicle']} --baseline"
+        f" {document['baseline'][:12]} {options}"
+    )
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """A number with two digits and its unit, a share in per cent."""
+    return f"{100.0 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:

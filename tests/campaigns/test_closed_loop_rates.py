@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 pytest.importorskip("jsbsim")
 
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.flight import Flight
+from aerodb.flows.cli.main import app
 from aerodb.signals import rms
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.closed_loop import CLASSES, run_misstated, run_null, run_outside, run_planted
@@ -181,7 +183,8 @@ def test_a_late_aileron_is_no_roll_damping(tmp_path: Path) -> None:
 
 
 def test_a_thrust_line_that_is_off_is_no_effect_of_thrust(tmp_path: Path) -> None:
-    """.4 m below where it is: `thrust_effect@Cm` was confirmed and added for it."""
+    """.4 m below where it is: `thrust_effect@Cm` was confirmed and added for it. The command names the
+    measurement that decides."""
     (line,) = run_misstated(AIRCRAFT, ["thrust line .4 m"], [5], 1, tmp_path)
     assert not line["refused"]
     assert line["added"] == []
@@ -189,6 +192,10 @@ def test_a_thrust_line_that_is_off_is_no_effect_of_thrust(tmp_path: Path) -> Non
     verdict, hypothesis, _, _, members = finding
     assert (verdict, hypothesis) == ("ambiguous_sensor", "thrust_effect@Cm")
     assert set(members) == {"thrust_effect@Cm", "thrust_line_offset@all:z"}
+    again = ["--workspace", f"{line['folder']}/workspace", "close-loop", "--vehicle", "t38"]
+    said = CliRunner().invoke(app, [*again, "--direct"]).stdout
+    assert "measure outside flight: thrust_line_z to 0.0" in said
+    assert "--measured thrust_line_z=SIGMA" in said
 
 
 def _vehicle_data(aircraft: str, seed: int, folder: Path) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .error_columns import ERROR_COLUMNS, with_wind
     from .reconstructed_angles import hypotheses_for_flight, with_reconstructed_angles
     from .remaining_errors import within_reconstruction_accuracy
-    from .sensor import predicted_change
+    from .sensor import BELIEVED, predicted_change
     from .sensor_flow_angles import NATURAL_ANGLE_ERRORS
     from .surface_motion import SURFACE_MOTION, half_width, played
 

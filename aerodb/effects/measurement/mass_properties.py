@@ -7,8 +7,8 @@ its moment; its line: minus the moment of the thrust about the displaced point. 
 accelerations are those of the model: with the measured ones, these columns would span any residual
 (docs/method/tracing.md, section 4).
 
-Believable size: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %, its line some hundredths of
-the chord. Source: 003, eqs. 1-4.
+Believable size: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %, its line
+1-5 cm. Source: 003, eqs. 1-4.
 """
 
 from functools import partial
@@ -24,10 +24,10 @@ from aerodb.physics import inertial_moment, specific_force_at_cg
 
 SOURCE = "003, eqs. 1-4"
 INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")
-#: Chords by which a thrust line taken from a drawing is off, one sigma: a nacelle's axis is known
-#: to some centimetres, the line of a jet or slipstream beside a wing less well.
-_LINE = 0.02
-#: Chords by which it may be off at most: a pod's height above or below the wing it was taken at.
+#: Chords by which the CG and the thrust line are off, one sigma: drawings and weighings leave a
+#: centimetre or two.
+_PLACED = 0.005
+#: Chords by which the thrust line may be off at most: a pod taken above the wing that is below it.
 _FARTHEST_LINE = 0.5
 
 
@@ -114,7 +114,7 @@ def _centre_of_gravity(context: LibraryContext) -> list[Hypothesis]:
             partial(centre_of_gravity, axis=axis),
             unit="m",
             plausible=(-round(0.2 * chord, 6), round(0.2 * chord, 6)),
-            natural=round(0.005 * chord, 6),
+            natural=round(_PLACED * chord, 6),
             because=f"the centre of gravity lies elsewhere along {axis} than assumed",
             formula=f"e_{axis} x (F + T)/(qbar*S*l), and what accelerometer and probe are moved by",
             needs=("p", "q", "r", "qbar"),
@@ -182,7 +182,7 @@ def _thrust_line(context: LibraryContext) -> list[Hypothesis]:
             partial(thrust_line, axis=axis),
             unit="m",
             plausible=(-farthest, farthest),
-            natural=round(_LINE * chord, 6),
+            natural=round(_PLACED * chord, 6),
             because=f"the thrust line lies elsewhere along {axis} than assumed",
             formula=f"T x e_{axis}/(qbar*S*l)",
             needs=("thrust", "qbar"),

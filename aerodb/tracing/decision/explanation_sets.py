@@ -8,15 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerodb.effects import BELIEVED
 from aerodb.remarks import Remark, said
 from aerodb.support import Array
-from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict
+from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict, Wanted
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
     LOST,
     CrossFlightTests,
     Decision,
     flight_gains,
+    half_interval,
     implausible,
     left_out_gains,
     reported_votes,
@@ -216,8 +218,7 @@ def _constant(
     products = tests.campaign.products
     each = products.intercepts[:, products.offsets[index]].mean(axis=0)
     test = tests.tested(terms, freed)
-    sign = np.sign(test.mean[index])
-    nearest = max(0.0, sign * min(test.interval(index), key=abs))
+    sign, nearest = np.sign(test.mean[index]), _nearest(test, index)
     largest_shift = dict[int, float]()
     for sensor in tests.campaign.sensors:
         low, high = _may_be(tests, test, sensor)
@@ -233,6 +234,11 @@ def _constant(
     return together[: enough + 1] if enough < len(together) else []
 
 
+def _nearest(test: Tested, index: int) -> float:
+    """Size of what the interval of a hypothesis has nearest to zero, 0 where zero is inside."""
+    return max(0.0, float(np.sign(test.mean[index])) * min(test.interval(index), key=abs))
+
+
 def _may_be(tests: CrossFlightTests, test: Tested, sensor: int) -> tuple[float, float]:
     """The range of believable errors of a sensor that these flights' own estimate of it does not
     exclude; empty, as its ends are exchanged, where it excludes them all."""
@@ -246,6 +252,39 @@ def may_be_off_by(tests: CrossFlightTests, test: Tested, sensor: int, error: flo
     flights' own estimate of it does not exclude that."""
     low, high = _may_be(tests, test, sensor)
     return low <= error <= high
+
+
+def wanted(
+    tests: CrossFlightTests, decision: Decision, explanation: Explanation
+) -> tuple[Wanted, ...]:
+    """Return the measurements outside flight that would tell a term from each sensor in its set, or
+    a freed sensor from its rivals.
+
+    Three sigmas and what these flights leave open of the sensor, as independent errors, are then
+    less than the error that would take the place of the term (`implausible`); of a constant, than
+    the error that would leave what its interval has nearest to zero. Sigmas in SI units;
+    docs/method/tracing.md, section 15.
+    """
+    index = explanation.index
+    sensors = (index,) if index in decision.freed else explanation.sensors
+    terms = tuple(i for i in decision.terms if i != index)
+    test = tests.tested(terms, decision.freed, FEWEST_SUSPECTED)
+    products = tests.campaign.products
+    made = []
+    for sensor in sensors:
+        hypothesis = tests.campaign.hypotheses[sensor]
+        if index in products.offsets:
+            own = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
+            shift = abs(float(products.intercepts[:, products.offsets[index], sensor].mean()))
+            shift *= float(np.sqrt(len(sensors)))  # independent errors of several
+            excess = _nearest(own, index) / shift if shift else 0.0
+        else:
+            half = half_interval(test, sensor) if test.testable[sensor] else np.inf
+            excess = float(np.sqrt(max(0.0, float(test.mean[sensor]) ** 2 - half**2)))
+        known = hypothesis.prior_sigma or np.inf  # a measurement that knows less decides nothing
+        sigma = min(excess / BELIEVED, known) if np.isfinite(excess) and excess > 0.0 else None
+        made.append(Wanted(hypothesis.parameter, sigma, hypothesis.unit))
+    return tuple(made)
 
 
 def agreement(test: Tested, sensor: int, error: float) -> float:
@@ -307,4 +346,5 @@ def finding_of(
         fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
         refound=refound,
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
+        wanted=wanted(tests, decision, explanation),
     )

@@ -4,7 +4,7 @@ Frozen; names and verdicts as in docs/reference/contract.md.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal
 
 from aerodb.remarks import Remark
@@ -62,6 +62,20 @@ class MeanTest:
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """A measurement outside flight that would tell a finding from a sensor.
+
+    parameter : of the sensor, as ``[measured]`` of the vehicle file names it. sigma : one standard
+    deviation, in `unit` (SI), from which the sensor could not be blamed; None where the flights
+    hardly say how large its error would have to be.
+    """
+
+    parameter: str
+    sigma: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
 class Finding:
     """One effect that the model lacks, or one sensor that is wrong.
 
@@ -75,7 +89,8 @@ class Finding:
     reasons : of the verdict, a clause each. fallen : id -> why that rival was rejected. refound :
     in how many of how many repetitions without some of the flights it was found again.
     held_out_share : share of the flights on which the value from the other flights lowers the
-    error.
+    error. wanted : measurements outside flight that would decide about the sensors in its set; in
+    the document of what is `ambiguous_sensor`.
     """
 
     hypothesis: str
@@ -98,6 +113,7 @@ class Finding:
     held_out_share: float = 0.0
     shape: Mapping[str, Any] | None = None
     test: MeanTest | None = None
+    wanted: tuple[Wanted, ...] = ()
 
     @property
     def because(self) -> str:
@@ -137,6 +153,11 @@ class Finding:
             "refound": list(self.refound),
             "held_out_share": self.held_out_share,
             **({} if self.shape is None else {"shape": dict(self.shape)}),
+            **(
+                {"wanted": [asdict(each) for each in self.wanted]}
+                if self.verdict == "ambiguous_sensor"
+                else {}
+            ),
         }
 
 

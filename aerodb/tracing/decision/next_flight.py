@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from aerodb.effects import Hypothesis
-from aerodb.tracing.decision.explanation_sets import Explanation
-from aerodb.tracing.decision.findings import with_unit
+from aerodb.tracing.decision.explanation_sets import Explanation, wanted
+from aerodb.tracing.decision.findings import Wanted, with_unit
 from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision
 from aerodb.tracing.estimates import POWER
 from aerodb.tracing.evidence import FlightNormalEquations
@@ -39,10 +39,9 @@ def next_flights(
             sentences.append(
                 _separation(tests, decision, explanation.index, rivals[0], normal_equations)
             )
-        if explanation.sensors:
-            sentences.append(
-                _calibration(tests, decision, explanation.index, explanation.sensors[0])
-            )
+        if explanation.sensors or (rivals and explanation.index in decision.freed):
+            needed = wanted(tests, decision, explanation)
+            sentences += [_calibration(tests, explanation, each) for each in needed[:1]]
     return tuple(dict.fromkeys([*sentences, *_unseen(tests, decision)]))
 
 
@@ -135,24 +134,20 @@ def _amount(
     return f"about {needed:.2g} times as much as so far"
 
 
-def _calibration(tests: CrossFlightTests, decision: Decision, index: int, sensor: int) -> str:
-    """Return how well the sensor must be known by other means: to a third of the error that would
-    replace the finding.
-    """
+def _calibration(tests: CrossFlightTests, explanation: Explanation, needed: Wanted) -> str:
+    """Return how well the first sensor of a set must be known by other means."""
     names = tests.campaign.hypotheses
-    terms = tuple(i for i in decision.terms if i != index)
-    needed = abs(float(tests.tested(terms, decision.freed, FEWEST_SUSPECTED).mean[sensor]))
-    start = f"{names[index].id} or {names[sensor].id}: an independent calibration"
-    parameter = names[sensor].parameter
+    rival = next(iter((*explanation.sensors, *explanation.rivals)))
+    start = f"{names[explanation.index].id} or {names[rival].id}: an independent"
     where = (
-        f"state it as [measured.{parameter}] in the vehicle file, or with --measured"
-        f" {parameter}=SIGMA"
+        f"state it as [measured.{needed.parameter}] in the vehicle file, or with --measured"
+        f" {needed.parameter}=SIGMA"
     )
-    if not np.isfinite(needed) or needed == 0.0:
-        return f"{start} of {parameter} decides; {where}"
+    if needed.sigma is None:
+        return f"{start} calibration of {needed.parameter} decides; {where}"
     return (
-        f"{start} that knows {parameter} to"
-        f" {with_unit(needed / 3.0, names[sensor].unit, 2)} decides; {where}"
+        f"{start} calibration that knows {needed.parameter} to"
+        f" {with_unit(needed.sigma, needed.unit, 2)} decides; {where}"
     )
 
 

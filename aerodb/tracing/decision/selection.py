@@ -336,20 +336,34 @@ def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Arra
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def implausible(tests: CrossFlightTests, test: Tested, index: int) -> Remark | None:
-    """Return why the value that a rival would need is not believable, with its 95 % interval
-    (Student's t) in the unit of the hypothesis; None if it is, or is not known."""
-    hypothesis = tests.campaign.hypotheses[index]
-    half = (
+def half_interval(test: Tested, index: int) -> float:
+    """Return half of the 95 % interval (Student's t) and the systematic bound of a hypothesis, in
+    its unit (SI)."""
+    return float(
         stdtrit(test.dof[index], 0.975) * test.standard_error[index]
         + test.systematic_at([index])[0]
     )
+
+
+def implausible(tests: CrossFlightTests, test: Tested, index: int) -> Remark | None:
+    """Return why the value that a rival would need is not believable; None if it is, or is not
+    known.
+
+    Its 95 % interval and bound (`half_interval`) must be outside the believable range. Where that
+    is known from measurements it is three standard deviations, independent of the estimate: the two
+    add in quadrature.
+    """
+    hypothesis = tests.campaign.hypotheses[index]
+    half = half_interval(test, index)
     if not np.isfinite(half) or not test.testable[index]:
         return None
-    low, high = test.mean[index] - half, test.mean[index] + half
-    least, most = hypothesis.plausible
-    if high < least or low > most:
-        needed = {"value": float(test.mean[index]), "low": least, "high": most}
+    (least, most), value = hypothesis.plausible, float(test.mean[index])
+    if hypothesis.known_by:
+        outside = value < -np.hypot(half, least) or value > np.hypot(half, most)
+    else:
+        outside = value + half < least or value - half > most
+    if outside:
+        needed = {"value": value, "low": least, "high": most}
         values = {name: (size, hypothesis.unit) for name, size in needed.items()}
         return Remark(NOT_BELIEVABLE, (hypothesis.known_by,), values)
     return None

@@ -19,11 +19,15 @@ from aerodb.tracing.decision.selection import (
     CrossFlightTests,
     Decision,
     decide,
-    implausible,
+    half_interval,
 )
 from aerodb.tracing.estimates import OFFSET, Tested, campaign
 from aerodb.tracing.evidence import FlightNormalEquations
 from aerodb.tracing.settings import TracingSettings
+
+#: Times the largest believable size of a term, from which it is none. Believable sizes are those of
+#: usual databases; a tenfold one is another unit (57 from degrees), or noise over noise.
+_ABSURD = 10.0
 
 
 def trace(
@@ -146,9 +150,9 @@ def _finding(
     index = explanation.index
     fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
-    absurd = None if index in decision.freed else implausible(tests, test, index)
+    absurd = index not in decision.freed and _absurd(tests, test, index)
     significant = bool(test.adjusted[index] < tests.settings.level)
-    verdict = verdict_of(decision, explanation, significant and absurd is None)
+    verdict = verdict_of(decision, explanation, significant and not absurd)
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     hypothesis = tests.campaign.hypotheses[index]
     low, high = test.interval(index)
@@ -164,11 +168,18 @@ def _finding(
             f"{hypothesis.parameter} = {with_unit(float(test.mean[index]), hypothesis.unit)} (95 %:"
             f" {low:.3g} to {high:.3g}) over {np.count_nonzero(test.included[:, index])} flights"
         ),
-        reasons=(absurd.sentence,)
+        reasons=("its size is ten times what is believable, or more",)
         if absurd and verdict == "suspected"
         else _reasons(tests, decision, explanation, verdict),
         refound=(again, len(repeated)),
     )
+
+
+def _absurd(tests: CrossFlightTests, test: Tested, index: int) -> bool:
+    """Whether the whole interval of a term is far beyond what is believable: what drives it hardly
+    moves, or the log has another unit."""
+    most = max(map(abs, tests.campaign.hypotheses[index].plausible))
+    return abs(float(test.mean[index])) - half_interval(test, index) > _ABSURD * most
 
 
 def verdict_of(decision: Decision, explanation: Explanation, significant: bool) -> Verdict:

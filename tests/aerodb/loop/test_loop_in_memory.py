@@ -292,7 +292,8 @@ def test_what_a_sensor_explains_as_well_enters_only_on_request(source: FlightsIn
     assert accept.asks_for(added)
     assert not Accept(suspected=("zero_offset@Cm",)).asks_for(added)
     (increment,) = asked.candidate.increments
-    assert float(increment.estimates[0]) == pytest.approx(-0.004, rel=0.1)
+    # what the sensors are believed to leave at most likely is taken off
+    assert float(increment.estimates[0]) == pytest.approx(-0.004, rel=0.15)
     assert "ambiguous sensor" in increment.full_note
 
 

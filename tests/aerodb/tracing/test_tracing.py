@@ -173,11 +173,11 @@ def test_a_constant_that_only_a_freed_sensor_brings_is_no_claim() -> None:
     assert all(set(f.explanation_set) >= {SENSOR, offset.id} for f in cancelled)
 
 
-def test_a_size_that_is_not_believable_is_not_confirmed() -> None:
-    small = replace(LIBRARY[0], plausible=(-0.1, 0.1))
+def test_ten_times_the_believable_size_is_not_confirmed() -> None:
+    small = replace(LIBRARY[0], plausible=(-0.04, 0.04))
     finding = only(traced(flights(6, {A_CX: 0.6}), [small, *LIBRARY[1:]]))
     assert (finding.hypothesis, finding.verdict) == (A_CX, "suspected")
-    assert "believable is -0.1 to 0.1" in finding.because
+    assert "ten times what is believable" in finding.because
 
 
 def test_twins_are_an_alias_group_and_the_next_flight_says_what_to_move() -> None:
@@ -197,6 +197,23 @@ def test_a_sensor_that_is_a_twin_makes_it_ambiguous_unless_its_value_would_be_ab
     assert set(doubtful.explanation_set) >= {A_CX, loose.id}
     certain = only(traced(given, [*LIBRARY, tight]))
     assert (certain.hypothesis, certain.verdict) == (A_CX, "confirmed")
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(0.9, "confirmed"), (1.1, "ambiguous_sensor")])
+def test_a_measurement_as_good_as_the_one_that_is_wanted_decides(
+    factor: float, verdict: str
+) -> None:
+    """Three sigmas and the interval of the error that would take its place, in quadrature."""
+    loose = instrument("twin", 0.2, (-1.0, 1.0))
+    given = with_twin(flights(6, {A_CX: 0.6}), loose, A_CX, 1.0)
+    doubtful = only(traced(given, [*LIBRARY, loose]))
+    wanted = {each.parameter: each for each in doubtful.wanted}["twin"]
+    assert wanted.sigma is not None
+    assert wanted.unit == "1"
+    sigma = factor * wanted.sigma
+    stated = instrument("twin", sigma, (-3.0 * sigma, 3.0 * sigma))
+    found = only(traced(given, [*LIBRARY, replace(stated, known_by="rig")]))
+    assert (found.verdict, A_CX in found.explanation_set) == (verdict, True)
 
 
 def test_two_flights_suspect_and_one_says_nothing_but_bounds() -> None:

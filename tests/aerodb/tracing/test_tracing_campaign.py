@@ -41,6 +41,8 @@ pytestmark = pytest.mark.usefixtures("phoenix_flights")
 Trials = Callable[[int, int], int]
 #: Worst VIF at which an effect counts as excited (docs/reference/conventions.md, noise floor).
 EXCITED = 10.0
+#: Believable sizes from which a planted one would be called absurd.
+ABSURD = 9.0
 #: What these flights cannot tell apart, whatever its size: the hypothesis and its twin. They have a
 #: test of their own.
 TWINS = {
@@ -150,14 +152,18 @@ def test_nothing_or_only_a_sensor_is_wrong(plain: Bank, table: list[Tally]) -> N
 
 
 def excited(bank: Bank) -> dict[str, list[str]]:
-    """Effect -> ids of its hypotheses that these flights excite with a VIF below 10."""
+    """Effect -> ids of its hypotheses that these flights excite with a VIF below 10, and enough for a
+    size that is not absurd to be above the noise."""
     tests = CrossFlightTests(
         campaign(bank.draw(6, np.random.default_rng(0)), bank.hypotheses), tuple(range(6)), SETTINGS
     )
     inflation = tests.tested((), ()).inflation
     found = defaultdict(list)
     for place, hypothesis in enumerate(bank.hypotheses):
-        if hypothesis.kind == "aerodynamic" and inflation[place] < EXCITED:
+        believable = max(map(abs, hypothesis.plausible))
+        if hypothesis.kind != "aerodynamic" or inflation[place] >= EXCITED:
+            continue
+        if phoenix_size(hypothesis.id, bank) < ABSURD * believable:
             found[hypothesis.effect].append(hypothesis.id)
     return found
 
