@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 3,
     "import": 2,
     "fly": 2,
-    "estimate": 7,
-    "update": 9,
+    "estimate": 8,
+    "update": 11,
     "gram": 13,
-    "close_loop": 33,
+    "close_loop": 34,
 }
 
 #: Names of versions that the product itself moves.
