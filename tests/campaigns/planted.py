@@ -182,6 +182,16 @@ def alpha_slope(axis: str, factor: float) -> Change:
     return change
 
 
+def lift_scale(factor: float) -> Change:
+    """Multiplies functions of the angle of attack in the lift, with what they are at none."""
+
+    def change(root: Element, craft: Airframe) -> None:
+        for function in _of_alpha(root, "LIFT", craft):
+            _times(function, _value(factor))
+
+    return change
+
+
 def by_mach(root: Element, craft: Airframe) -> None:
     """The lift's functions of alpha times (1 - M^2)/(1 - M0^2): they lack most of what
     compressibility adds."""
@@ -218,6 +228,9 @@ PLANTED: Mapping[str, Planted] = {
     "lift slope 15 %": Planted(
         alpha_slope("LIFT", 1.0 / 1.15), ("alpha_slope@C_lift",), "CZ",
         ("alpha_slope@C_drag",),  # right too, where drag is imported as a function of lift
+    ),
+    "lift 15 %": Planted(
+        lift_scale(1.0 / 1.15), ("alpha_slope@C_lift",), "CZ", ("alpha_slope@C_drag",)
     ),
     "Cm_alpha 20 %": Planted(
         alpha_slope("PITCH", 0.8), ("alpha_slope@Cm",), "Cm", ("cg_offset@all:x",)

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "ee3fbc7db1472cc1", "9ddddc1b635ef5d7"),
     "compare": (3, "f81e8d7f503a1bc8", "75ab953bf9aaf46f"),
     "gram": (13, "d57eb4f9631dbec6", "a62cda5b0f74e7f8"),
-    "close_loop": (34, "0f9d3ebf4c1ebf6d", "1770900a248fac28"),
+    "close_loop": (35, "17c28faef3a263f9", "1770900a248fac28"),
     "fly": (2, "e9006597445c3fd3", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (8, "5d0f3dd79e31fdb8", "be09817f5df27dda"),

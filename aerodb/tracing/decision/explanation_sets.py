@@ -82,15 +82,23 @@ def with_cancelling(
 
     Two that leave together less than a quarter of what each of them leaves were not seen: only what
     they leave was. They are one group, and nothing is claimed of either. What varies within flights
-    counts; of a constant and a freed sensor, the level. docs/method/tracing.md, section 10.
+    counts; of a constant and a freed sensor, the level. A linear effect and its change with alpha
+    or Mach number are no pair: together they are one curve. docs/method/tracing.md, section 10.
     """
-    products, rows = tests.campaign.products, list(tests.flights)
+    products, rows, names = (
+        tests.campaign.products,
+        list(tests.flights),
+        tests.campaign.hypotheses,
+    )
     square, offsets = products.matrix[rows].sum(axis=0), products.offsets
     test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
     levels = products.intercepts[rows].mean(axis=0)
 
     def cancel(one: int, other: int) -> bool:
         constant = one if one in offsets else other if other in offsets else None
+        shaped = (names[one].has_shape(names[other]), names[other].has_shape(names[one]))
+        if any(shaped):
+            return False  # one effect that changes, with what it is on average
         if constant is None:
             pair = [one, other]
             size = np.nan_to_num(test.mean[pair]) / products.factor[pair]

@@ -11,6 +11,7 @@ import pytest
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.signals import rms
+from aerodb.tables.expression import parse
 from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.residual_records import FlightResidual
@@ -129,21 +130,30 @@ def test_two_terms_at_once_are_both_found() -> None:
     }
 
 
-@pytest.mark.parametrize(("alike", "verdict"), [(0.9, "alias_group"), (0.6, "confirmed")])
-def test_two_terms_that_cancel_are_one_group(alike: float, verdict: str) -> None:
-    """Of opposite sign and at this correlation; nearly all of both is what the other takes away."""
-    twin, seen = term("twin", "CX"), []
+@pytest.mark.parametrize(
+    ("alike", "regressor", "verdict"),
+    [
+        (0.9, "beta", "alias_group"),
+        (0.6, "beta", "confirmed"),
+        (0.9, "alpha*mach^2", "confirmed"),
+    ],
+)
+def test_two_terms_that_cancel_are_one_group(alike: float, regressor: str, verdict: str) -> None:
+    """Of opposite sign and at this correlation; nearly all of both is what the other takes away. A
+    slope and its change with Mach number are one curve, of which neither is in doubt."""
+    own = replace(LIBRARY[0], increment=(("CX", parse("alpha")),))
+    twin, seen = replace(term("twin", "CX"), increment=(("CX", parse(regressor)),)), []
     for flight in flights(6):
-        own = flight.columns[A_CX]["CX"]
+        one = flight.columns[A_CX]["CX"]
         apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
-        other = alike * own + np.sqrt(1.0 - alike**2) * apart * rms(own) / rms(apart)
-        columns = {**flight.columns, twin.id: {"CX": other}}
-        residual = {**flight.residual, "CX": flight.residual["CX"] + own - other}
+        other = alike * one + np.sqrt(1.0 - alike**2) * apart * rms(one) / rms(apart)
+        columns = {**flight.columns, own.id: {"CX": one}, twin.id: {"CX": other}}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + one - other}
         seen.append(replace(flight, columns=columns, residual=residual))
-    findings = traced(seen, [*LIBRARY, twin]).findings
-    assert {f.hypothesis: f.verdict for f in findings} == dict.fromkeys((A_CX, twin.id), verdict)
+    findings = traced(seen, [own, *LIBRARY[1:], twin]).findings
+    assert {f.hypothesis: f.verdict for f in findings} == dict.fromkeys((own.id, twin.id), verdict)
     others = set().union(*(f.explanation_set for f in findings))
-    assert others == {A_CX, twin.id}
+    assert others == {own.id, twin.id}
     assert all((len(f.explanation_set) == 2) == (verdict == "alias_group") for f in findings)
 
 
