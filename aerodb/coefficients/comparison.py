@@ -1,6 +1,7 @@
 """Compare a flight with a database: measured and predicted coefficients on the same axes, about the
 same moment reference."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -85,17 +86,25 @@ class Comparison:
         return self.measured[axis] - self.predicted[axis]
 
     def summary(self, axis: str) -> dict[str, float]:
-        """Number of usable samples of `axis`, and over them the rms of what was measured, of the
-        residual and of sigma (``noise_floor``).
+        """Number of usable samples of `axis`, and over them what was measured and what is left.
+
+        ``rms_measured``, ``rms_residual``; rms of sigma (``noise_floor``); rms of what was measured
+        about its mean (``variation``), mean residual (``mean_residual``), and ``of_flown``, the rms
+        residual as a part of the variation, NaN where there is none.
 
         Coefficients (n,), dimensionless. Raises KeyError for an axis that it lacks.
         """
         good = self.usable[axis]
+        measured, residual = self.measured[axis][good], self.residual(axis)[good]
+        variation = float(np.std(measured)) if measured.size else 0.0
         return {
-            "samples": int(good.sum()),
-            "rms_measured": rms(self.measured[axis][good]),
-            "rms_residual": rms(self.residual(axis)[good]),
+            "samples": measured.size,
+            "rms_measured": rms(measured),
+            "rms_residual": rms(residual),
             "noise_floor": rms(self.sigma[axis][good]),
+            "variation": variation,
+            "mean_residual": float(np.mean(residual)) if residual.size else 0.0,
+            "of_flown": rms(residual) / variation if variation > 0.0 else math.nan,
         }
 
 

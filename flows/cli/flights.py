@@ -1,7 +1,5 @@
 """``aerodb flight``: ingest logs, list, show, compare and retract flights."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,8 +15,9 @@ from aerodb.flows.cli.findings import (
     say_suspicions,
 )
 from aerodb.flows.cli.groups import Commands
-from aerodb.flows.cli.output import Session, complaint, visible
-from aerodb.flows.cli.references import Direct, MappingFile, OfFlight
+from aerodb.flows.cli.ingested import say_comparison, say_ingested
+from aerodb.flows.cli.output import Session, visible
+from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ def ingest(
             "--accept-placeholders", help="Ingest although the vehicle has values of a template."
         ),
     ] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Ingest logs: store, reconstruct, compute coefficients, compare with the released database.
 
@@ -79,97 +79,10 @@ def ingest(
         "strict": strict,
     }
     outcomes = session.run(flight_flow, parameters, direct)
-    for outcome in outcomes:
-        _report(session, outcome)
-    if len(outcomes) > 1:
-        _summarise(session, outcomes, vehicle)
+    say_ingested(session, outcomes, vehicle, verbose)
     session.answer(outcomes)
     if any(outcome["status"] == "refused" for outcome in outcomes):
         raise typer.Exit(3)
-
-
-def _report(session: Session, outcome: dict[str, Any]) -> None:
-    from aerodb.recording import Damage
-
-    if outcome["status"] == "refused":
-        typer.echo(complaint(outcome["what"], outcome["where"], outcome["remedy"]), err=True)
-        return
-    session.say(
-        f"{visible(outcome['log'])}: {outcome['status']} as flight {outcome['flight'][:12]}"
-    )
-    say_damage(session, [Damage(**entry) for entry in outcome["damage"]], "  damage")
-    say_repeats(session, outcome["repeats"], "  ")
-    say_suspicions(session, outcome["suspicions"], "  ")
-    say_consistency(session, outcome["consistency"], "  ")
-    for step in ("coefficients", "comparison"):
-        result = outcome[step]
-        if result is not None and result["key"] is None:
-            session.say(f"  no {step}: {result['reason']}")
-    comparison = outcome["comparison"]
-    if comparison is not None and comparison["key"] is not None:
-        _say_comparison(session, comparison)
-        say_suspicions(session, comparison["suspicions"], "  ")
-
-
-def _say_comparison(session: Session, comparison: dict[str, Any]) -> None:
-    rows = [
-        [
-            axis,
-            f"{v['rms_measured']:.4g}",
-            f"{v['rms_residual']:.4g}",
-            f"{v['noise_floor']:.2g}",
-            str(v["samples"]),
-        ]
-        for axis, v in comparison["axes"].items()
-    ]
-    session.table(
-        ["axis", "flight rms", "flight - database rms", "noise floor", "samples"],
-        rows,
-        numbers=(1, 2, 3, 4),
-    )
-    for note in comparison["notes"]:
-        session.say(f"  note: {note}")
-
-
-def _summarise(session: Session, outcomes: Sequence[dict[str, Any]], vehicle: str) -> None:
-    """Say what became of a batch of logs, in five lines, and what to do next."""
-    taken = [each for each in outcomes if each["status"] != "refused"]
-    verdicts = Counter(
-        each["consistency"]["verdict"] for each in taken if each["consistency"] is not None
-    )
-    compared = [each for each in taken if (each["comparison"] or {}).get("key") is not None]
-    refused = [Path(each["log"]).name for each in outcomes if each["status"] == "refused"]
-    suspected = sum(1 for each in taken if each["suspicions"])
-    judged = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
-    session.say()
-    session.say(f"{len(outcomes)} logs: {len(taken)} taken, {len(refused)} refused")
-    session.say(f"consistency: {judged or 'not checked'}")
-    session.say(f"compared with the released version: {len(compared)} of {len(taken)}")
-    session.say(
-        f"with suspicions: {suspected}, with damage: {sum(bool(e['damage']) for e in taken)}"
-    )
-    session.say(
-        f"refused: {visible(', '.join(refused[:5])) or 'none'}{', ...' * (len(refused) > 5)}"
-    )
-    _propose_calibration(session, [each["consistency"] for each in taken], vehicle)
-
-
-def _propose_calibration(
-    session: Session, documents: Sequence[Mapping[str, Any] | None], vehicle: str
-) -> None:
-    """Propose to calibrate flights together that correct different sensors, each by itself."""
-    alone = [each for each in documents if each and each["checked"] and not each["calibration"]]
-    applied = [
-        {entry["parameter"] for entry in each["estimates"] if entry["applied"]} for each in alone
-    ]
-    counts = Counter(name for names in applied for name in names)
-    uneven = sorted(name for name, count in counts.items() if count < len(alone))
-    if uneven:
-        session.say(
-            f"corrected in some of these flights only: {', '.join(uneven)}. Sensors of one"
-            " installation have one error; estimate together what the flights share:"
-        )
-        session.say(f'aerodb recalibrate --vehicle {vehicle} --reason "flown together"')
 
 
 @app.command()
@@ -195,7 +108,7 @@ def compare(
     if document["key"] is None:
         session.say(f"no comparison: {document['reason']}")
     else:
-        _say_comparison(session, document)
+        say_comparison(session, document)
         say_suspicions(session, document["suspicions"])
     session.answer({**document, "version": other.id, "label": other.label})
     if document["key"] is None:

@@ -2,12 +2,13 @@
 bars."""
 
 import sys
+import textwrap
 import threading
 import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 from rich.console import Console
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
     from aerodb.flows.run import How
     from aerodb.storage.catalogue import Catalogue
     from aerodb.storage.workspace import Workspace
+
+
+#: A name or number is never divided between two lines.
+_WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -110,6 +115,30 @@ class Session:
     def say(self, text: str = "") -> None:
         """Print a line for people; text is never parsed as markup, because names come from logs."""
         self.people.print(visible(text, keep="\n\t"), markup=False)
+
+    def headlines(self, verdict: str, lines: Sequence[tuple[str, str]], then: str = "") -> None:
+        """Print the verdict, below it what each label says, and what to do next.
+
+        lines : label and text; a text that is longer than the terminal goes on below its own
+        beginning, and one that is empty is left out. then : the next command, which is never
+        divided, so that it can be copied; empty: none.
+        """
+        shown = [(label, text) for label, text in lines if text]
+        margin = 4 + max(map(len, ("next" * bool(then), *(label for label, _ in shown))))
+        self.say(verdict)
+        for label, text in shown:
+            room = max(self.people.width - margin, 40)
+            beginning = f"  {label}".ljust(margin)
+            for part in textwrap.wrap(text, room, **_WHOLE_WORDS):
+                self.say(f"{beginning}{part}")
+                beginning = " " * margin
+        if then:
+            self.say(f"{'  next'.ljust(margin)}{then}")
+
+    def fitting(self, text: str) -> str:
+        """Return `text` cut to one line of the terminal, with ... where something is missing."""
+        width = self.people.width
+        return text if len(text) <= width else f"{text[: width - 4].rstrip()} ..."
 
     def table(
         self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()

@@ -24,6 +24,7 @@ HoldOut = Annotated[
     list[str] | None,
     typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print the details.")]
 MappingFile = Annotated[
     str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
 ]

@@ -115,7 +115,7 @@ def from_logs_to_proof(folder: Path, workspace: Path) -> tuple[Path, list[Path],
     )
     assert ingested.returncode == 0, ingested.stderr
     assert [outcome["status"] for outcome in document(ingested.stdout)] == ["stored"] * 6
-    assert "stored as flight" in ingested.stderr
+    assert "6 of 6 logs stored" in ingested.stderr
     update = aerodb(
         workspace,
         "--json",

@@ -48,7 +48,7 @@ def test_a_flight_is_compared_with_any_version(tmp_path: Path, shared: SharedWor
     assert aerodb(workspace.root, "flight", "compare", flight, "v0009").returncode == 2
 
 
-def test_a_batch_ends_with_five_lines_and_flights_have_the_names_of_files(
+def test_a_batch_begins_with_its_verdict_and_flights_have_the_names_of_files(
     tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
     workspace, _ = shared.updated(tmp_path / "w")
@@ -58,9 +58,9 @@ def test_a_batch_ends_with_five_lines_and_flights_have_the_names_of_files(
     words = ("flight", "ingest", str(good), str(tmp_path / "bad.csv"), "--vehicle", NAME)
     done = aerodb(workspace.root, *words)
     assert done.returncode == 3
-    last = done.stdout.strip().splitlines()[-5:]
-    assert last[0] == "2 logs: 1 taken, 1 refused"
-    assert last[4] == "refused: bad.csv"
+    assert done.stdout.startswith(f"{NAME}: 1 of 2 logs stored: 1 limited; 1 refused\n")
+    assert done.stderr.startswith("aerodb: ")
+    assert "bad.csv" in done.stderr
     assert "morning.csv" in aerodb(workspace.root, "flight", "list").stdout
     runs = aerodb(workspace.root, "version", "lineage", "released").stdout
     assert "ephemeral" not in runs

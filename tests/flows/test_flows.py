@@ -154,7 +154,7 @@ def test_a_prefect_server_shows_flights_vehicles_logs_and_what_was_refused(
     arguments = ["--workspace", str(workspace.root), "flight", "ingest", str(logs[0]), str(bad)]
     done = run_forked([*arguments, "--vehicle", NAME], environment(PREFECT_API_URL=server))
     assert done.returncode == 3
-    assert "2 logs: 1 taken, 1 refused" in done.stdout
+    assert "1 of 2 logs stored" in done.stdout
     assert "Finished in state" not in done.stdout + done.stderr
     with Catalogue.open(workspace.catalogue) as catalogue:
         run = catalogue.runs()[0]

@@ -159,11 +159,21 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
 def test_the_table_is_printed(tmp_path: Path) -> None:
     workspace = _workspace(tmp_path)
     flown = str(log(tmp_path, "one", table(seconds=30.0)))
-    done = CliRunner().invoke(
-        app,
-        ["--workspace", str(workspace), "flight", "ingest", flown, "--vehicle", NAME, "--direct"],
-    )
+    words = [
+        "--workspace",
+        str(workspace),
+        "flight",
+        "ingest",
+        flown,
+        "--vehicle",
+        NAME,
+        "--direct",
+    ]
+    done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
+    assert done.stdout.splitlines()[0] == f"{NAME}: 1 log stored: good"
+    assert "mismatch before" not in done.stdout
+    done = CliRunner().invoke(app, [*words, "-v"])
     assert "consistency: good" in done.stdout
     assert "mismatch before" in done.stdout
     assert "corrected: ax_bias" in done.stdout

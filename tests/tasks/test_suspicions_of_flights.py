@@ -118,6 +118,7 @@ def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path
         "--vehicle",
         "light",
         "--direct",
+        "-v",
     )
     assert f"suspicion: {found['sentence']}" in again.stdout
     assert asked(workspace, "flight", "show", outcome["flight"])["reasons"] == shown["reasons"]
