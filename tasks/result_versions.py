@@ -8,16 +8,16 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
-    "conditioning": 7,
-    "consistency": 19,
+    "conditioning": 8,
+    "consistency": 20,
     "coefficients": 4,
-    "compare": 3,
+    "compare": 4,
     "import": 2,
     "fly": 2,
     "estimate": 8,
     "update": 11,
     "gram": 13,
-    "close_loop": 35,
+    "close_loop": 36,
 }
 
 #: Names of versions that the product itself moves.

@@ -31,11 +31,19 @@ if TYPE_CHECKING:
         suspicion_documents,
         to_document,
     )
-    from .delay import delay_between, delays
+    from .delay import (
+        BAND,
+        LARGEST_DELAY,
+        SAMPLES_PER_PERIOD,
+        SCALE_TOLERANCE,
+        delay_between,
+        delays,
+    )
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
     from .local_gravity import local_gravity
-    from .segmentation import STATES, Segment, ground_and_air, segments
+    from .manoeuvres import SETTLED
+    from .segmentation import SLOW, STATES, Segment, ground_and_air, segments
     from .suspicion import Suspicion, clock_suspicions
-    from .wild_points import spikes, stuck, without_wild_points
+    from .wild_points import RAREST, spikes, stuck, without_wild_points
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -17,22 +17,21 @@ from scipy.interpolate import CubicSpline
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.flight import Flight
 from aerodb.signals import bridge, decimated, low_passed
-from aerodb.support import Array
+from aerodb.support import HINT, Array, standard_errors
 
-#: Default band [Hz] in which channels are compared.
+#: Band of rigid-body motion [Hz], which manoeuvres and gusts excite: channels are compared there.
 BAND = (0.1, 2.0)
-#: Largest delay searched for by default [s].
-LARGEST = 0.5
+#: Largest delay searched for by default [s]: longer ones are other manoeuvres.
+LARGEST_DELAY = 0.5
 #: Samples per period of the band's upper frequency after decimation.
 SAMPLES_PER_PERIOD = 10.0
 #: Least share of a channel's motion in the band that its kinematics must explain for a delay to be
 #: accepted.
 LEAST_EXPLAINED = 0.95
 #: Largest deviation from one of a channel's scale relative to its kinematics: beyond it, something
-#: other than a delay is at work.
+#: other than a delay is at work; a vane at a long boom is left with as much without a correction
+#: (position errors: Gracey, NACA TN 4351, 1958).
 SCALE_TOLERANCE = 0.15
-#: Standard errors beyond which a channel that leads its kinematics has another error than a delay.
-EVIDENT = 2.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def delay_between(
     reference: Array,
     step: float,
     band: tuple[float, float] = BAND,
-    largest: float = LARGEST,
+    largest: float = LARGEST_DELAY,
     name: str = "",
 ) -> Delay:
     """Estimate the delay of one signal behind another, to a fraction of a sample.
@@ -191,7 +190,9 @@ def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[D
     """
     channels, step = _prepared(flight, during, BAND[1])
     return tuple(
-        _channel_delay(name, channels, step, BAND, LARGEST) for name in KINEMATICS if name in flight
+        _channel_delay(name, channels, step, BAND, LARGEST_DELAY)
+        for name in KINEMATICS
+        if name in flight
     )
 
 
@@ -250,7 +251,7 @@ def _channel_delay(
             " delay is at work"
         )
         return replace(delay, standard_error=float("inf"), observable=False, because=because)
-    if delay.observable and delay.seconds < -EVIDENT * delay.standard_error:
+    if delay.observable and delay.seconds < -standard_errors(HINT) * delay.standard_error:
         because = (
             f"it seems to lead the motion by {-1e3 * delay.seconds:.0f} +-"
             f" {1e3 * delay.standard_error:.0f} ms, which no sensor does: look for its time stamps,"

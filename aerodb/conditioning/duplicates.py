@@ -39,10 +39,9 @@ ABSOLUTE_CHANNELS = ("V", "qbar", "altitude", "phi", "theta", "psi", "latitude",
 RELATIVE_CHANNELS = ("ax", "ax_imu", "north", "east")
 #: What storing numbers in single precision costs, relative to the largest.
 _SINGLE_PRECISION = 1e-6
-#: Time constant of the low pass before turning points are looked for [s].
+#: Time constant of the low pass before turning points are looked for [s]; it reaches four of them
+#: to each side, and so far from ends and flags nothing is compared.
 BLUR = 0.15
-#: Distance from ends and flags from which turning points count [s].
-MARGIN = 0.6
 #: Number of differences of height and of time in a mark.
 LENGTH = 5
 #: Rounding of the natural logarithm of a height.
@@ -216,7 +215,7 @@ def _low_passed(flight: Flight, name: str) -> tuple[Array, NDArray[np.bool_]]:
     unusable samples."""
     good = flight.usable([name])
     values = bridge(np.where(good, flight[name], np.nan)) if good.any() else np.zeros(len(good))
-    reach = int(np.ceil(MARGIN / flight.step))
+    reach = int(np.ceil(4.0 * BLUR / flight.step))
     hurt = np.convolve(~good, np.ones(2 * reach + 1), mode="same") > 0.5
     hurt[:reach] = hurt[len(hurt) - reach :] = True
     low: Array = gaussian_filter1d(values, BLUR / flight.step, mode="nearest")
@@ -356,7 +355,7 @@ def _to_the_ends(
         spread = max(float(np.std(a[name][where])), LANDMARK_CHANNELS[name])
         agree &= np.abs(difference - np.median(difference[where])) < 10 * AGREEMENT * spread
     result = where.copy()
-    reach = int(np.ceil(MARGIN / a.step)) + 1
+    reach = int(np.ceil(4.0 * BLUR / a.step)) + 1
     for first, last in _runs(where):
         for k in range(first - 1, max(first - reach, 0) - 1, -1):
             if not agree[k]:

@@ -16,18 +16,20 @@ from aerodb.signals import bridge
 from aerodb.support import Array
 
 DEGREE = np.pi / 180
-#: Least deflection from trim that is an input [rad].
-LEAST_INPUT = 0.45 * DEGREE
-#: How many times the motion around it an input must be.
-ABOVE_ACTIVITY = 4.0
-#: The same for a pulse, a step or an irregular sequence, which pilots make all the time.
-LEAST_PLAIN = 1.0 * DEGREE
-#: Time over which a quiet surface is looked for [s].
+#: Largest range of a surface that is left alone [rad]; an input goes twice as far.
+ALONE = 0.225 * DEGREE
+#: Change of an angle that is made on purpose [rad]: a plain input, which pilots make all the time,
+#: a new position of a flap, another pitch.
+INTENDED = 1.0 * DEGREE
+#: Time for which a surface, a position or a load factor is held to be one [s].
+HELD = 1.0
+#: Time over which a quiet surface is looked for [s]: the pulses of a doublet rest no longer.
 QUIET = 0.8
-#: Time that a surface must stay back at trim [s].
-BACK = 1.0
-#: Rest elsewhere that is a new trim [s].
-NEW_TRIM = 5.0
+#: Time after which a state has settled: a new trim, steady flight, a stay on the ground [s];
+#: shorter records determine no state of their own.
+SETTLED = 5.0
+#: How many times the motion around it an input must be, not to follow from it.
+ABOVE_ACTIVITY = 4.0
 #: Longest input [s].
 LONGEST = 120.0
 #: Part of the largest deflection that bounds a pulse.
@@ -101,7 +103,7 @@ def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
     values = median_filter(bridge(deflection), 3, mode="nearest")
     width = max(4, round(QUIET / step))
     activity = rolling_range(values, width)
-    quiet = activity <= 0.5 * LEAST_INPUT
+    quiet = activity <= ALONE
     shapes: list[Input] = []
     at = int(np.argmax(quiet)) if quiet.any() else len(values)
     while at < len(values):
@@ -127,14 +129,12 @@ def _back(
 ) -> int | None:
     """Sample at which the surface is back at trim to stay, or rests for long elsewhere; None when
     the record ends first."""
-    stay, rest = max(2, round(BACK / step)), round(NEW_TRIM / step)
+    stay, rest = max(2, round(HELD / step)), round(SETTLED / step)
     longest = round(LONGEST / step)
     for reach in (longest // 8, longest):  # most are back soon
         stop = min(len(values), start + reach)
         departure = np.abs(values[start:stop] - trim)
-        home = departure <= np.maximum(
-            0.5 * LEAST_INPUT, HOME_LEVEL * np.maximum.accumulate(departure)
-        )
+        home = departure <= np.maximum(ALONE, HOME_LEVEL * np.maximum.accumulate(departure))
         still = quiet[start:stop]
         back = still & _lasts(home, stay, partly=stay // 2 + 1) | _lasts(still, rest, partly=rest)
         if back.any() and (reach == longest or int(np.argmax(back)) + rest < stop - start):
@@ -165,7 +165,7 @@ def _restlessness(activity: Array, start: int, end: int, step: float) -> float:
 def _shape(departure: Array, step: float, first: int) -> Input | None:
     """The input that a departure from trim (k,) [rad] is; None when it is too small."""
     size = float(np.max(np.abs(departure)))
-    if size < LEAST_INPUT:
+    if size < 2.0 * ALONE:
         return None
     side = np.where(np.abs(departure) > PULSE_LEVEL * size, np.sign(departure), 0.0)
     out = np.flatnonzero(side)
@@ -175,7 +175,7 @@ def _shape(departure: Array, step: float, first: int) -> Input | None:
     name = _name(durations)
     if abs(departure[-1]) > PULSE_LEVEL * size:  # rests elsewhere
         name = "step" if len(durations) == 1 else "multistep"
-    if name in PLAIN and size < LEAST_PLAIN:
+    if name in PLAIN and size < INTENDED:
         return None
     return Input(name, first, first + int(out[-1]), durations, size * float(side[out[0]]))
 

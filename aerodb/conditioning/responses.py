@@ -10,7 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from aerodb.conditioning.manoeuvres import DEGREE, rank_correlation, rolling_range
+from aerodb.conditioning.manoeuvres import (
+    ALONE,
+    DEGREE,
+    HELD,
+    INTENDED,
+    SETTLED,
+    rank_correlation,
+    rolling_range,
+)
 from aerodb.physics import GRAVITY
 from aerodb.signals import runs
 from aerodb.support import Array, Mask
@@ -96,36 +104,23 @@ LIFT_LOST = 0.10
 STALL_TIME = 0.3
 #: Range of alpha that the straight line of lift needs [rad].
 LINE_RANGE = 4.0 * DEGREE
-#: Load factor, compensated for bank, above which a pull-up is [g].
-PULL_UP = 1.5
-#: Load factor, as measured, below which a push-over is [g].
-LOW_G = 0.5
-#: Least time of a pull-up or push-over [s].
-LOAD_TIME = 1.0
-#: Greatest range of speed, relative, within `STEADY_WINDOW` of steady flight.
+#: Load factor above one, compensated for bank, from which on a flight pulls up, and below one, as
+#: measured, from which on it pushes over [g].
+LOAD_CHANGE = 0.5
+#: Least time of a motion that is left to itself: steady flight, a spiral, a phugoid [s].
+UNDISTURBED = 10.0
+#: Greatest range of speed, relative, within `SETTLED` of steady flight.
 STEADY_SPEED = 0.01
-#: The same of pitch [rad].
-STEADY_PITCH = 1.0 * DEGREE
-#: The same of bank [rad].
+#: The same of bank [rad]; of pitch `INTENDED`.
 STEADY_BANK = 2.0 * DEGREE
-#: Window in which steady flight is judged [s].
-STEADY_WINDOW = 5.0
-#: Least time of steady flight [s].
-STEADY_TIME = 10.0
-#: A surface left alone moves by less than this [rad] within two seconds.
-ALONE = 0.25 * DEGREE
 #: Least amplitude of a slow oscillation [m/s].
 PHUGOID_SPEED = 1.5
-#: Share of the motion that a slow oscillation must explain.
+#: Share of a motion that a slow oscillation explains, and correlation of height with loss of speed.
 PHUGOID_SHARE = 0.8
 #: Periods of it that must be seen.
 PHUGOID_PERIODS = 1.25
-#: Least correlation of height with loss of speed.
-EXCHANGE = 0.8
 #: Least change of bank of a spiral [rad].
 SPIRAL_BANK = 15 * DEGREE
-#: Least time of a spiral [s].
-SPIRAL_TIME = 20.0
 #: Greatest rate of a spiral [rad/s].
 SPIRAL_RATE = 3 * DEGREE
 
@@ -144,7 +139,7 @@ def stalls(
     step : s
     flying : (n,), mask of airborne samples
     """
-    if flying.sum() * step < 5.0:
+    if flying.sum() * step < SETTLED:
         return []
     blur = 0.5 / step
     angle = gaussian_filter1d(alpha, blur)
@@ -195,9 +190,12 @@ def load_factors(
     az [m/s^2], phi [rad], flying : (n,). step : s.
     """
     load = gaussian_filter1d(-az, 0.3 / step) / GRAVITY
-    shortest = max(2, round(LOAD_TIME / step))
+    shortest = max(2, round(HELD / step))
     responses = []
-    for kind, mask in (("pull_up", load * np.cos(phi) > PULL_UP), ("low_g", load < LOW_G)):
+    for kind, mask in (
+        ("pull_up", load * np.cos(phi) > 1.0 + LOAD_CHANGE),
+        ("low_g", load < 1.0 - LOAD_CHANGE),
+    ):
         for first, last in runs(mask & flying, shortest, shortest):
             part = load[first : last + 1]
             extreme = float(part.max() if kind == "pull_up" else part.min())
@@ -218,7 +216,7 @@ def slow_oscillations(
     """
     alone = flying & (rolling_range(median_filter(elevator, 3), round(2.0 / step)) < ALONE)
     responses = []
-    for first, last in runs(alone, round(10.0 / step), round(1.0 / step)):
+    for first, last in runs(alone, round(UNDISTURBED / step), round(1.0 / step)):
         first, last = _left_alone(elevator, first, last)
         mean = float(np.mean(speed[first : last + 1]))
         expected = float(np.sqrt(2) * np.pi * mean / GRAVITY)
@@ -254,7 +252,7 @@ def _exchanged(speed: Array, altitude: Array, first: int, last: int, step: float
         values[part] - np.polyval(np.polyfit(time, values[part], 1), time)
         for values in (speed, altitude)
     ]
-    return bool(np.corrcoef(swing[0], swing[1])[0, 1] < -EXCHANGE)
+    return bool(np.corrcoef(swing[0], swing[1])[0, 1] < -PHUGOID_SHARE)
 
 
 def _best_oscillation(speed: Array, step: float, expected: float) -> _Oscillation | None:
@@ -289,7 +287,7 @@ def spirals(
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
     responses = []
-    for first, last in runs(alone, round(SPIRAL_TIME / step), round(1.0 / step)):
+    for first, last in runs(alone, round(UNDISTURBED / step), round(1.0 / step)):
         part = phi[first : last + 1 : max(1, round(0.5 / step))]
         change = float(part[-1] - part[0])
         rate = abs(change) / ((last - first) * step)
@@ -309,17 +307,17 @@ def steady(
 
     Each is (n,), step [s], flying (n,) mask; limits as `STEADY_SPEED` and those below it.
     """
-    window = round(STEADY_WINDOW / step)
+    window = round(SETTLED / step)
     if len(speed) < window:
         return []
     blur = 0.5 / step
     calm = rolling_range(gaussian_filter1d(speed, blur), window) < STEADY_SPEED * np.maximum(
         speed, 1.0
     )
-    calm &= rolling_range(gaussian_filter1d(theta, blur), window) < STEADY_PITCH
+    calm &= rolling_range(gaussian_filter1d(theta, blur), window) < INTENDED
     calm &= rolling_range(gaussian_filter1d(phi, blur), window) < STEADY_BANK
     responses = []
-    for first, last in runs(calm & flying, round(STEADY_TIME / step)):
+    for first, last in runs(calm & flying, round(UNDISTURBED / step)):
         bank = float(np.mean(phi[first : last + 1])) / DEGREE
         kind = f"turn, bank {bank:.0f} deg" if abs(bank) > 5 else "flight"
         at = f"V {np.mean(speed[first : last + 1]):.1f} m/s"

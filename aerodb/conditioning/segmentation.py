@@ -10,7 +10,16 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
+from aerodb.conditioning.manoeuvres import (
+    ABOVE_ACTIVITY,
+    DEGREE,
+    HELD,
+    INTENDED,
+    PLAIN,
+    SETTLED,
+    Input,
+    inputs,
+)
 from aerodb.conditioning.responses import (
     AircraftResponse,
     load_factors,
@@ -24,30 +33,22 @@ from aerodb.nomenclature import FLAGS
 from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
-#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi.
+#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi, and air
+#: data are not compared.
 SLOW = 0.3
 #: Height up to which it still rolls [m].
 ROLLING_HEIGHT = 4.0
 #: Airspeed [m/s] that nothing with wings stays below in flight.
 LEAST_AIRSPEED = 6.0
-#: Shortest time [s] on the ground or in the air that is believed.
-SHORTEST_STAY = 5.0
 #: What is moved now and then rather than flown with.
 _MOVED = (
     r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
 )
 CONFIGURATION: Final = re.compile(rf"delta_({_MOVED})(_left|_right)?")
-#: Difference of a new position [rad].
-POSITION_STEP = 1.0 * DEGREE
 #: Difference of a new position of the gear, of its whole travel.
 GEAR_STEP = 0.05
-#: Shortest time at a position [s].
-SHORTEST_POSITION = 1.0
 #: Surfaces that aircraft are flown with.
 PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "ruddervator", "canard")
-#: An irregular input is a companion of a simultaneous one this many times as large: dampers and
-#: crossfeeds, not a manoeuvre.
-COMPANION = 4.0
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     if high < LEAST_AIRSPEED:
         reason = f"airspeed hardly above {max(high, 0.0):.1f} m/s"
         return (Segment("on_ground", float(flight.time[0]), float(flight.time[-1]), reason),)
-    stay = round(SHORTEST_STAY / flight.step)
+    stay = round(SETTLED / flight.step)
     on_ground = np.zeros(len(speed), dtype=bool)
     for first, last in runs(speed < SLOW * high, stay, stay):
         on_ground[slice(*_rolling(flight, first, last))] = True
@@ -234,7 +235,7 @@ def _positions(flight: Flight, name: str) -> list[Segment]:
     """One channel's plateaus and the moves between them; plateaus of one position are one."""
     gear = name == "delta_landing_gear"
     least, what = (
-        (GEAR_STEP if gear else POSITION_STEP),
+        (GEAR_STEP if gear else INTENDED),
         name.removeprefix("delta_").replace("_", " "),
     )
     usable = flight.usable([name])
@@ -243,7 +244,7 @@ def _positions(flight: Flight, name: str) -> list[Segment]:
         max(3, round(0.2 / flight.step)),
         mode="nearest",
     )
-    shortest = max(2, round(SHORTEST_POSITION / flight.step))
+    shortest = max(2, round(HELD / flight.step))
     segments: list[Segment] = []
     level: float | None = None
     for first, last in runs(np.abs(_change(values, shortest)) < 0.5 * least, shortest):
@@ -291,7 +292,8 @@ def _surfaces(view: _View) -> dict[str, Array]:
 
 
 def _inputs(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
-    """Inputs on all surfaces in the air, without the irregular companions of larger ones."""
+    """Inputs on all surfaces in the air, without the irregular companions of larger ones: dampers
+    and crossfeeds make them, and they are no manoeuvres."""
     detected = [
         (name, shape) for name, values in surfaces.items() for shape in inputs(values, view.step)
     ]
@@ -306,7 +308,7 @@ def _inputs(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
             if owner != name and other.first <= shape.last and shape.first <= other.last
         ]
         largest = max((abs(other.deflection) for other in others), default=0.0)
-        if shape.name not in PLAIN or largest < COMPANION * abs(shape.deflection):
+        if shape.name not in PLAIN or largest < ABOVE_ACTIVITY * abs(shape.deflection):
             segments.append(
                 view.segment(shape.name, shape.first, shape.last, _described(shape, name), name)
             )

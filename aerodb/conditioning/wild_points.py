@@ -42,8 +42,8 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "altitude": (-500.0, 2e5),
     "latitude": (-np.pi / 2, np.pi / 2),
     "delta_landing_gear": (-0.1, 1.1),
+    "surface": (-np.pi / 2, np.pi / 2),
 }
-_SURFACE_RANGE = (-np.pi / 2, np.pi / 2)
 #: Sensors whose output always changes in flight; surfaces, gear and computed channels may be
 #: constant.
 _MOVING = (
@@ -84,7 +84,8 @@ class WildPoints:
 def physical_range(name: str) -> tuple[float, float] | None:
     """Return the lowest and highest possible value of a channel, scalars in SI units; None if it
     has no limits."""
-    return _SURFACE_RANGE if is_surface(name) and name not in PHYSICAL else PHYSICAL.get(name)
+    surface = is_surface(name) and name not in PHYSICAL
+    return PHYSICAL.get("surface" if surface else name)
 
 
 def spikes(values: Array, floor: float = 0.0) -> Mask:

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.support import Array, key_of
+from aerodb.support import DIFFERENCE, Array, key_of, standard_errors
 
 #: Distance in standard errors between a flight's own estimate and the calibration from which on
 #: recalibration is due.
-DRIFT = 3.0
+DRIFT = standard_errors(DIFFERENCE)
 
 
 @dataclass(frozen=True)

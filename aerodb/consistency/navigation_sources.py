@@ -16,6 +16,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
+from aerodb.conditioning import SETTLED
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
 from aerodb.consistency.records import IGNORED_FLAGS, inertial_inputs
@@ -34,9 +35,6 @@ OWN: Final = "its velocity"
 #: Name of the solution that the mapping takes, which the reconstruction uses.
 MAPPED: Final = "mapped"
 
-#: Time over which a position is compared with the integral of its velocity, s: noise of a position
-#: of some metres stays below the limit of the velocity.
-OVER: Final = 5.0
 
 _AXES: Final = (
     ("north", "velocity_north"),
@@ -241,11 +239,11 @@ def _own(
 
 
 def _slow_rate(piece: _Piece, position: str, velocity: str) -> Array:
-    """Rate [m/s] by which a position leaves the integral of its velocity over `OVER` seconds."""
+    """Rate [m/s] by which a position leaves the integral of its velocity over `SETTLED` seconds."""
     along, speed = piece.showed[position], piece.showed[velocity]
     sign = -1.0 if position == "altitude" else 1.0
     good = np.isfinite(along) & np.isfinite(speed)
-    many = round(OVER / piece.step)
+    many = round(SETTLED / piece.step)
     if good.sum() < 3 or len(along) <= many:
         return np.array([])
     index = np.arange(len(along))

@@ -18,7 +18,8 @@ _START = 10.0
 #: Prior of winds and weather, in natural sizes.
 _WINDY = 5.0
 
-#: Smallest credible noise of a channel, as a fraction of its accuracy limit.
+#: Smallest credible noise of a channel, and smallest effect on it that is looked at, as a fraction
+#: of its accuracy limit.
 TRUST: Final = 0.2
 
 #: Noise (SI) of a channel that has left the estimate: none of its samples weighs anything.

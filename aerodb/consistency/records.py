@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import local_gravity
+from aerodb.conditioning import SETTLED, SLOW, local_gravity
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, FlightRecord, installation_from_vehicle
@@ -25,15 +25,10 @@ from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
 #: Gaps in the inertial channels up to this length (s) are bridged; longer ones end a record.
 SHORT_GAP = 0.2
 
-#: Shortest record, s: a shorter one does not determine its own initial state.
-SHORTEST_RECORD = 5.0
 
-#: Samples below this fraction of the flight's high airspeeds (90th percentile) are not compared:
-#: the aircraft is on the ground.
-LOWEST_AIRSPEED = 0.25
-
-#: Duration (s) and altitude range (m) over which the wind of a flight is taken as constant.
+#: Duration [s] over which the wind of a flight is taken as constant.
 STEADY_WIND_TIME: Final = 300.0
+#: Range of altitude [m] over which it is.
 STEADY_WIND_ALTITUDE: Final = 300.0
 
 #: Flights longer than this (s) are reconstructed over a rotating earth: a gyro bias, constant in
@@ -88,7 +83,7 @@ def inertial_inputs(flight: Flight, vehicle: Vehicle) -> InertialInputs:
     empty = [name for name in names if np.isfinite(flight[name]).sum() < FEWEST_SAMPLES]
     if empty:
         raise InputError(
-            f"{', '.join(empty)} hold no {SHORTEST_RECORD:g} s without a gap",
+            f"{', '.join(empty)} hold no {SETTLED:g} s without a gap",
             f"flight {flight.id[:12]}",
         )
     properties = mass_channels(flight, vehicle)
@@ -212,7 +207,7 @@ def records_from_flight(
     runs = _gapless_runs(flight, moved.names)
     if not runs:
         raise InputError(
-            f"no {SHORTEST_RECORD:g} s without a gap",
+            f"no {SETTLED:g} s without a gap",
             f"flight {flight.id[:12]}",
             "see its flags for what was lost",
         )
@@ -390,7 +385,7 @@ def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]
     if "V" in flight and np.isfinite(flight["V"]).any():
         # at rest there are no flow angles; a short loss of airspeed does not end a record
         speed = bridge(flight["V"])
-        good = good & (speed > LOWEST_AIRSPEED * np.percentile(speed, 90))
+        good = good & (speed > SLOW * np.percentile(speed, 90))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
     merged: list[list[int]] = []
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -398,7 +393,7 @@ def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]
             merged[-1][1] = stop
         else:
             merged.append([start, stop])
-    least = max(SHORTEST_RECORD / flight.step, FEWEST_SAMPLES)
+    least = max(SETTLED / flight.step, FEWEST_SAMPLES)
     return [(start, stop) for start, stop in merged if stop - start >= least]
 
 

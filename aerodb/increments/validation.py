@@ -19,9 +19,10 @@ from aerodb.support import Array
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]
 
-#: Held out are the newest fifth, at least two; below five flights leave-one-out
-#: (docs/method/updates.md, "Hold-out").
+#: Share of the flights that is held out, the newest, at least two (docs/method/updates.md,
+#: "Hold-out").
 HOLD_OUT_SHARE = 0.2
+#: Flights from which some are held out; below, each is left out in turn.
 FEWEST_FOR_HOLD_OUT = 5
 
 #: An error within this factor of the noise floor is at it: the floor is known to a quarter.

@@ -34,6 +34,7 @@ from aerodb.tracing import (
     ADDED,
     Finding,
     Traced,
+    TracingSettings,
     cross_flight_tests,
     imitated_sensors,
     increment_models,
@@ -47,8 +48,6 @@ from aerodb.tracing import (
 #: flights that did not estimate it, as it is and about each flight's mean: half, so that it is no
 #: matter of a few per cent of scale, which the errors of sensors leave too.
 _MATERIAL: Final = 0.5
-#: Flights below which nothing is decided: one that is left out needs others that agree.
-_FEWEST: Final = 3
 #: Terms, the constant apart, from which effects are many: a single one is found by itself, or not.
 _MANY: Final = 2
 
@@ -131,7 +130,11 @@ def axis_models(
     if given is not None:
         axes = _axes(hypotheses[number[id]] for id in given)
     else:
-        axes = _far(source, flights, candidate, library) if len(flights) >= _FEWEST else set()
+        axes = (
+            _far(source, flights, candidate, library)
+            if len(flights) >= TracingSettings.fewest
+            else set()
+        )
         axes -= _axes(hypotheses[number[id]] for id in without_gain)
     if not axes:
         return None, ()

@@ -16,9 +16,10 @@ from aerodb.loop.rounds import LoopResult
 from aerodb.support import in_threads
 from aerodb.tracing import FlightDependence, dependences_on_conditions
 
-#: Condition -> least spread (standard deviation) over the flights at which it counts as different;
-#: relative to its mean, but for angles [rad].
+#: Condition -> least spread (standard deviation) over the flights at which it counts as different,
+#: relative to its mean.
 _RELATIVE: Final[Mapping[str, float]] = {"qbar": 0.05, "mach": 0.05, "mass": 0.02}
+#: The same of angles [rad].
 _ABSOLUTE: Final[Mapping[str, float]] = {"alpha": np.deg2rad(0.5)}
 #: Likewise of a deflection that is set for a flight [rad, or a part].
 _CONFIGURED: Final = np.deg2rad(1.0)

@@ -5,7 +5,6 @@ docs/method/tracing.md, section 26.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -16,10 +15,7 @@ from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment, Number
-from aerodb.tracing import Finding, FlightResidual, evidence_of, model_errors
-
-#: Flights from which a scatter between them is estimated.
-FEWEST: Final = 4
+from aerodb.tracing import FEWEST_SHAPED, Finding, FlightResidual, evidence_of, model_errors
 
 
 def with_model_error(
@@ -80,7 +76,7 @@ def between_flights(finding: Finding) -> float:
     less that of their errors, in squared units of the parameter. Estimator: DerSimonian & Laird
     (1986)."""
     values = np.array([vote.value for vote in finding.votes])
-    if len(values) < FEWEST:
+    if len(values) < FEWEST_SHAPED:
         return 0.0
     errors = np.array([vote.se for vote in finding.votes])
     weight = errors**-2.0

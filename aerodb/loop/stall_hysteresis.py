@@ -22,11 +22,9 @@ from aerodb.errors import InputError
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.stall import EFFECT, stall_flights
 from aerodb.tables import AeroDatabase, Relay
-from aerodb.tracing import Finding
+from aerodb.tracing import Finding, TracingSettings
 from aerodb.vehicle import Vehicle
 
-#: Flights that must stall: angles fitted to one other flight are hardly those of a third.
-FEWEST: Final = 3
 #: Stands for the angles until they are known.
 _ANY: Final = Relay(0.1, 0.3)
 
@@ -74,9 +72,9 @@ def cross_fitted_lift_hysteresis(
 ) -> dict[str, Relay]:
     """Return, for each flight (its id), the angles [rad] that the others agree with.
 
-    Empty below FEWEST flights and where they show none (InputError of the fit).
+    Empty below `TracingSettings.fewest` flights and where they show none (InputError of the fit).
     """
-    if len(flights) < FEWEST:
+    if len(flights) < TracingSettings.fewest:
         return {}
     try:
         measured = stall_flights(source, flights, database)

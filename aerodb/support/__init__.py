@@ -8,6 +8,8 @@
 - `Dual`: a value with exact first derivatives (a dual number), for sensor models; `sine`,
   `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`dual_numbers`).
 - `MatElements`: MAT-files of versions 5 to 7, element by element (`mat5`).
+- `standard_errors` and `likelihood_gain` of a rate of false alarms (`CLAIM`, `DIFFERENCE`, `HINT`);
+  `false_alarms`.
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
         root,
         sine,
     )
+    from .false_alarms import CLAIM, DIFFERENCE, HINT, likelihood_gain, standard_errors
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, is_mat5
     from .parallel import Threads, in_threads

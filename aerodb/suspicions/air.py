@@ -11,21 +11,15 @@ from aerodb.suspicions.in_flight import HUGE, flying, middle
 COLDEST = 170.0
 #: Hottest such air, that of the hottest desert, with a margin [K].
 HOTTEST = 335.0
-#: Largest share by which density may differ from that of dry air: moist air of 40 degC is 2.8 %
-#: lighter; sensors add the rest.
-GAS = 0.05
-#: Largest share by which 2 qbar / (rho V^2) may differ from one: 2 % of airspeed, twice, and
-#: density.
-DYNAMIC = 0.06
+#: Largest share by which density, dynamic pressure and airspeed may differ from each other: 2 % of
+#: airspeed, twice, and density; moist air of 40 degC is 2.8 % lighter than dry air.
+AIR_DATA = 0.06
 #: Largest difference between altitude and pressure altitude [m]: an altimeter setting of +-50 hPa,
 #: a ground 1000 m high.
 ALTITUDE = 1500.0
-#: Share of the altitude that adds to it: air 15 % colder or warmer than standard.
+#: Share by which air may be colder or warmer than standard; as much of the altitude adds to that
+#: difference.
 SHARE = 0.15
-#: Least density of any day over that of the standard atmosphere at the altitude.
-THINNEST = 0.7
-#: Largest such ratio.
-DENSEST = 1.4
 
 
 def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
@@ -83,7 +77,7 @@ def _gas(at: dict[str, float]) -> list[Suspicion]:
     pressure, temperature = at["static_pressure"], at["temperature"]
     expected = float(density(np.asarray(pressure), np.asarray(temperature)))
     ratio = at["rho"] / expected
-    if abs(ratio - 1.0) <= GAS:
+    if abs(ratio - 1.0) <= AIR_DATA:
         return []
     words = (
         f"rho is {at['rho']:.4g} kg/m^3, but {pressure:.6g} Pa at {temperature:.5g} K is air of"
@@ -98,7 +92,7 @@ def _dynamic(at: dict[str, float]) -> list[Suspicion]:
     ratio = 2.0 * at["qbar"] / (at["rho"] * at["V"] ** 2)
     mach = at.get("mach", at["V"] / 295.0)
     impact = ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0) / (0.7 * mach**2) if 0.05 < mach < 1.0 else 1.0
-    if 1.0 - DYNAMIC <= ratio <= impact + DYNAMIC:
+    if 1.0 - AIR_DATA <= ratio <= impact + AIR_DATA:
         return []
     words = (
         f"qbar is {at['qbar']:.5g} Pa, but rho {at['rho']:.4g} kg/m^3 and V {at['V']:.4g} m/s give"
@@ -114,7 +108,7 @@ def _sound(at: dict[str, float]) -> list[Suspicion]:
     if "temperature" not in at:
         slowest, fastest = (float(v) for v in speed_of_sound(np.array([COLDEST, HOTTEST])))
         speed = at["V"] / at["mach"]
-        if (1.0 - DYNAMIC) * slowest <= speed <= (1.0 + DYNAMIC) * fastest:
+        if (1.0 - AIR_DATA) * slowest <= speed <= (1.0 + AIR_DATA) * fastest:
             return []
         words = (
             f"V is {at['V']:.4g} m/s at Mach {at['mach']:.4g}, a speed of sound of {speed:.4g} m/s,"
@@ -124,7 +118,7 @@ def _sound(at: dict[str, float]) -> list[Suspicion]:
         return [Suspicion("V", "unit", words, {"speed_of_sound": speed})]
     expected = at["mach"] * float(speed_of_sound(np.asarray(at["temperature"])))
     ratio = at["V"] / expected
-    if not at["temperature"] > COLDEST or abs(ratio - 1.0) <= DYNAMIC:
+    if not at["temperature"] > COLDEST or abs(ratio - 1.0) <= AIR_DATA:
         return []
     words = (
         f"V is {at['V']:.4g} m/s, but Mach {at['mach']:.4g} at {at['temperature']:.4g} K is"
@@ -138,20 +132,21 @@ def _height(at: dict[str, float]) -> list[Suspicion]:
         return []
     altitude = at["altitude"]
     standard = standard_atmosphere(np.asarray(altitude))
-    if "static_pressure" in at:
-        margin = ALTITUDE + SHARE * abs(altitude)
-        bounds = standard_atmosphere(np.asarray([altitude + margin, altitude - margin])).pressure
-        if not bounds[0] < at["static_pressure"] < bounds[1]:
-            words = (
-                f"static_pressure is {at['static_pressure']:.6g} Pa, but at an altitude of"
-                f" {altitude:.5g} m the standard atmosphere has {float(standard.pressure):.6g} Pa:"
-                " one of them is wrong, or in another unit"
-            )
-            evidence = {"pressure": at["static_pressure"], "standard": float(standard.pressure)}
-            return [Suspicion("static_pressure", "unit", words, evidence)]
+    margin = ALTITUDE + SHARE * abs(altitude)
+    bounds = standard_atmosphere(np.asarray([altitude + margin, altitude - margin]))
+    pressure = at.get("static_pressure", float(standard.pressure))
+    if not bounds.pressure[0] < pressure < bounds.pressure[1]:
+        words = (
+            f"static_pressure is {pressure:.6g} Pa, but at an altitude of {altitude:.5g} m the"
+            f" standard atmosphere has {float(standard.pressure):.6g} Pa: one of them is wrong, or"
+            " in another unit"
+        )
+        evidence = {"pressure": pressure, "standard": float(standard.pressure)}
+        return [Suspicion("static_pressure", "unit", words, evidence)]
     if "rho" in at:
         ratio = at["rho"] / float(standard.density)
-        if not THINNEST < ratio < DENSEST:
+        thinnest, densest = bounds.density / (1.0 + np.array([SHARE, -SHARE]))
+        if not thinnest < at["rho"] < densest:
             words = (
                 f"rho is {at['rho']:.4g} kg/m^3, {ratio:.4g} times the standard atmosphere's at an"
                 f" altitude of {altitude:.5g} m{_unit_of_density(ratio)}"

@@ -13,46 +13,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.suspicions.equation_error import MOTION, EquationError, equation_errors
+from aerodb.suspicions.evidence import (
+    CAUSED,
+    ERRORS,
+    EXPLAINED,
+    FEWEST,
+    INFLATION,
+    LATE,
+    LIKELIER,
+    RATIOS,
+    SWING,
+    WELL_EXPLAINED,
+)
 from aerodb.suspicions.lift import helmbold
 from aerodb.suspicions.sides import side_suspicions
 from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
 from aerodb.vehicle import Vehicle
 
-#: Least standard errors for a claim.
-ERRORS = 6.0
-#: Least share of the motion explained by the fit for a claim.
-EXPLAINED = 0.3
-#: Least share of the motion that the surface itself causes for a claim.
-CAUSED = 0.4
-#: Largest variance inflation for a claim.
-INFLATION = 30.0
 #: Least and largest effect per rad of a whole control of this role: dCm/d delta of tailed aircraft
 #: is .5 to 3, dCl .03 to .4, dCn .03 to .3 (Roskam, Airplane Flight Dynamics, 1979, appendix C).
 EFFECT = {"pitch": (0.03, 12.0), "roll": (0.006, 1.6), "yaw": (0.006, 1.6)}
-#: Least motion [rad, rms in the band] of a surface for its effect to be called too small.
-MOVED = 0.01
-#: Roll damping over that of a wing of this aspect ratio, an eighth of its lift slope per p_hat of
-#: an elliptic load (strip theory).
-DAMPING = (0.3, 2.5)
-#: Share of the motion that the fit must explain for it.
-DAMPED = 0.8
-#: Least rate about an axis for a surface that stands still to be missed [rad/s, rms in the band].
-TURNING = 0.005
-#: Largest share of its motion explained for the same.
-UNEXPLAINED = 0.75
 #: Kind of suspicion of a surface that may have stood still: said, but no fault of the flight.
 UNMOVED = "unmoved"
-#: Largest delay searched for [s].
-LARGEST = 0.6
-#: Least delay named [s].
-LATE = 0.15
-#: Least ratio of likelihoods, as a logarithm, with the samples that are independent in the
-#: residual.
-LIKELIER = 6.0
 _RATE = {"pitch": "q", "roll": "p", "yaw": "r"}
 _SAYS = {
     "pitch": "trailing edge down must pitch the nose down",
@@ -94,13 +80,13 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
 
 def _damping(fit: Regression, vehicle: Vehicle) -> list[Suspicion]:
     """Return a damping in roll that no wing of this size has, with the inertia in it."""
-    if "p" not in fit.names or "beta" not in fit.names or fit.r_squared < DAMPED:
+    if "p" not in fit.names or "beta" not in fit.names or fit.r_squared < WELL_EXPLAINED:
         return []
     k = fit.names.index("p")
     damping, error = float(fit.estimates[k]), float(fit.standard_errors[k])
     ratio = vehicle.reference.span**2 / vehicle.reference.area
     expected = -helmbold(ratio) / 8.0
-    low, high = DAMPING[0] * expected + 3.0 * error, DAMPING[1] * expected - 3.0 * error
+    low, high = RATIOS[0] * expected + ERRORS * error, RATIOS[1] * expected - ERRORS * error
     if fit.vif[k] > INFLATION or high <= damping <= low:
         return []
     words = (
@@ -148,7 +134,7 @@ def _claims(axis: EquationError, fit: Regression, own: Mapping[str, Control]) ->
                 " its unit (degrees, radians), an inertia or a length is another"
             )
             listed.append(Suspicion(name, "unit", words, evidence))
-        elif abs(effect) + ERRORS * error < least and moved > MOVED and control.alone:
+        elif abs(effect) + ERRORS * error < least and moved > SWING and control.alone:
             words = (
                 f"{told} about the {axis.role} axis, and no surface gives less than {least:g}: its"
                 " unit is another, it is disconnected, or it is another surface's channel"
@@ -171,10 +157,10 @@ def _standing(
     rate = axis.thinned(flight[_RATE[axis.role]])[where]
     if not still or len(still) < len(own) or not recorded:
         return []
-    if float(np.std(rate)) < TURNING:
+    if float(np.std(rate)) < SWING:
         return []
     evidence = {"explained": fit.r_squared}
-    if fit.r_squared > UNEXPLAINED:
+    if fit.r_squared > WELL_EXPLAINED:
         words = (
             f"{still[0]} never changes while other surfaces do and the aircraft turns about the"
             f" {axis.role} axis: it stood still or was not recorded, and the flight does not tell"
@@ -193,11 +179,11 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
     """Return a delay between a surface and its motion that makes the fit much likelier."""
     if not control.signed or not set(MOTION[axis.role]) <= axis.motion.keys():
         return None
-    reach = int(LARGEST / axis.step)
+    reach = int(LARGEST_DELAY / axis.step)
     every = max(1, round(0.02 / axis.step))
     inner = axis.where.copy()
     inner[:reach], inner[len(inner) - reach :] = False, False
-    if inner.sum() < 100:
+    if inner.sum() < FEWEST:
         return None
     view = replace(axis, where=inner)
     lags = range(-(reach // every) * every, reach + 1, every)

@@ -10,74 +10,48 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
-from aerodb.suspicions.derivatives import INFLATION, AxisShares, Share, axis_shares, whole_surface
+from aerodb.suspicions.derivatives import AxisShares, Share, axis_shares, whole_surface
+from aerodb.suspicions.evidence import (
+    ERRORS,
+    EXPLAINED,
+    FEWEST,
+    INFLATION,
+    LATE,
+    LIFTS,
+    LIKELIER,
+    RATIOS,
+    SCATTER,
+    WELL_EXPLAINED,
+)
 from aerodb.suspicions.exchanged import exchanged_suspicions
-from aerodb.suspicions.loads import cg_beside, force_ratio, mass_beside, thrust_beside
+from aerodb.suspicions.loads import (
+    FEWEST_MOMENTS,
+    cg_beside,
+    force_ratio,
+    mass_beside,
+    thrust_beside,
+)
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
-#: Standard errors of a claim about a sign.
-SIGN_ERRORS = 4.0
-#: Standard errors of a claim about a size.
-SIZE_ERRORS = 4.0
-#: Least share of the motion that the fit explains, for any claim about a control.
-EXPLAINED = 0.15
-#: Least share of the motion to be explained for a claim that a control does nothing.
-IDLE_EXPLAINED = 0.5
-#: Least part of an axis that a control must cause for a claim about its sign.
-CAUSED = 0.05
-#: The same for a claim about its size.
-CAUSED_BY_SIZE = 0.2
 #: Ratio of a control's effect to the database's below which its unit is another.
 LEAST = 0.1
-#: The same above which its unit is another.
+#: The same above which its unit is another; below minus `LEAST` its sign is reversed.
 LARGEST = 5.0
-#: The same below which its sign is reversed.
-REVERSED = -0.15
-#: Largest delay searched for [s].
-SEARCHED = 0.6
-#: Least delay named [s].
-LATE = 0.15
-#: Least part of the axis that the control causes, for a delay to be named.
-DELAYED = 0.2
-#: Least ratio of likelihoods, as a logarithm.
-LIKELIER = 8.0
 #: How much a ratio may differ from one (one sigma of a normal distribution).
 USUAL = 0.35
-#: Least of the motion to be explained where a control stands still.
-STILL = 0.75
-#: Factor by which the levels of the lift may differ.
-LEVEL = 1.6
-#: Lift coefficient by which the levels of the lift may differ beside that factor.
+#: Lift coefficient by which the levels may differ beside that.
 BESIDE = 0.15
-#: Ratios of the lift's slope.
-SLOPES = (0.5, 2.0)
-#: Share that must be explained for a claim about it.
-SLOPE_EXPLAINED = 0.8
-#: Ratios of the damping in roll.
-DAMPING = (0.3, 3.0)
-#: Share that must be explained for a claim about it.
-DAMPED = 0.8
-#: Least derivatives of the factor that moments share.
-FEWEST = 4
-#: Least such factor.
-FACTOR = 1.25
-#: Largest scatter of derivatives about it (median deviation of logarithms over the factor's).
-SCATTER = 0.5
-#: Largest part of them that is elsewhere.
-ELSEWHERE = 0.25
-#: Difference of logarithms from their median from which a derivative is elsewhere.
-FAR = 0.3
-#: Relative error up to which a derivative counts.
-KNOWN = 0.15
-#: Weight from which a derivative counts.
-WEIGHTY = 0.1
+#: Least part of an axis, as the database has it, that a variable makes for a claim about it.
+CAUSED = 0.05
+#: Least factor that all moments share.
+SHARED = 1.25
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
 AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}
@@ -130,7 +104,7 @@ def _lift(
     if axis not in measured:
         return []
     good = usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
-    if good.sum() < 100 or not np.any(predicted.get("CZ", predicted[axis])[good]):
+    if good.sum() < FEWEST or not np.any(predicted.get("CZ", predicted[axis])[good]):
         return []  # a database without lift contradicts none
     cause = (
         ": mass, area, density, airspeed or the angle of attack is wrong, or the log is another"
@@ -138,7 +112,7 @@ def _lift(
     )
     here, there = (abs(float(np.median(values[axis][good]))) for values in (measured, predicted))
     evidence = {"measured": here, "predicted": there}
-    if not there / LEVEL - BESIDE <= here <= LEVEL * there + BESIDE:
+    if not LIFTS[0] * there - BESIDE <= here <= LIFTS[1] * there + BESIDE:
         words = (
             f"the lift coefficient is {here:.3g} in the median of the flight, and the database has"
             f" {there:.3g} for the same angles and deflections{cause}"
@@ -147,8 +121,8 @@ def _lift(
     ratio = force_ratio(measured[axis], predicted[axis], good, flight.step)
     if ratio is None:
         return []
-    low, high = SLOPES[0] - 3.0 * ratio.error, SLOPES[1] + 3.0 * ratio.error
-    if not ratio.explained > SLOPE_EXPLAINED or low <= ratio.value <= high:
+    low, high = LIFTS[0] - ERRORS * ratio.error, LIFTS[1] + ERRORS * ratio.error
+    if not ratio.explained > WELL_EXPLAINED or low <= ratio.value <= high:
         return []
     words = (
         f"the lift changes by {ratio.value:.3g} +- {ratio.error:.2g} times what the database has"
@@ -167,7 +141,7 @@ def _sizes(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
             share = axes[axis].share(fits[axis], name)
             size = max(1.0, abs(share.ratio))
             told = share.vif <= INFLATION and size * share.weight > CAUSED
-            least = IDLE_EXPLAINED if abs(share.ratio) < LEAST else EXPLAINED
+            least = WELL_EXPLAINED if abs(share.ratio) < LEAST else EXPLAINED
             if told and fits[axis].r_squared > least:
                 known = share.error / size
                 best[name] = min(best.get(name, (np.inf, share)), (known, share), key=_first)
@@ -185,12 +159,12 @@ def _size(share: Share) -> list[Suspicion]:
         " database has for it"
     )
     evidence = {"ratio": ratio, "standard_error": error, "weight": weight}
-    reversed_ = ratio < REVERSED and ratio + SIGN_ERRORS * error < 0.0
+    reversed_ = ratio < -LEAST and ratio + ERRORS * error < 0.0
     if reversed_ and abs(ratio) * weight > CAUSED:
         kind, words = "sign", f"{told}: its sign is flipped, or it is another surface's channel"
-    elif ratio - SIZE_ERRORS * error > LARGEST and ratio * weight > CAUSED_BY_SIZE:
+    elif ratio - ERRORS * error > LARGEST and ratio * weight > CAUSED:
         kind, words = "unit", f"{told}: its unit is another (radians taken for degrees)"
-    elif abs(ratio) + SIZE_ERRORS * error < LEAST and weight > CAUSED_BY_SIZE:
+    elif abs(ratio) + ERRORS * error < LEAST and weight > CAUSED:
         kind = "unit"
         words = f"{told}: its unit is another, or it is another surface's channel"
     else:
@@ -203,7 +177,7 @@ def _delays(axes: Mapping[str, AxisShares]) -> list[Suspicion]:
     found: dict[str, Suspicion] = {}
     for axis in (axis for axis in MOMENT_AXES if axis in axes):
         for name in filter(is_surface, axes[axis].parts):
-            if name in found or axes[axis].weight(name) < DELAYED:
+            if name in found or axes[axis].weight(name) < CAUSED:
                 continue
             if (late := _delay(axes[axis], name)) is not None:
                 found[name] = late
@@ -213,9 +187,9 @@ def _delays(axes: Mapping[str, AxisShares]) -> list[Suspicion]:
 def _delay(axis: AxisShares, name: str) -> Suspicion | None:
     """Return a delay that makes the flight much likelier, by the motion that it explains and by the
     effect of the control being the database's."""
-    reach, every = int(SEARCHED / axis.step), max(1, round(0.02 / axis.step))
+    reach, every = int(LARGEST_DELAY / axis.step), max(1, round(0.02 / axis.step))
     view = axis.inside(reach)
-    if view.where.sum() < 100:
+    if view.where.sum() < FEWEST:
         return None
     lags = range(-(reach // every) * every, reach + 1, every)
     lag = view.likeliest_lag(name, lags)
@@ -234,8 +208,8 @@ def _delay(axis: AxisShares, name: str) -> Suspicion | None:
         likelier < LIKELIER
         or fit.r_squared < EXPLAINED
         or share.vif > INFLATION
-        or share.ratio < max(SIGN_ERRORS * share.error, DAMPING[0])
-        or share.ratio > DAMPING[1]
+        or share.ratio < max(ERRORS * share.error, RATIOS[0])
+        or share.ratio > RATIOS[1]
     ):
         return None
     how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
@@ -259,7 +233,12 @@ def _standing(
             continue
         own = [n for n in axes[axis].slopes if is_surface(n) and role_of(n) == role]
         explained, agreement = fits[axis].r_squared, axes[axis].agreement()
-        if not own or any(travel[n] > 0.0 for n in own) or explained > STILL or agreement > 0.0:
+        if (
+            not own
+            or any(travel[n] > 0.0 for n in own)
+            or explained > WELL_EXPLAINED
+            or agreement > 0.0
+        ):
             continue
         name = whole_surface(own[0], flight)
         words = (
@@ -280,8 +259,8 @@ def _known(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
         if axis in axes
         for name in axes[axis].parts
         if (share := axes[axis].share(fits[axis], name)).ratio > 0.0
-        and share.error < KNOWN * share.ratio
-        and share.weight > WEIGHTY
+        and ERRORS * share.error < share.ratio
+        and share.weight > CAUSED
         and share.vif < INFLATION
     ]
 
@@ -291,16 +270,12 @@ def _shared_factor(
 ) -> list[Suspicion]:
     """Return a factor by which all moments differ from the database's."""
     told = _known(axes, fits)
-    if len(told) < FEWEST or len({share.axis for share in told}) < 2:
+    if len(told) < FEWEST_MOMENTS or len({share.axis for share in told}) < 2:
         return []
     ratios = np.log([share.ratio for share in told])
     middle = float(np.median(ratios))
     away = np.abs(ratios - middle)
-    if (
-        abs(middle) < np.log(FACTOR)
-        or float(np.median(away)) > SCATTER * abs(middle)
-        or float(np.mean(away > FAR)) > ELSEWHERE
-    ):
+    if abs(middle) < np.log(SHARED) or float(np.median(away)) > SCATTER * abs(middle):
         return []
     factor = float(np.exp(middle))
     unit = ""
@@ -319,11 +294,11 @@ def _shared_factor(
 
 def _damping(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
     """Return a damping in roll far from the database's."""
-    if "Cl" not in axes or "p" not in axes["Cl"].parts or fits["Cl"].r_squared < DAMPED:
+    if "Cl" not in axes or "p" not in axes["Cl"].parts or fits["Cl"].r_squared < WELL_EXPLAINED:
         return []
     share = axes["Cl"].share(fits["Cl"], "p")
-    low, high = DAMPING[0] - SIZE_ERRORS * share.error, DAMPING[1] + SIZE_ERRORS * share.error
-    if share.vif > INFLATION or share.weight < CAUSED_BY_SIZE or low <= share.ratio <= high:
+    low, high = RATIOS[0] - ERRORS * share.error, RATIOS[1] + ERRORS * share.error
+    if share.vif > INFLATION or share.weight < CAUSED or low <= share.ratio <= high:
         return []
     words = (
         f"the damping in roll is {share.ratio:.3g} +- {share.error:.2g} times the database's: Ixx,"

@@ -11,27 +11,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aerodb.conditioning import SAMPLES_PER_PERIOD, SETTLED
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import band_passed
 from aerodb.support import Array
-from aerodb.suspicions.equation_error import FASTEST, SAMPLES, SLOWEST, averaged
+from aerodb.suspicions.equation_error import FASTEST, SLOWEST, averaged
+from aerodb.suspicions.evidence import FEWEST
 from aerodb.suspicions.in_flight import HUGE, flying
 from aerodb.tables import AeroDatabase, slopes_by
 
 #: Axes that are looked at: the axial force is the thrust's as much as the air's.
 AXES = ("CY", "CZ", "Cl", "Cm", "Cn")
-#: Largest variance inflation of a derivative for any claim about it.
-INFLATION = 30.0
 #: Samples at which slopes of the database are taken.
 _POINTS = 300
-#: Fewest samples of a flight to be looked at.
-_FEWEST = 100
-#: Least duration of a flight to be looked at [s].
-_SHORTEST = 5.0
-#: Largest value of a coefficient.
-_MOST = 1e3
 #: Least share of an axis' predicted variation for a motion to be a regressor.
 _SMALL = 0.02
 _MOTION = ("alpha", "beta", "p", "q", "r")
@@ -152,12 +146,12 @@ def axis_shares(
     """
     high = min(bandwidth or FASTEST, FASTEST, 0.4 / flight.step)
     where = flying(flight, [n for n in ("V", "qbar") if n in flight])
-    if "qbar" not in flight or where.sum() * flight.step < _SHORTEST or high < 0.5:
+    if "qbar" not in flight or where.sum() * flight.step < SETTLED or high < 0.5:
         return {}
     names = [name for name in database.inputs if name in flight]
     slopes = _slopes(flight, database, where & flight.usable(names))
     middle = max(float(np.median(flight["qbar"][where])), 1e-9)
-    every = max(1, int(1.0 / (SAMPLES * high * flight.step)))
+    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * high * flight.step)))
     found = {}
     for axis in AXES:
         angle = _ANGLE[axis]
@@ -166,8 +160,8 @@ def axis_shares(
         if not np.ptp(flight[angle][where]) > 0.0:
             continue
         good = where & usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
-        good &= (np.abs(measured[axis]) < _MOST) & (flight["qbar"] > 0.0)
-        if good.sum() < _FEWEST:
+        good &= (np.abs(measured[axis]) < HUGE) & (flight["qbar"] > 0.0)
+        if good.sum() < FEWEST:
             continue
         banded = _Banded(good, flight["qbar"] / middle, flight.step, every, high)
         found[axis] = _axis(axis, flight, slopes[axis], banded, measured[axis], predicted[axis])
@@ -227,7 +221,7 @@ def _slopes(
 ) -> dict[str, dict[str, float]]:
     """Axis -> variable -> mean slope over samples spread over the flight."""
     rows = np.flatnonzero(good)
-    if len(rows) < _FEWEST:
+    if len(rows) < FEWEST:
         return {}
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _POINTS)).astype(int)]
     sampled = {name: flight[name][rows] for name in flight.channels}

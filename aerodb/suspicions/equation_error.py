@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 
+from aerodb.conditioning import SAMPLES_PER_PERIOD, SETTLED
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, smooth
 from aerodb.support import Array
+from aerodb.suspicions.evidence import FEWEST, STILL
 from aerodb.suspicions.in_flight import HUGE, flying, known_masses
 from aerodb.suspicions.surfaces import Control, along
 from aerodb.vehicle import Vehicle
@@ -19,12 +21,6 @@ from aerodb.vehicle import Vehicle
 SLOWEST = 0.05
 #: Upper edge of the band, where the vehicle file states no bandwidth [Hz].
 FASTEST = 3.0
-#: Samples kept per period of the fastest motion.
-SAMPLES = 8.0
-#: Least motion of any surface to be a regressor [rad, rms in the band]: less is noise.
-LEAST = 1e-5
-#: The same of a surface without a role, which only matters where it moves much.
-LEAST_OTHER = 3e-3
 #: Motion that the moment about each axis depends on.
 MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "p", "r")}
 
@@ -97,9 +93,9 @@ def equation_errors(
     where = flying(flight, needed) & (flight["qbar"] > 0.0)
     step, high = flight.step, min(vehicle.processing.bandwidth or FASTEST, FASTEST)
     high = min(high, 0.4 / step)
-    if where.sum() < 100 or where.sum() * step < 5.0 or high < 0.5:
+    if where.sum() < FEWEST or where.sum() * step < SETTLED or high < 0.5:
         return {}
-    every = max(1, int(1.0 / (SAMPLES * high * step)))
+    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * high * step)))
     raw = {name: np.where(where, along(flight, each), np.nan) for name, each in controls.items()}
     raw = {name: averaged(v, every) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
     load = None if "alpha" in flight else _load(flight, where)
@@ -138,7 +134,7 @@ def equation_errors(
     deflected = {
         name: values
         for name, values in deflected.items()
-        if float(np.std(values[where])) > (LEAST if controls[name].role else LEAST_OTHER)
+        if float(np.std(values[where])) > (0.0 if controls[name].role else STILL)
     }
     found = {}
     for role, motion in MOTION.items():

@@ -17,13 +17,8 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.suspicions.derivatives import AxisShares, whole_surface
+from aerodb.suspicions.evidence import LIKELIER, RATIOS
 from aerodb.suspicions.surfaces import role_of
-
-#: Least ratio of likelihoods of both axes, as a logarithm.
-LIKELIER = 8.0
-#: Ratios of the controls' effect to the database's once they are exchanged, on the axis that tells
-#: more.
-RATIOS = (0.3, 3.0)
 
 
 def exchanged_suspicions(axes: Mapping[str, AxisShares], flight: Flight) -> list[Suspicion]:

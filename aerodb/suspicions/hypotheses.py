@@ -13,32 +13,23 @@ import numpy as np
 from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
-from aerodb.conditioning import KINEMATICS, OPTIONAL
+from aerodb.conditioning import BAND, KINEMATICS, OPTIONAL
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import Array
+from aerodb.suspicions.evidence import STILL, WELL_EXPLAINED
 
 Channels = Mapping[str, Array]
 
-#: Frequency band of manoeuvres [Hz].
-BAND = (0.05, 1.0)
 #: Longest stretch examined, the one with most motion [s].
 LONGEST = 600.0
 #: Agreement at most before the correction of a fault.
 DISAGREES = 0.3
-#: Agreement at least after the correction of a fault.
-AGREES = 0.85
-#: Agreement from which a channel counts as right before the correction.
-HELD = 0.5
-#: Agreement of such a channel that the correction may cost.
-MAY_LOSE = 0.2
-#: Faults whose total agreement differs by less than this cannot be distinguished.
+#: Faults whose total agreement differs by less than this cannot be distinguished; radians declared
+#: as degrees, which are rarer than the reverse, cost as much.
 ALIKE = 0.35
-#: Agreement that radians declared as degrees cost: they are rarer than the reverse.
-RARE = 0.3
-#: Least motion (rms in the band; angles rad, V m/s, altitude m) for a comparison.
+#: Least motion (rms in the band; V m/s, altitude m; angles: `STILL`) for a comparison.
 LEAST_MOTION: Final = {"V": 0.5, "altitude": 1.0}
-LEAST_ANGLE = 2e-3
 DEGREE = np.pi / 180
 
 #: Channels that can be compared with their kinematics, and the channels that each comparison uses.
@@ -99,7 +90,7 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
             continue
         ours, theirs = _passed(channels[name], step), _passed(path, step)
         size = float(ours @ ours + theirs @ theirs)
-        moving = float(np.sqrt(size / len(ours))) > LEAST_MOTION.get(name, LEAST_ANGLE)
+        moving = float(np.sqrt(size / len(ours))) > LEAST_MOTION.get(name, STILL)
         if np.isfinite(size) and moving:
             agreements[name] = 2.0 * float(ours @ theirs) / size
     return agreements
@@ -126,14 +117,10 @@ def explain(channels: Channels, step: float) -> FaultExplanation | None:
         mended = [
             name
             for name in bad
-            if after.get(name, -1.0) > AGREES and after[name] - before[name] > 0.5
+            if after.get(name, -1.0) > WELL_EXPLAINED and after[name] - before[name] > 0.5
         ]
-        lost = max(
-            (value - after.get(name, value) for name, value in before.items() if value > HELD),
-            default=0.0,
-        )
-        if mended and lost < MAY_LOSE:
-            total = sum(after.get(name, 0.0) for name in before) - RARE * (fault.kind == "radians")
+        if mended:
+            total = sum(after.get(name, 0.0) for name in before) - ALIKE * (fault.kind == "radians")
             tried.append((total, max(after[name] for name in mended), fault))
     if not tried:
         return None

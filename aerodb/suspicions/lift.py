@@ -6,11 +6,12 @@ aircraft's log, gives a lift coefficient or a slope that no wing has.
 
 import numpy as np
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import BAND, Suspicion
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import low_passed
+from aerodb.suspicions.evidence import ERRORS, FEWEST, LIFTS, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying, known_masses
 from aerodb.vehicle import Vehicle
 
@@ -18,21 +19,12 @@ from aerodb.vehicle import Vehicle
 LEAST = 0.02
 #: Largest such coefficient: more is no wing.
 MOST = 3.0
-#: Measured slope over that of a wing of this aspect ratio A: sweep and poor sections take away;
-#: tail, body (`BODY` / A beyond) and compressibility add.
-SLOPES = (0.55, 1.6)
-#: What the body adds to the upper ratio, times A.
+#: What the body adds to the upper ratio of the slope, times the aspect ratio.
 BODY = 1.0
-#: Least standard deviation of the angle of attack for the slope to be judged [rad].
-SWING = 0.006
-#: Least share of the normal force that it must explain for the same.
-EXPLAINED = 0.8
 #: Angle of attack above which a wing may be stalled [rad].
 STALL = 0.17
 #: Mach number above which a slope is not that of slow flow.
 FASTEST = 0.7
-#: Band of what is compared [Hz].
-BAND = 2.0
 
 
 def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
@@ -50,7 +42,7 @@ def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
         return ()
     needed = [*names, "qbar", *(["alpha"] if "alpha" in flight else [])]
     where = flying(flight, needed) & np.isfinite(known["mass"]) & (flight["qbar"] > 0.0)
-    if int(where.sum()) < 100:
+    if int(where.sum()) < FEWEST:
         return ()
     size = vehicle.reference
     force = flight["qbar"][where] * size.area
@@ -75,9 +67,9 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
     where &= np.isfinite(mass) & (np.abs(flight["alpha"]) < STALL)
     if "mach" in flight:
         where &= ~(flight["mach"] > FASTEST)
-    if int(where.sum()) < 100:
+    if int(where.sum()) < FEWEST:
         return ()
-    band = min(BAND, 0.4 / flight.step)
+    band = min(BAND[1], 0.4 / flight.step)
     try:
         alpha = low_passed(np.where(where, flight["alpha"], np.nan), flight.step, band)[where]
         raw = -mass * flight[name] / (np.where(where, flight["qbar"], np.nan) * size.area)
@@ -86,13 +78,13 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
     except (ValueError, InputError):
         return ()
     slope, error = float(fit.estimates[0]), float(fit.standard_errors[0])
-    if float(np.std(alpha)) < SWING or fit.r_squared < EXPLAINED:
+    if float(np.std(alpha)) < SWING or fit.r_squared < WELL_EXPLAINED:
         return ()
     ratio = size.span**2 / size.area
     expected = helmbold(ratio)
     low, high = (
-        SLOPES[0] * expected - 3.0 * error,
-        (SLOPES[1] + BODY / ratio) * expected + 3.0 * error,
+        LIFTS[0] * expected - ERRORS * error,
+        (LIFTS[1] + BODY / ratio) * expected + ERRORS * error,
     )
     if low <= slope <= high:
         return ()

@@ -12,38 +12,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import BAND, Suspicion
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import Array
-from aerodb.suspicions.derivatives import INFLATION, AxisShares, Share
+from aerodb.suspicions.derivatives import AxisShares, Share
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
+from aerodb.suspicions.evidence import ERRORS, FEWEST, INFLATION, SCATTER, WELL_EXPLAINED
 from aerodb.tables import ReferenceGeometry
 from aerodb.vehicle import Vehicle
 
 #: Kind of suspicion that aerodynamics may explain as well: said, but no fault of the flight.
 POSSIBLE = "possible"
-#: Band in which forces are compared [Hz].
-BAND = 2.0
-#: Fewest samples.
-FEWEST = 100
-#: What the database must explain of each change, for the factor that forces share.
-EXPLAINED = 0.8
-#: Least such factor.
+#: Least factor that all forces share.
 FACTOR = 1.1
-#: Largest scatter of its three ratios, and largest share of it in the moments (logarithms over the
-#: factor's).
-SCATTER = 0.5
-#: Fewest moment derivatives.
-MOMENTS = 2
+#: Fewest moment derivatives that a factor is compared with, or shared by.
+FEWEST_MOMENTS = 4
 #: Least shift of the CG, in chords.
 SHIFT = 0.05
-#: Least standard errors of it.
-ERRORS = 4.0
-#: How much its values from pitching and yawing moment may differ, as a share of their mean.
-APART = 0.5
 #: Largest share of the database's drag that is too little: tunnels without trim, roughness and
 #: cooling measure less drag than flight does, seldom more.
 LITTLE = 0.5
@@ -68,11 +56,11 @@ class Ratio:
 def force_ratio(
     measured: Array, predicted: Array, good: NDArray[np.bool_], step: float
 ) -> Ratio | None:
-    """Return the slope of a measured over a predicted coefficient, (n,) each, up to `BAND`; None
-    where the samples `good`, `step` s apart, do not give one."""
+    """Return the slope of a measured over a predicted coefficient, (n,) each, below the upper
+    edge of the band; None where the samples `good`, `step` s apart, do not give one."""
     if int(good.sum()) < FEWEST:
         return None
-    band = min(BAND, 0.4 / step)
+    band = min(BAND[1], 0.4 / step)
     try:
         x, y = (
             low_passed(np.where(good, values, np.nan), step, band)[good]
@@ -152,7 +140,7 @@ def mass_beside(
     measured, predicted : coefficient -> (n,). step : between samples [s]. Source:
     `docs/method/consistency.md`, section "Against the database".
     """
-    if not {"CY", "CZ"} <= measured.keys() or len(moments) < MOMENTS:
+    if not {"CY", "CZ"} <= measured.keys() or len(moments) < FEWEST_MOMENTS:
         return []
     good = {
         axis: usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
@@ -162,7 +150,7 @@ def mass_beside(
     if here * there <= 0.0 or abs(np.log(here / there)) < (1.0 - SCATTER) * np.log(FACTOR):
         return []
     told = [force_ratio(measured[axis], predicted[axis], good[axis], step) for axis in good]
-    clear = [each for each in told if each and each.explained > EXPLAINED and each.value > 0.0]
+    clear = [each for each in told if each and each.explained > WELL_EXPLAINED and each.value > 0.0]
     if len(clear) < len(good):
         return []
     side, normal = clear
@@ -172,7 +160,7 @@ def mass_beside(
     shared = float(np.median(np.log([each.ratio for each in moments])))
     if (
         abs(middle) < np.log(FACTOR)
-        or np.any(np.abs(ratios - middle) > SCATTER * abs(middle) + 2.0 * errors)
+        or np.any(np.abs(ratios - middle) > SCATTER * abs(middle) + ERRORS * errors)
         or shared / middle > SCATTER
     ):
         return []
@@ -208,7 +196,7 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
         min(abs(here), abs(there)) < SHIFT * reference.chord
         or abs(here) < ERRORS * error
         or abs(there) < ERRORS * other
-        or abs(here - there) > APART * abs(shift) + 2.0 * float(np.hypot(error, other))
+        or abs(here - there) > SCATTER * abs(shift) + ERRORS * float(np.hypot(error, other))
     ):
         return []
     words = (

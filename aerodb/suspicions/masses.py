@@ -29,8 +29,6 @@ AREA = (0.4, 1.5)
 APART = 2.0
 #: Largest distance of the centre of gravity from the moment reference, in chords.
 CHORDS = 1.0
-#: The same in half spans.
-HALF_SPANS = 0.2
 
 
 def mass_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
@@ -140,9 +138,9 @@ def _centre(at: Mapping[str, float], vehicle: Vehicle) -> list[Suspicion]:
     size, reference = vehicle.reference, vehicle.points.moment_reference
     if reference == "cg":
         return []
-    limits = (CHORDS * size.chord, HALF_SPANS * 0.5 * size.span, CHORDS * size.chord)
+    limit = CHORDS * size.chord
     listed = []
-    for name, place, limit in zip(("cg_x", "cg_y", "cg_z"), reference, limits, strict=True):
+    for name, place in zip(("cg_x", "cg_y", "cg_z"), reference, strict=True):
         if name not in at or not abs(at[name] - place) > limit:
             continue
         sign = abs(-at[name] - place) <= limit

@@ -12,36 +12,31 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import KINEMATICS, Suspicion, airspeed_rate, stuck, with_accelerations
+from aerodb.conditioning import (
+    BAND,
+    KINEMATICS,
+    RAREST,
+    SAMPLES_PER_PERIOD,
+    Suspicion,
+    airspeed_rate,
+    stuck,
+    with_accelerations,
+)
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
 from aerodb.support import Array
+from aerodb.suspicions.drag import ACCELERATION
+from aerodb.suspicions.evidence import LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
 from aerodb.suspicions.hypotheses import explain
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
 _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
-#: Least motion of two other sensors for a sensor to be called stuck [rad, rad/s].
-LEAST_MOTION = 2e-3
-#: Least share of a record with one constant value for a sensor to be called stuck.
-LEAST_SHARE = 0.02
-#: Least correlation taken as significant.
-STRONG = 0.7
-#: Least standard deviation of a flow angle for such a correlation [rad].
-LEAST_SWING = 0.005
-#: Least missing force per mass [m/s^2].
-LEAST_FORCE = 0.4
-#: Least standard deviation [rad] of the bank angle for which the aircraft must turn.
-LEAST_BANK = 0.1
 #: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
 #: no load factor but an acceleration without gravity.
 LOAD_SPREAD = 0.7
-#: Least sampling rate [Hz] for the comparison with kinematics, which is done below 1 Hz.
-RATE = 10.0
-#: Largest plausible alpha, beta or theta [rad].
-LARGEST_ANGLE = np.pi / 2 + 0.1
 #: Largest plausible distance of a centre of gravity from its datum [m], which may lie ahead of the
 #: longest aircraft (84 m).
 FARTHEST = 100.0
@@ -88,7 +83,7 @@ def suspicions(
     vertical, channels = _weight(channels)
     listed += vertical
     if len(flight.time) >= 32 and channels:
-        thin, step = decimated(channels, flight.step, RATE)
+        thin, step = decimated(channels, flight.step, SAMPLES_PER_PERIOD * BAND[1])
         listed += _kinematic(thin, step) or _aerodynamic(thin, step)
     return tuple(listed)
 
@@ -132,7 +127,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
     """Return sensors that never change, or hold one value for long, while two others move."""
     present = {name: flight[name][flight.usable([name])] for name in _SENSORS if name in flight}
     present = {name: values for name, values in present.items() if len(values) > 1}
-    moving = [name for name, values in present.items() if float(np.std(values)) > LEAST_MOTION]
+    moving = [name for name, values in present.items() if float(np.std(values)) > STILL]
     suspicions = []
     for name, values in present.items():
         others = [other for other in moving if other != name]
@@ -145,7 +140,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
                 if float(np.std(flight[other][held])) > 0.3 * float(np.std(present[other]))
             ]
         share = 1.0 if constant else float(np.mean(held))
-        if share > LEAST_SHARE and len(others) >= 2:
+        if share > RAREST and len(others) >= 2:
             since = float(flight.time[np.argmax(held)]) if held.any() else float(flight.time[0])
             what = "never changes" if constant else f"does not change from {since:.6g} s on"
             words = (
@@ -284,7 +279,7 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
     flying = channels["V"] > 0.5 * np.max(channels["V"])
     if {"ay", "beta"} <= channels.keys():
         together = _correlation(channels["ay"], channels["beta"], flying)
-        if together > STRONG and float(np.std(channels["beta"][flying])) > LEAST_SWING:
+        if together > WELL_EXPLAINED and float(np.std(channels["beta"][flying])) > SWING:
             words = (
                 "ay grows with beta, but side force opposes sideslip: the sign of ay is flipped (or"
                 " that of beta)"
@@ -293,13 +288,13 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
     if {"az", "alpha"} <= channels.keys():
         lift = -channels["az"] / np.maximum(channels["V"], 1.0) ** 2
         together = _correlation(lift, channels["alpha"], flying)
-        if together < -STRONG and float(np.std(channels["alpha"][flying])) > LEAST_SWING:
+        if together < -WELL_EXPLAINED and float(np.std(channels["alpha"][flying])) > SWING:
             words = "lift falls as alpha rises over the record: the sign of alpha is flipped"
             suspicions.append(Suspicion("alpha", "sign", words, {"correlation": together}))
     if {"r", "phi"} <= channels.keys():
         slow = 0.1 if 0.4 / step > 0.1 else 0.4 / step
         together = _correlation(low_passed(channels["r"], step, slow), channels["phi"], flying)
-        if together < -STRONG and float(np.std(channels["phi"][flying])) > LEAST_BANK:
+        if together < -WELL_EXPLAINED and float(np.std(channels["phi"][flying])) > SWING:
             words = (
                 "the aircraft yaws away from the side to which it banks: the sign of r is flipped"
                 " (or those of p and phi)"
@@ -322,7 +317,7 @@ def _forward(
         )
     )
     missing = expected - gained
-    if abs(missing) > LEAST_FORCE and abs(missing - turned) < 0.25 * abs(missing):
+    if abs(missing) > 2.0 * ACCELERATION and abs(missing - turned) < 0.25 * abs(missing):
         words = (
             f"ax and gravity give {expected:.2f} m/s^2 on average, but V changes by {gained:.2f}"
             " m/s^2: the sign of ax is flipped"

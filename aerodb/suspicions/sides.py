@@ -3,8 +3,8 @@
 An aircraft is its own mirror image: right and left elevon pitch it alike, and roll it by the same
 amount in opposite directions. Where the sides move both alike and in opposite directions, each has
 an effect of its own in the regression of `equation_error`. Sides whose effects differ by more than
-a factor of two are no pair. Sides that move in opposite directions only, such as ailerons, are not
-told apart: what is left of their difference is rigging.
+a factor of three are no pair. Sides that move in opposite directions only, such as ailerons, are
+not told apart: what is left of their difference is rigging.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,21 +15,9 @@ from aerodb.conditioning import Suspicion
 from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.suspicions.equation_error import EquationError, equation_errors
+from aerodb.suspicions.evidence import CAUSED, ERRORS, EXPLAINED, INFLATION, RATIOS, SWING
 from aerodb.suspicions.surfaces import Control
 from aerodb.vehicle import Vehicle
-
-#: Least effect of a side over that of the other.
-ALIKE = 0.5
-#: Least standard errors for a claim.
-ERRORS = 4.0
-#: Least share of the motion explained for a claim.
-EXPLAINED = 0.3
-#: Least share of it that the stronger side causes for a claim.
-CAUSED = 0.2
-#: Largest variance inflation for a claim.
-INFLATION = 10.0
-#: Least motion [rad, rms] of a side for the other to be missed if it never changes.
-MOVED = 0.01
 
 
 def side_suspicions(
@@ -80,7 +68,7 @@ def _standing(flight: Flight, right: str, left: str) -> Suspicion | None:
     """Return a side that never changes while the other moves; a spoiler rises alone."""
     for still, other in ((right, left), (left, right)):
         moved = float(np.nanstd(flight[other]))
-        if "spoiler" not in still and not np.ptp(flight[still]) > 0.0 and moved > MOVED:
+        if "spoiler" not in still and not np.ptp(flight[still]) > 0.0 and moved > SWING:
             words = (
                 f"{still} never changes while {other}, its mirror image, does: it was not recorded"
             )
@@ -108,12 +96,12 @@ def _unlike(axis: EquationError, right: str, left: str, mirror: float) -> Suspic
     strong, weak = sorted(effects, key=lambda name: -abs(effects[name][0]))
     (large, error), (small, other) = effects[strong], effects[weak]
     small *= mirror * float(np.sign(large))
-    missing = ALIKE * abs(large) - small
+    missing = RATIOS[0] * abs(large) - small
     moved = float(np.std(axis.controls[strong][axis.where]))
     caused = abs(large) * moved / max(float(np.std(axis.moment[axis.where])), 1e-300)
     if (
         max(fit.vif[fit.names.index(name)] for name in effects) > INFLATION
-        or missing < ERRORS * float(np.hypot(ALIKE * error, other))
+        or missing < ERRORS * float(np.hypot(RATIOS[0] * error, other))
         or caused < CAUSED
     ):
         return None

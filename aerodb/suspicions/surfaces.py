@@ -10,13 +10,12 @@ from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
-from aerodb.suspicions.in_flight import FEWEST, flying
+from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE
+from aerodb.suspicions.in_flight import flying
 from aerodb.vehicle import Surface, Vehicle
 
 #: Deflection beyond the limits, as a share of the travel, that no rigging explains.
 BEYOND = 0.5
-#: Largest deflection of a surface whose limits are not known [rad].
-LARGEST = 1.6
 #: Least share of a flight at the limits that no flight has: commands beyond them are clipped.
 CLIPPED = 0.4
 _ROLES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}
@@ -108,7 +107,7 @@ def _at_its_limits(name: str, values: Array, surface: Surface | None) -> list[Su
 
 def _bounds(surface: Surface | None) -> tuple[float, float]:
     if surface is None:
-        return -LARGEST, LARGEST
+        return -LARGEST_ANGLE, LARGEST_ANGLE
     low, high = surface.limits
     margin = BEYOND * (high - low)
     return low - margin, high + margin

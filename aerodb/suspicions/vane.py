@@ -9,31 +9,23 @@ explained, and the vane changes less than the motion. Of that nothing is said.
 
 import numpy as np
 
-from aerodb.conditioning import Suspicion, alpha_rate, with_accelerations
+from aerodb.conditioning import (
+    BAND,
+    SAMPLES_PER_PERIOD,
+    SCALE_TOLERANCE,
+    SETTLED,
+    Suspicion,
+    alpha_rate,
+    with_accelerations,
+)
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge
 from aerodb.suspicions.equation_error import averaged
+from aerodb.suspicions.evidence import ERRORS, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying
 
-#: Lower edge of the band of manoeuvres [Hz]: slower is drift and the air's own motion.
-SLOWEST = 0.15
-#: Upper edge of the band [Hz].
-FASTEST = 1.5
-#: Samples kept per period of it.
-SAMPLES = 16.0
-#: Share by which a vane may differ: what a long boom leaves without a correction (position errors:
-#: Gracey, NACA TN 4351, 1958).
-UPWASH = 0.15
-#: Least standard errors beyond it.
-ERRORS = 3.0
-#: Least share explained.
-EXPLAINED = 0.9
-#: Least motion [rad, rms].
-SWING = 0.004
-#: Least duration [s].
-SHORTEST = 8.0
 _NEEDED = ("alpha", "V", "q", "ax", "az", "theta")
 
 
@@ -50,24 +42,24 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         return ()
     logged = (n for n in (*_NEEDED, "ax_imu", "az_imu") if n in flight)
     where = flying(flight, logged) & (channels["V"] > 0.0)
-    every = max(1, int(1.0 / (SAMPLES * FASTEST * flight.step)))
-    step, high = every * flight.step, min(FASTEST, 0.4 / flight.step)
-    if where.sum() * flight.step < SHORTEST or high < 2.0 * SLOWEST or len(where) < 20 * every:
+    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * BAND[1] * flight.step)))
+    step, high = every * flight.step, min(BAND[1], 0.4 / flight.step)
+    if where.sum() * flight.step < SETTLED or high < 2.0 * BAND[0] or len(where) < 20 * every:
         return ()
     try:
         rate = averaged(np.where(where, alpha_rate(channels), np.nan), every)
         inside, rate = np.isfinite(rate), bridge(rate)
         turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))])
         shown = averaged(np.where(where, channels["alpha"], np.nan), every)
-        x, y = (band_passed(values, step, SLOWEST, high)[inside] for values in (turned, shown))
+        x, y = (band_passed(values, step, BAND[0], high)[inside] for values in (turned, shown))
         fit = least_squares(x[:, None], y, ("motion",))
     except (ValueError, InputError):
         return ()
     ratio, error = float(fit.estimates[0]), float(fit.standard_errors[0])
     swings = float(np.std(x))
-    if not fit.r_squared > EXPLAINED or not swings > SWING:
+    if not fit.r_squared > WELL_EXPLAINED or not swings > SWING:
         return ()
-    if ratio - 1.0 <= UPWASH + ERRORS * error:
+    if ratio - 1.0 <= SCALE_TOLERANCE + ERRORS * error:
         return ()
     words = (
         f"alpha changes by {ratio:.3g} +- {error:.2g} times what rates and accelerations make it"

@@ -16,19 +16,19 @@ import numpy as np
 from aerodb.consistency.output_error.gauss_newton import information, make_problem
 from aerodb.consistency.output_error.posterior import SIGNIFICANT
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.plan import ReconstructionPlan
+from aerodb.consistency.plan import TRUST, ReconstructionPlan
 from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import AIR_DATA, FlightRecord, parameter
-from aerodb.support import Array
+from aerodb.support import CLAIM, DIFFERENCE, HINT, Array, likelihood_gain, standard_errors
 
 #: Standard errors beyond which a lead is evidence for another error.
-EVIDENT = 2.0
+EVIDENT = standard_errors(HINT)
 #: Standard errors beyond which a position is evidence for a vane that is elsewhere.
-FAR = 5.0
+FAR = standard_errors(CLAIM)
 
 #: Gain of log-likelihood, of independent samples and priors, from which a position explains the
-#: air data better than delays and scales: odds of 50 to 1.
-BETTER = 4.0
+#: air data better than delays and scales.
+BETTER = likelihood_gain(DIFFERENCE)
 
 #: Delays and scales that a wrong position of the vanes looks like, and their usual sizes: filters
 #: of vanes [s] (where the vehicle file states none), upwash beside a fuselage.
@@ -38,9 +38,6 @@ ALIKE: Final = {
     "beta_delay": 0.03,
     "beta_scale": 0.2,
 }
-
-#: Least effect of a position on the flow angles (rms), as a fraction of their accuracy limit.
-_SEEN = 0.2
 
 _POSITION: Final = "air_data_x"
 
@@ -128,7 +125,7 @@ def vane_position(
     found = other[_POSITION]
     if abs(found.value) < FAR * found.standard_error or not calm(other):
         return None
-    if abs(found.value) * _swing(result) < _SEEN * flow_angle:
+    if abs(found.value) * _swing(result) < TRUST * flow_angle:
         return None
     evidence = _gain(result, other, independent) + _unusual(result, plan, list(instead))
     if evidence < BETTER:

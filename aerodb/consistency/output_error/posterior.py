@@ -16,15 +16,11 @@ from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.plan import ReconstructionPlan
 from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.sensors import parameter
-from aerodb.support import Array, Dual, dead_zone
+from aerodb.support import DIFFERENCE, Array, Dual, dead_zone, standard_errors
 from aerodb.vehicle import Accuracy
 
 #: Smallest distance from zero, in standard errors, of a correction without a stated prior.
-SIGNIFICANT = 3.0
-
-#: Probability of a difference between flights below which they do not agree: that of three standard
-#: errors, as for `aerodb.consistency.calibration.DRIFT`.
-DISAGREE = 0.0027
+SIGNIFICANT = standard_errors(DIFFERENCE)
 
 #: Largest ratio of standard error to prior of an estimate that is worth applying.
 WORTH = 0.7
@@ -189,7 +185,7 @@ def agreeing_flights(
 
     Every flight with one of these parameters starts as a group of its own; the two groups that
     agree best are joined, until no two agree: the chi-square of their difference, with its
-    covariance, is less likely by chance than `DISAGREE`. Correlated errors count: two biases that
+    covariance, is less likely by chance than `DIFFERENCE`. Correlated errors count: two biases that
     a flight cannot tell apart are compared in the sum that it knows.
 
     Parameters
@@ -206,7 +202,7 @@ def agreeing_flights(
     while len(groups) > 1:
         likely = {pair: _agreement(*(groups[each] for each in pair)) for pair in _pairs(groups)}
         best = max(likely, key=lambda pair: likely[pair])
-        if likely[best] < DISAGREE:
+        if likely[best] < DIFFERENCE:
             break
         one, other = (groups.pop(each) for each in best)
         groups[tuple(sorted((*best[0], *best[1])))] = pooled([one, other], names, {})

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerodb.conditioning import BAND
 from aerodb.signals import bridge
 from aerodb.support import Array
-
-#: Band in which gusts act on the rigid-body motion, Hz.
-GUST_BAND = (0.1, 2.0)
 
 #: Gust speed (rms, m/s) up to which the air counts as calm for identification.
 CALM_GUST_SPEED = 0.2
@@ -23,7 +21,7 @@ CALM_GUST_SPEED = 0.2
 @dataclass(frozen=True)
 class ResidualNoise:
     """A residual's rms, its white part (one sigma, from second differences) and its part in
-    `GUST_BAND` (rms), in the channel's unit."""
+    `BAND` (rms), in the channel's unit."""
 
     rms: float
     white: float
@@ -53,9 +51,7 @@ def residual_noise(residual: Array, step: float) -> ResidualNoise:
     centred = values - values.mean()
     power = np.abs(np.fft.rfft(centred)) ** 2
     frequency = np.fft.rfftfreq(len(values), step)
-    inside = power[(frequency >= GUST_BAND[0]) & (frequency < GUST_BAND[1])].sum() / max(
-        power.sum(), 1e-300
-    )
+    inside = power[(frequency >= BAND[0]) & (frequency < BAND[1])].sum() / max(power.sum(), 1e-300)
     square = float(np.mean(centred**2))
     return ResidualNoise(rms, white, float(np.sqrt(square * inside)))
 
@@ -102,12 +98,12 @@ def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> 
     if len(felt) >= 2:
         because = (
             f"the air moved: residuals of {' and '.join(felt)} hold gusts (m/s rms at"
-            f" {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures}) that the attitude does not share;"
+            f" {BAND[0]:g}-{BAND[1]:g} Hz: {figures}) that the attitude does not share;"
             " output error of the aerodynamics would be biased here"
         )
         return ProcessNoise(gusts, True, because)
     return ProcessNoise(
         gusts,
         False,
-        f"calm air (m/s rms at {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures or 'no air data'})",
+        f"calm air (m/s rms at {BAND[0]:g}-{BAND[1]:g} Hz: {figures or 'no air data'})",
     )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
+from aerodb.support import standard_errors
 from aerodb.tracing.decision.explanation_sets import explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
@@ -43,9 +44,9 @@ _SHARE = 0.5
 _APART = 5.0
 #: Candidates per step that are fitted, each judged by the noise that remains with it.
 _TRIED = 8
-#: Standard errors from zero at which the other units support the only unit in a test: 5 %,
-#: one-sided.
-_ONE_SIDED = 1.645
+#: Standard errors from zero at which the other units support the only unit in a test: the level of
+#: tests, one-sided.
+_ONE_SIDED = standard_errors(2.0 * TracingSettings.level)
 #: Correlation of two columns from which they are twins.
 _TWIN = 0.999
 

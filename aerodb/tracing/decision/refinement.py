@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from aerodb.effects import FlightView, Hypothesis, ramp_terms, spline_over, variables_of
 from aerodb.support import Array, in_threads
 from aerodb.tracing.decision.findings import Finding, only_suspected
+from aerodb.tracing.decision.functions import WORTH
+from aerodb.tracing.decision.shapes import FEWEST_SHAPED
 from aerodb.tracing.estimates import Campaign, campaign, paired_p
 from aerodb.tracing.evidence import evidence_of, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
@@ -29,11 +31,6 @@ Folds = NDArray[np.intp]
 #: Ridge on the change of the gain over one interval, in parts of the term's own information; the
 #: last is as good as the template.
 RIDGES: Final = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-#: Flights (or folds of them) from which a shape may be judged.
-FEWEST: Final = 4
-#: Least part by which a finer shape must lower the error of left-out flights: less is no flight's
-#: worth of table nodes.
-WORTH: Final = 0.02
 #: Trace of ridge: a direction that no flight shows must not stop the others.
 _TRACE: Final = 1e-9
 
@@ -107,7 +104,7 @@ def refine(
     their priors. Values (k,) and covariance (k, k) are in SI units. None where the result is not
     better, or flights are too few to tell.
     """
-    if len(views) < FEWEST or not accepted:
+    if len(views) < FEWEST_SHAPED or not accepted:
         return None
     options: list[tuple[int, str, tuple[Hypothesis, ...]]] = []
     for index, hypothesis in enumerate(accepted):

@@ -32,16 +32,14 @@ from aerodb.tracing.decision.residual_records import FlightResidual
 from aerodb.tracing.estimates import OFFSET, paired_p
 from aerodb.tracing.settings import TracingSettings
 
-#: Flights from which shapes are compared.
+#: Flights (or folds of them) from which shapes are compared, or a scatter is estimated.
 FEWEST_SHAPED: Final = 4
-#: Part of the gain of functions of its own variables that a term must reach to keep its name.
+#: Part of the gain of functions of its own variables that a term must reach to keep its name, and
+#: of a sensor's gain that a function must reach to stand beside it; `LOST` where the sensor gains
+#: on no other axis.
 _NEARLY: Final = 0.8
 #: Part of what an increment model explains that a wrong sensor must explain to be mended first.
 _MOST: Final = 0.5
-#: Part of a sensor's gain that a function must reach to stand beside it.
-_AS_WELL: Final = 0.8
-#: The same where the sensor gains on no other axis.
-_ON_ONE_AXIS: Final = 0.25
 
 
 def with_checked_shapes(
@@ -224,8 +222,8 @@ class _Shapes:
         named = range(problem.terms)
         instead = problem.predicted(named) - problem.left_out(problem.flights, named)
         share = float(instead.sum()) / max(float(total.sum()), TRACE)
-        as_well = share >= _AS_WELL and paired_p(total, instead) >= self.settings.level
-        may_be = alone and share >= _ON_ONE_AXIS
+        as_well = share >= _NEARLY and paired_p(total, instead) >= self.settings.level
+        may_be = alone and share >= LOST
         variables = self.functions.variables(problem.chosen(problem.flights, named))
         past = any(present(name) != name for name in variables)
         if (
