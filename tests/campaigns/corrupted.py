@@ -11,7 +11,7 @@ import argparse
 import os
 import tempfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -109,10 +109,12 @@ def simulated(flights: int = 4, seed: int = 4) -> Iterator[Pair]:
         yield Pair(flight.id, flight, other, database_of(other))
 
 
-def fleet(cache: Path, flights: int = 2) -> Iterator[Pair]:
+def fleet(
+    cache: Path, flights: int = 2, aircraft: Collection[str] = CONDITIONS.keys() - NO_BODIES
+) -> Iterator[Pair]:
     """Flights of JSBSim's aircraft, with the noise of their instruments and their own databases."""
     cell = CELLS["declared"]
-    for name in sorted(CONDITIONS.keys() - NO_BODIES):
+    for name in sorted(aircraft):
         craft = airframe(name)
         vehicle, database = parse_vehicle(vehicle_text(craft)), craft.database()
         for number in range(flights):
