@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from . import calibration
     from .calibration import Calibration, from_document
     from .corrected import Origin
+    from .outlook import unmeasured_angles_outlook
     from .output_error import joint_calibrations
     from .plan import ReconstructionPlan
     from .smoother import StateNoise, state_noise_from

@@ -10,6 +10,7 @@ import numpy as np
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.pressures import HOLES
 from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, FlightRecord, channels_of, parameter
+from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Sensor, Vehicle, VerticalAir
 
 #: Prior of initial states, in natural sizes: they start from noisy first samples.
@@ -309,14 +310,23 @@ def _sensor(vehicle: Vehicle, name: str) -> Sensor:
 def _turned(record: FlightRecord) -> bool:
     """Return whether the track turns far enough within a record to separate wind from airspeed
     error."""
-    if {"velocity_north", "velocity_east"} <= set(record.outputs):
-        track = np.arctan2(record.outputs["velocity_east"], record.outputs["velocity_north"])
-    elif "psi" in record.outputs:
-        track = record.outputs["psi"]
+    return turn_of(record.outputs) > TURN
+
+
+def turn_of(channels: Mapping[str, Array]) -> float:
+    """Return by how much the track turns [rad], the heading where there is no track; 0 where there
+    is neither.
+
+    channels : name -> (n,), SI.
+    """
+    if {"velocity_north", "velocity_east"} <= set(channels):
+        track = np.arctan2(channels["velocity_east"], channels["velocity_north"])
+    elif "psi" in channels:
+        track = channels["psi"]
     else:
-        return False
+        return 0.0
     good = track[np.isfinite(track)]
-    return len(good) > 0 and bool(np.ptp(np.unwrap(good)) > TURN)
+    return float(np.ptp(np.unwrap(good))) if len(good) else 0.0
 
 
 def _left_out(logged: set[str], earth: bool, turned: bool) -> tuple[str, ...]:

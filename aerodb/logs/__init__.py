@@ -25,13 +25,18 @@ if TYPE_CHECKING:
     from .autopilot import wingless_sentence
     from .autopilots import read_autopilot
     from .columns import TIME, find_columns
-    from .completeness import airspeed_remedy, consequence_of_zeros, consequences_of_missing
+    from .completeness import (
+        airspeed_remedy,
+        consequence_of_zeros,
+        consequences_of_missing,
+        not_possible,
+    )
     from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
     from .inspection import TopicSummary, describe, missing_samples
     from .mapping import choose_mapping, map_recording
     from .mapping_draft import draft_mapping
     from .mapping_file import Mapping, parse_mapping
-    from .usable_flight import mapped_clock_suspicions, usable_flight
+    from .usable_flight import mapped_clock_suspicions, no_axis, usable_flight
     from .vehicle_draft import draft_vehicle
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,57 +1,95 @@
 """Consequences of missing channels in plain words, for `log inspect`."""
 
 from collections.abc import Sequence
+from typing import Final
 
-#: Alternatives of which at least one is needed -> consequence when all of them are missing.
-_CONSEQUENCES: tuple[tuple[tuple[str, ...], str], ...] = (
-    (("qbar", "V"), "no dynamic pressure and no airspeed: no coefficient can be computed"),
-    (("ax", "ax_imu"), "no forward acceleration: CX and C_drag cannot be computed"),
-    (("ay", "ay_imu"), "no lateral acceleration: CY cannot be computed"),
-    (("az", "az_imu"), "no normal acceleration: CZ and C_lift cannot be computed"),
-    (("p", "pdot"), "no roll rate: Cl cannot be computed, Cm and Cn only without coupling"),
-    (("q", "qdot"), "no pitch rate: Cm cannot be computed, Cl and Cn only without coupling"),
-    (("r", "rdot"), "no yaw rate: Cn cannot be computed, Cl and Cm only without coupling"),
-    (("alpha",), "no angle of attack: no comparison against tables over alpha, no lift and drag"),
-    (("beta",), "no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta"),
-    (("V",), "no true airspeed: no non-dimensional rates, so no damping derivatives"),
+#: Alternatives of which at least one is needed -> what is not possible when all of them are
+#: missing, in short and in a sentence.
+_CONSEQUENCES: Final[tuple[tuple[tuple[str, ...], str, str], ...]] = (
+    (
+        ("qbar", "V"),
+        "coefficients",
+        "no dynamic pressure and no airspeed: no coefficient can be computed",
+    ),
+    (("ax", "ax_imu"), "CX and drag", "no forward acceleration: CX and C_drag cannot be computed"),
+    (("ay", "ay_imu"), "CY", "no lateral acceleration: CY cannot be computed"),
+    (("az", "az_imu"), "CZ and lift", "no normal acceleration: CZ and C_lift cannot be computed"),
+    (("p", "pdot"), "Cl", "no roll rate: Cl cannot be computed, Cm and Cn only without coupling"),
+    (("q", "qdot"), "Cm", "no pitch rate: Cm cannot be computed, Cl and Cn only without coupling"),
+    (("r", "rdot"), "Cn", "no yaw rate: Cn cannot be computed, Cl and Cm only without coupling"),
+    (
+        ("alpha",),
+        "tables over alpha, lift and drag",
+        "no angle of attack: no comparison against tables over alpha, no lift and drag",
+    ),
+    (
+        ("beta",),
+        "tables over beta",
+        "no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta",
+    ),
+    (
+        ("V",),
+        "damping derivatives",
+        "no true airspeed: no non-dimensional rates, so no damping derivatives",
+    ),
     (
         ("mach",),
-        (
-            "no Mach number: tables over Mach need one from the standard atmosphere, or cannot be"
-            " used"
-        ),
+        "tables over Mach",
+        "no Mach number: tables over Mach need one from the standard atmosphere, or cannot be used",
     ),
-    (("phi",), "no bank angle: no flight-path reconstruction"),
-    (("theta",), "no pitch attitude: no flight-path reconstruction"),
+    (("phi",), "flight-path reconstruction", "no bank angle: no flight-path reconstruction"),
+    (("theta",), "flight-path reconstruction", "no pitch attitude: no flight-path reconstruction"),
     (
         ("velocity_north",),
+        "wind",
         "no velocity over the earth: wind cannot be estimated, nor airspeed checked against it",
     ),
-    (("altitude",), "no altitude: no check of the vertical motion, no standard atmosphere"),
+    (
+        ("altitude",),
+        "check of the vertical motion",
+        "no altitude: no check of the vertical motion, no standard atmosphere",
+    ),
     (
         ("thrust", "thrust_left"),
+        "drag apart from thrust",
         "no thrust: CX of a powered vehicle includes thrust as well as drag",
     ),
-    (("height_above_ground",), "no height above ground: ground effect cannot be examined"),
+    (
+        ("height_above_ground",),
+        "ground effect",
+        "no height above ground: ground effect cannot be examined",
+    ),
 )
 
 
-def consequences_of_missing(missing: Sequence[str]) -> list[str]:
-    """Return what cannot be computed without the `missing` channels (`Flight.missing`).
+def not_possible(missing: Sequence[str]) -> list[tuple[str, str]]:
+    """Return what is not possible without the `missing` channels (`Flight.missing`): in short, and
+    in a sentence with the reason; the most serious first.
 
-    One sentence each, the most serious first.
+    >>> [short for short, _ in not_possible(["beta", "delta_flap", "height_above_ground"])]
+    ['tables over beta', 'ground effect', 'effectiveness of flap']
+    """
+    lacking = set(missing)
+    found = [
+        (short, sentence)
+        for alternatives, short, sentence in _CONSEQUENCES
+        if lacking.issuperset(alternatives)
+    ]
+    surfaces = sorted(name.removeprefix("delta_") for name in lacking if name.startswith("delta_"))
+    if surfaces:
+        named = ", ".join(surfaces)
+        sentence = f"no position of {named}: no control effectiveness of these"
+        found.append((f"effectiveness of {named.replace('_', ' ')}", sentence))
+    return found
+
+
+def consequences_of_missing(missing: Sequence[str]) -> list[str]:
+    """Return the sentences of `not_possible`.
 
     >>> consequences_of_missing(["beta"])
     ['no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta']
     """
-    lacking = set(missing)
-    sentences = [
-        sentence for alternatives, sentence in _CONSEQUENCES if lacking.issuperset(alternatives)
-    ]
-    surfaces = sorted(name.removeprefix("delta_") for name in lacking if name.startswith("delta_"))
-    if surfaces:
-        sentences.append(f"no position of {', '.join(surfaces)}: no control effectiveness of these")
-    return sentences
+    return [sentence for _, sentence in not_possible(missing)]
 
 
 def airspeed_remedy(missing: Sequence[str]) -> list[str]:

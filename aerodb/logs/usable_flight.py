@@ -34,12 +34,20 @@ def usable_flight(
     except InputError as error:
         causes = [suspicion.sentence for suspicion in mapped_clock_suspicions(recording, mapping)]
         raise InputError("; ".join([error.what, *causes]), error.where, error.remedy) from error
-    if "qbar" not in flight or not any(name in flight for name in _MOTION):
-        raise _no_axis(recording, mapping, flight)
+    useless = no_axis(recording, mapping, flight)
+    if useless is not None:
+        raise useless
     return flag_unusable(flight)
 
 
-def _no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputError:
+def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputError | None:
+    """Return why no coefficient can be computed from a mapped flight, and what would help; None
+    where one can.
+
+    Channels are (n,).
+    """
+    if "qbar" in flight and any(name in flight for name in _MOTION):
+        return None
     what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
     remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
     kind = read_autopilot(recording)

@@ -116,24 +116,29 @@ class Session:
         """Print a line for people; text is never parsed as markup, because names come from logs."""
         self.people.print(visible(text, keep="\n\t"), markup=False)
 
-    def headlines(self, verdict: str, lines: Sequence[tuple[str, str]], then: str = "") -> None:
-        """Print the verdict, below it what each label says, and what to do next.
+    def headlines(
+        self,
+        verdict: str,
+        lines: Sequence[tuple[str, str]],
+        then: str = "",
+        more: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        """Print the verdict, below it what each label says, what to do next, and `more`.
 
-        lines : label and text; a text that is longer than the terminal goes on below its own
+        lines, more : label and text; a text that is longer than the terminal goes on below its own
         beginning, and one that is empty is left out. then : the next command, which is never
         divided, so that it can be copied; empty: none.
         """
-        shown = [(label, text) for label, text in lines if text]
-        margin = 4 + max(map(len, ("next" * bool(then), *(label for label, _ in shown))))
+        labels = [label for label, text in (*lines, ("next", then), *more) if text]
+        margin = 4 + max(map(len, labels), default=0)
         self.say(verdict)
-        for label, text in shown:
+        for label, text in (*lines, ("next", then), *more):
             room = max(self.people.width - margin, 40)
             beginning = f"  {label}".ljust(margin)
-            for part in textwrap.wrap(text, room, **_WHOLE_WORDS):
+            parts = textwrap.wrap(text, room, **_WHOLE_WORDS) if text is not then else [text]
+            for part in parts if text else ():
                 self.say(f"{beginning}{part}")
                 beginning = " " * margin
-        if then:
-            self.say(f"{'  next'.ljust(margin)}{then}")
 
     def fitting(self, text: str) -> str:
         """Return `text` cut to one line of the terminal, with ... where something is missing."""

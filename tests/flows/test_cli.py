@@ -475,7 +475,7 @@ def test_debug_shows_the_traceback(made: tuple[Path, list[Path], dict[str, Any]]
 def test_headings_keep_their_units(made: tuple[Path, list[Path], dict[str, Any]]) -> None:
     """``[s]`` in a heading was once read as markup and vanished."""
     assert "duration [s]" in aerodb(made[0], "flight", "list").stdout
-    assert "longest [s]" in aerodb(made[0], "log", "inspect", str(made[1][0])).stdout
+    assert "longest [s]" in aerodb(made[0], "log", "inspect", "-v", str(made[1][0])).stdout
 
 
 def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:

@@ -1,11 +1,15 @@
 """What people read first: verdict, change, next command within five lines, then one small table;
 and the same numbers as in the JSON document."""
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from aerodb.consistency import unmeasured_angles_outlook
+from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -48,3 +52,68 @@ def test_ingest_begins_with_its_verdict_and_has_a_line_per_flight(
             assert float(percent) == pytest.approx(100 * of_flown, rel=0.06)
         reason = " ".join(outcome["consistency"]["reasons"][0].split())
         assert lines[place].strip()[:30] == reason[:30], "its first reason, in the line below"
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_inspect_says_in_its_first_lines_whether_a_log_can_be_used(
+    columns: int, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    log = shared.guide / "flight-1.ulg"
+    code, lines = on_terminal(tmp_path, columns, "log", "inspect", str(log))
+    found = asked(tmp_path, "log", "inspect", str(log))
+    assert (code, found["usable"], found["because"]) == (0, True, [])
+    assert lines[0].startswith("flight-1.ulg: USABLE (ulog, ")
+    assert f"{found['duration']:.1f} s, {found['rate']:.4g} Hz" in lines[0]
+    assert place_of(lines, "next") == 2
+    assert len(lines) <= 20
+    assert all(len(line) <= columns for line in lines if "aerodb " not in line)
+    said = " ".join(" ".join(lines).split())
+    turn = found["outlook"]["beta"]["turn"]
+    assert found["outlook"]["alpha"] == {"expected": True, "lacking": []}
+    assert f"the track turns by {math.degrees(turn):.0f} deg" in said
+    assert not {"alpha", "beta", "qbar", "mach"} & {
+        word for each in found["not_possible"] for word in each["what"].split()
+    }, "what is computed or reconstructed is not called impossible"
+    _, detailed = on_terminal(tmp_path, columns, "log", "inspect", str(log), "-v")
+    assert detailed[: len(lines) - 1] == lines[:-1]
+    assert not [line for line in detailed if "no angle of" in line]
+    assert sum(line.split()[:1] == ["topic"] for line in detailed) == 1
+
+
+def test_inspect_says_why_a_log_cannot_be_used(tmp_path: Path) -> None:
+    table = channels(3)
+    log = write_csv(
+        tmp_path / "slow.csv", {k: v for k, v in table.items() if k not in ("V", "qbar")}
+    )
+    _, lines = on_terminal(tmp_path, 80, "log", "inspect", str(log))
+    found = asked(tmp_path, "log", "inspect", str(log))
+    assert lines[0].startswith("slow.csv: NOT USABLE (")
+    assert place_of(lines, "because") == 2
+    assert found["unusable"] in found["because"]
+    assert "".join(lines[1].split()[1:3]) == "".join(found["unusable"].split()[:2])
+    assert found["not_possible"][0]["what"] == "coefficients"
+
+
+@pytest.mark.parametrize(
+    ("without", "lacking"),
+    [((), []), (("theta",), ["theta"]), (("velocity_north", "V"), ["V", "velocity_north"])],
+)
+def test_angles_without_a_vane_are_expected_where_the_kinematics_give_them(
+    without: tuple[str, ...], lacking: list[str]
+) -> None:
+    names = ("ax", "ay", "az", "p", "q", "r", "phi", "theta", "V")
+    names += ("velocity_north", "velocity_east", "velocity_down")
+    time = np.linspace(0.0, 10.0, 101)
+    given = {name: np.zeros(101) for name in names if name not in without}
+    for rate, enough in ((0.05, False), (0.2, True)):
+        track = {"velocity_north": np.cos(rate * time), "velocity_east": np.sin(rate * time)}
+        flight = Flight(
+            "f", NAME, time, {**given, **{k: v for k, v in track.items() if k in given}}
+        )
+        found = unmeasured_angles_outlook(flight)
+        assert found["alpha"] == {"expected": not lacking, "lacking": lacking}
+        assert found["beta"]["expected"] == (enough and not lacking)
+        if not lacking:
+            assert found["beta"]["turn"] == pytest.approx(10.0 * rate)
+    measured = Flight("f", NAME, time, {**given, "alpha": time, "beta": time})
+    assert unmeasured_angles_outlook(measured) == {}
