@@ -25,6 +25,8 @@ from aerodb.tracing.decision.selection import (
 )
 from aerodb.tracing.estimates import Tested, paired_p
 
+#: Correlation of two columns from which they are twins: no flight of this kind tells them apart.
+TWIN = 0.999
 #: Two findings cancel where together they leave less than this part of the sum of squares of each.
 _CANCELS = 0.25
 #: `LOST` where the finding is a sensor: a small effect is easily taken for the sensor that is
@@ -165,12 +167,22 @@ def _fitting(
             fallen[rival] = said("is another shape of the same effect, and explains no more")
             continue
         p = paired_p(own, gains)
-        if p < tests.settings.level:
+        if p < tests.settings.level and not _twins(tests, before, index, rival):
             fallen[rival] = said(f"explains less in flight after flight (p = {p:.1g})")
         else:
             fitting.append(rival)
     fitting.sort(key=lambda i: -float(before.gain[i]))
     return fitting, fallen
+
+
+def _twins(tests: CrossFlightTests, test: Tested, one: int, other: int) -> bool:
+    """Return whether two columns are the same up to a factor, within `TWIN`, in every flight that
+    has both: then noise of the two channels, not the effect, makes one of them explain more."""
+    matrix = tests.campaign.products.matrix
+    both = test.included[:, one] & test.included[:, other]
+    across = matrix[both, one, other] ** 2
+    own = matrix[both, one, one] * matrix[both, other, other]
+    return bool(both.any() and np.all(across > TWIN**2 * own))
 
 
 def _gain_by_flight(

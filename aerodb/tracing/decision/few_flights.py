@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
 from aerodb.support import standard_errors
-from aerodb.tracing.decision.explanation_sets import explain, finding_of
+from aerodb.tracing.decision.explanation_sets import TWIN, explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, Decision, cross_validated
@@ -47,8 +47,6 @@ _TRIED = 8
 #: Standard errors from zero at which the other units support the only unit in a test: the level of
 #: tests, one-sided.
 _ONE_SIDED = standard_errors(2.0 * TracingSettings.level)
-#: Correlation of two columns from which they are twins.
-_TWIN = 0.999
 
 
 def windows(
@@ -344,7 +342,7 @@ def _twins(
             g
             for g in units
             if matrix[g, index, rival] ** 2
-            > _TWIN**2 * matrix[g, index, index] * matrix[g, rival, rival]
+            > TWIN**2 * matrix[g, index, index] * matrix[g, rival, rival]
         ]
         if alike:
             where = ", ".join(

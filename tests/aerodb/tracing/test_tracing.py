@@ -199,6 +199,22 @@ def test_twins_are_an_alias_group_and_the_next_flight_says_what_to_move() -> Non
     assert any(A_CX in sentence and twin.id in sentence for sentence in result.next_flight)
 
 
+@pytest.mark.parametrize(("noise", "verdict"), [(0.02, "alias_group"), (0.3, "confirmed")])
+def test_noise_of_a_channel_does_not_tell_twins_apart(noise: float, verdict: str) -> None:
+    """Two surfaces move together, each with noise of its own channel. At a correlation of .9998 the
+    quieter one fits a strong effect better in flight after flight, and is no better a name; at .96
+    the flights tell."""
+    twin, rng = term("twin", "CX"), np.random.default_rng(10)
+    seen = []
+    for flight in flights(6, {A_CX: 3.0}):
+        moved = flight.columns[A_CX]["CX"]
+        shaken = moved + noise * moved.std() * rng.standard_normal(len(moved))
+        seen.append(replace(flight, columns={**flight.columns, twin.id: {"CX": shaken}}))
+    finding = next(f for f in traced(seen, [*LIBRARY, twin]).findings if f.axis == ("CX",))
+    assert (finding.hypothesis, finding.verdict) == (A_CX, verdict)
+    assert (twin.id in finding.explanation_set) == (verdict == "alias_group")
+
+
 def test_a_sensor_that_is_a_twin_makes_it_ambiguous_unless_its_value_would_be_absurd() -> None:
     loose, tight = (instrument("twin", 0.01, (-size, size)) for size in (1.0, 0.05))
     given = with_twin(flights(6, {A_CX: 0.3}), loose, A_CX, 1.0)
