@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .accept import Accept
+    from .accept import ALL, Accept
     from .angle_errors import with_attenuation
     from .between_flights import dependences_between_flights
     from .consider import consider_parameters, noisier_flights

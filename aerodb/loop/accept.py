@@ -8,6 +8,8 @@ from aerodb.errors import InputError
 from aerodb.loop.frozen_library import Library
 from aerodb.tracing import ADDED, Finding
 
+#: In place of a name: every finding with the verdict of the option.
+ALL: Final = "all"
 #: Verdict -> the option that admits it.
 _OPTION: Final = {
     "alias_group": "lumped",
@@ -18,7 +20,7 @@ _OPTION: Final = {
 
 @dataclass(frozen=True)
 class Accept:
-    """Effects (names or hypotheses' ids) that the user admits beyond the confirmed ones.
+    """Effects (names or hypotheses' ids, or `ALL`) that the user admits beyond the confirmed ones.
 
     lumped : although they are in an alias group; suspected : although they are only suspected;
     ambiguous : although an error of a sensor explains them as well.
@@ -44,7 +46,7 @@ class Accept:
             name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)
         }
         for _, name in self._asked():
-            if name not in known:
+            if name != ALL and name not in known:
                 raise InputError(
                     f"no effect '{name}' in the library",
                     "close-loop",
@@ -60,7 +62,7 @@ class Accept:
         """
         reasons = {}
         for option, name in self._asked():
-            if any(_is(finding, name) for finding in added):
+            if name == ALL or any(_is(finding, name) for finding in added):
                 continue
             own = [finding for finding in findings if _is(finding, name)]
             open_ones = [f for f in findings if f not in (*own, *added) and f.verdict in _OPTION]
@@ -80,7 +82,7 @@ class Accept:
 
 def _is(finding: Finding, name: str) -> bool:
     """Return whether a name, an effect or an id, means a finding."""
-    return name in (finding.hypothesis, finding.effect)
+    return name in (ALL, finding.hypothesis, finding.effect)
 
 
 def _why_not(

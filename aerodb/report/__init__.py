@@ -6,12 +6,13 @@
    `UpdateStory` or `VersionStory`; `pdf` converts a page.
 
 Modules: `flight_page`, `update_page`, `version_page` (pages), with the templates in templates/ and
-the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON); `headlines` (sentences
-and error tables); `glossary`, `terms`, `numbers` (names of effects, channels and terms, numbers and
-units: everything that is shown uses these); `findings` (findings in words); `head` (where a result
-comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`, `diff_figures`,
-`lineage_figure` (figures); `style` (colours, units, names as text); `decimation` (long records with
-fewer points); `flight_errors` (errors of single flights).
+the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON); `decision` (five lines
+to decide on), `headlines` (sentences and error tables); `glossary`, `terms`, `numbers` (names of
+effects, channels and terms, numbers and units: everything that is shown uses these); `findings`
+(findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
+`update_figures`, `database_figure`, `diff_figures`, `lineage_figure` (figures); `style` (colours,
+units, names as text); `decimation` (long records with fewer points); `flight_errors` (errors of
+single flights).
 """
 
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
+    from .decision import Decision, decision, to_try
     from .diff_documents import diff_document
     from .diff_figures import diff_figure
     from .document import (
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
         rejected,
     )
     from .head import Head
-    from .headlines import error_rows, excluded_sizes, headline, what_stayed
+    from .headlines import error_rows, excluded_sizes, headline, shown_axes, what_stayed
     from .lineage_figure import Relative, lineage_graph
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .numbers import for_people

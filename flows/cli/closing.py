@@ -7,13 +7,13 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Verbose
 from aerodb.flows.cli.updates import (
     chosen_flights,
     say_axes,
+    say_decision,
     say_derivatives,
     say_flights,
-    say_result,
 )
 from aerodb.flows.cli.vehicles import read_text
 
@@ -53,6 +53,7 @@ def close_loop(
         str, typer.Option(help="Required hash of the library; refused if it differs.")
     ] = "",
     direct: Direct = False,
+    verbose: Verbose = False,
 ) -> None:
     """Trace residuals to effects that the database lacks, add those confirmed, and report the
     error.
@@ -89,15 +90,15 @@ def close_loop(
     document = session.run(close_loop_flow, parameters, direct)
     for entry in document["not_added"]:
         session.say(f"not added although you asked for it: {entry['asked']}; {entry['because']}")
-    say_loop(session, document)
+    say_loop(session, document, verbose)
     session.answer(document)
     if document["not_added"]:
         raise typer.Exit(1)
 
 
-def say_loop(session: Session, document: dict[str, Any]) -> None:
-    """Print a closed loop: the result in two sentences, findings with reasons, error before and
-    after, open questions, next flight."""
+def say_loop(session: Session, document: dict[str, Any], verbose: bool) -> None:
+    """Print a closed loop: five lines to decide on and the error per axis; with `verbose` also
+    findings with reasons, all errors, open questions, next flight."""
     from aerodb.report import (
         advice_words,
         channel_words,
@@ -108,7 +109,10 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         rejected,
     )
 
-    say_result(session, document)
+    say_decision(session, document)
+    if not verbose:
+        return
+    session.say()
     if document["candidate"]:
         session.say(
             f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
@@ -150,27 +154,19 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         session.say(f"next flight: {advice_words(sentence)}")
     for sentence in document["remarks"]:
         session.say(f"- {in_words(sentence)}")
-    session.say(f"report: {document['page']}")
 
 
 def _say_suspected(session: Session, document: dict[str, Any]) -> None:
-    """Print the command that adds what is only suspected, and shows what it is worth; not what
-    another shape fits better, or what was tried and is worth nothing."""
-    barred = {*document["added"], *document["without_gain"]}
-    names = [
-        finding["hypothesis"]
-        for finding in document["findings"]
-        if finding["verdict"] == "suspected"
-        and not finding.get("shape")
-        and finding["hypothesis"] not in barred
-    ]
-    if names:
+    """Print the command that adds what is only suspected, and shows what it is worth."""
+    from aerodb.report import to_try
+
+    options = to_try(document)
+    if options:
         session.say()
-        options = " ".join(f"--accept-suspected {name}" for name in names)
         session.say(
-            "to add what is only suspected, and see its error on flights left out: aerodb"
+            "to add what is not confirmed, and see its error on flights left out: aerodb"
             f" close-loop --vehicle {document['vehicle']} --baseline"
-            f" {document['baseline'][:12]} {options}"
+            f" {document['baseline'][:12]} {' '.join(options)}"
         )
 
 

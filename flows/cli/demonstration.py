@@ -7,7 +7,7 @@ import typer
 
 from aerodb.flows.cli.closing import say_loop
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct
+from aerodb.flows.cli.references import Direct, Verbose
 from aerodb.flows.cli.responses import say_responses
 
 
@@ -28,6 +28,7 @@ def demo(
         ),
     ] = False,
     direct: Direct = False,
+    verbose: Verbose = False,
 ) -> None:
     """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.
 
@@ -50,7 +51,7 @@ def demo(
     result = run_demo(
         workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say
     )
-    say_loop(session, result.document)
+    say_loop(session, result.document, verbose)
     responses = None
     if result.document["candidate"]:
         session.say()

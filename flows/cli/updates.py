@@ -8,7 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Verbose
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def update(
         ),
     ] = None,
     direct: Direct = False,
+    verbose: Verbose = False,
 ) -> None:
     """Estimate declared increments, store a candidate version, and report the error before and
     after.
@@ -74,7 +75,7 @@ def update(
         **({} if method is None else {"method": method}),
     }
     document = session.run(update_flow, parameters, direct)
-    print_update(session, document)
+    print_update(session, document, verbose)
     session.answer(document)
 
 
@@ -125,12 +126,15 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     )
 
 
-def print_update(session: Session, document: dict[str, Any]) -> None:
-    """Print an update: the result in two sentences, increments, the error before and after, and
-    remarks."""
+def print_update(session: Session, document: dict[str, Any], verbose: bool) -> None:
+    """Print an update: five lines to decide on and the error per axis; with `verbose` also
+    increments, all errors and remarks."""
     from aerodb.report import in_words, term_name, term_unit
 
-    say_result(session, document)
+    say_decision(session, document)
+    if not verbose:
+        return
+    session.say()
     session.say(
         f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
         f" {document['baseline'][:12]}"
@@ -160,15 +164,40 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
     say_derivatives(session, document.get("derivatives", []))
     for sentence in document["remarks"]:
         session.say(f"- {in_words(sentence)}")
-    session.say(f"report: {document['page']}")
 
 
-def say_result(session: Session, document: dict[str, Any]) -> None:
-    """Print the two sentences on top of a report: what was found, and what stayed bad."""
-    from aerodb.report import headline, what_stayed
+#: Columns of the label on the left of the five lines.
+_LABEL = 11
 
-    session.say(headline(document))
-    session.say(what_stayed(document))
+
+def say_decision(session: Session, document: dict[str, Any]) -> None:
+    """Print verdict, change, proof, gate and next command, then the error per axis in short."""
+    from aerodb.report import decision, error_rows, shown_axes
+
+    told = decision(document)
+    session.say(told.verdict)
+    for label, texts in told.lines:
+        for number, text in enumerate(texts):
+            session.say(f"  {'' if number else label:<{_LABEL}}{text}")
+    session.say()
+    shown = shown_axes(document)
+    rows = [row for row in error_rows(document) if row["axis"] in shown]
+    session.table(
+        ["axis", "error before", "after", "of flown", "noise floor", "outcome"],
+        [
+            [
+                row["axis"],
+                _number(row["before"]),
+                _number(row["after"]),
+                "-" if row["of_flown"] is None else f"{100 * row['of_flown']:.0f} %",
+                _number(row["floor"]),
+                row["outcome"],
+            ]
+            for row in rows
+        ],
+        numbers=(1, 2, 3, 4),
+    )
+    session.say(f"details: -v    report: {document['page']}")
 
 
 def say_flights(session: Session, document: dict[str, Any]) -> None:

@@ -1,0 +1,254 @@
+"""The result of an update or a closed loop in five lines: verdict, change, proof, gate, next
+command.
+
+What stands on top of every command and page. Everything is taken from the document
+(docs/reference/contract.md, section JSON); nothing is computed from sentences.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from aerodb.increments import NEAR_FLOOR, UNCHANGED
+from aerodb.loop import ALL
+from aerodb.remarks import REFUSED
+from aerodb.report.glossary import advice_words, effect_words, listed
+from aerodb.report.headlines import by_parts, error_rows, shown_axes
+from aerodb.report.numbers import for_people, number
+from aerodb.tracing import ADDED
+
+#: Rates whose derivatives are of another unit than the parameters of effects.
+RATES: Final = ("p", "q", "r")
+#: Most changes, suspicions and axes that a line names.
+_MOST: Final = 3
+#: Verdict of a finding -> the option of `close-loop` that adds it all the same.
+OPTIONS: Final = {
+    "suspected": "--accept-suspected",
+    "alias_group": "--accept-lumped",
+}
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Five lines to decide on.
+
+    verdict : one sentence. lines : label (``found``, ``strongest``, ``proved``, ``gate``, ``left``,
+    ``next``) with its texts, one below the other; those that do not apply are absent.
+    """
+
+    verdict: str
+    lines: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+def decision(document: Mapping[str, Any]) -> Decision:
+    """Return what to decide on, from the document of an update or a closed loop.
+
+    Errors are rms of dimensionless coefficients; shares are of what an axis varied in flight.
+    Raises KeyError for any other document.
+    """
+    loop = "library" in document
+    made = bool(document["candidate"])
+    lines = [
+        ("found" if made else "strongest", _changes(document) if made else _suspicions(document)),
+        ("proved", [_proof(document)] if made else []),
+        ("gate", [_gate(document)] if made else []),
+        ("left", [_left(document)]),
+        ("next", [_next(document)] if loop or made else []),
+    ]
+    return Decision(
+        f"{document['vehicle']}: {_verdict(document)} ({_flights(document)})",
+        tuple((label, tuple(texts)) for label, texts in lines if any(texts)),
+    )
+
+
+def to_try(document: Mapping[str, Any]) -> list[str]:
+    """Options that add what is only suspected, or one of several that these flights cannot tell
+    apart; not what another shape fits better, or what was tried and is worth nothing."""
+    barred = {*document["added"], *document["without_gain"]}
+    return [
+        f"{OPTIONS[finding['verdict']]} {finding['hypothesis']}"
+        for finding in document["findings"]
+        if finding["verdict"] in OPTIONS
+        and not finding.get("shape")
+        and finding["hypothesis"] not in barred
+    ]
+
+
+def _verdict(document: Mapping[str, Any]) -> str:
+    refused = _refusals(document)
+    if document["candidate"]:
+        ready = "the gate will refuse it as it is" if refused else "it waits for the gate"
+        if "library" not in document:
+            axes = listed([entry["axis"] for entry in document["increments"]])
+            return f"{document['label']} has the declared increments on {axes}; {ready}"
+        return f"{document['label']} has {_count(len(document['added']), 'change')}; {ready}"
+    findings = document["findings"]
+    if findings and all(entry["verdict"] == "sensor" for entry in findings):
+        return "the database stays; the errors found are in the sensors"
+    if findings:
+        return f"nothing is proved yet; {_count(len(findings), 'suspicion')}"
+    tested = document["not_found"]
+    open_ones = sum(entry["verdict"] != "not_detected" for entry in tested)
+    if 2 * open_ones > len(tested):
+        return f"these flights cannot decide; {open_ones} of {len(tested)} causes stay open"
+    return f"nothing is missing that these flights could show; {len(tested)} causes were tested"
+
+
+def _flights(document: Mapping[str, Any]) -> str:
+    used, held = (len(document["flights"][name]) for name in ("identified", "held_out"))
+    every = _count(used + held, "flight")
+    if held:
+        return f"{every}: {used} to find, {held} to check"
+    if by_parts(document):
+        return f"{every}, parts predicted from the rest"
+    if document["validation"]["kind"] == "cross-validated":
+        return f"{every}, each predicted from the others"
+    return f"{every}, none to check"
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _changes(document: Mapping[str, Any]) -> list[str]:
+    """What was added, with its size; the declared terms that are known best, of an update."""
+    if "library" not in document:
+        terms = sorted(
+            (
+                (abs(term["value"]) / term["standard_error"], entry["axis"], term)
+                for entry in document["increments"]
+                for term in entry["terms"]
+                if term["standard_error"] > 0.0
+            ),
+            key=lambda each: -each[0],
+        )
+        shown = [
+            f"{axis} with {term['term']} {number(term['value'])} +-"
+            f" {number(2.0 * term['standard_error'], 2)}"
+            for _, axis, term in terms[:_MOST]
+        ]
+        return [*shown, *_more(len(terms))]
+    added = [entry for entry in document["findings"] if entry["hypothesis"] in document["added"]]
+    own = [entry for entry in added if entry["verdict"] in ADDED]
+    asked = [entry for entry in added if entry["hypothesis"] in document.get("asked_for", ())]
+    named = own or asked or added
+    slopes = {
+        f"{d['axis']}_{d['variable']}": d
+        for d in document.get("derivatives", ())
+        if d["variable"] not in RATES  # those are of the rate, the parameter of its hat rate
+    }
+    shown = [_sized(entry, slopes.get(entry["parameter"])) for entry in named[:_MOST]]
+    return [*shown, *_more(len(document["added"]) - len(shown) + _MOST)]
+
+
+def _more(n: int) -> list[str]:
+    return [f"{n - _MOST} more: -v"] if n > _MOST else []
+
+
+def _sized(finding: Mapping[str, Any], slope: Mapping[str, Any] | None = None) -> str:
+    """A finding with its verdict, its size with two standard errors' interval, and what it makes of
+    a derivative."""
+    factor, unit = for_people(finding["unit"])
+    low, high = finding["ci95"]
+    unit = "" if unit == "-" else f" {unit}"
+    size = (
+        f"{finding['parameter']} {number(factor * finding['value'])} +-"
+        f" {number(0.5 * factor * (high - low), 2)}{unit}"
+    )
+    if slope is not None:
+        size += f", from {number(slope['before'])} to {number(slope['after'])}"
+    return f"{effect_words(finding)} ({finding['verdict'].replace('_', ' ')}): {size}"
+
+
+def _suspicions(document: Mapping[str, Any]) -> list[str]:
+    findings = document["findings"]
+    return [*map(_sized, findings[:_MOST]), *_more(len(findings))]
+
+
+def _proof(document: Mapping[str, Any]) -> str:
+    """The error of the axis that gained most, before and after, and the axes that became worse."""
+    touched = {entry["axis"] for entry in document["increments"]}
+    rows = [
+        row
+        for row in error_rows(document)
+        if row["axis"] in touched and row["before"] and row["after"] is not None
+    ]
+    if not rows:
+        return "no axis could be compared"
+    best = min(rows, key=lambda row: row["after"] / row["before"])
+    held = len(document["flights"]["held_out"])
+    where = (
+        f"on {_count(held, 'flight')} not used"
+        if held
+        else "with parts of flights predicted from the rest"
+        if by_parts(document)
+        else "with each flight predicted from the others"
+        if document["validation"]["kind"] == "cross-validated"
+        else "on the flights that identified, which proves little"
+    )
+    error = f"error of {best['axis']} {number(best['before'])} -> {number(best['after'])}"
+    if best["of_flown"] is not None:
+        before = best["of_flown"] * best["before"] / best["after"] if best["after"] else None
+        error += f" ({_share(before)} -> {_share(best['of_flown'])} of what was flown)"
+    worse = [
+        row["axis"]
+        for row in rows
+        if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
+    ]
+    return f"{where}: {error}" + (f"; worse: {listed(worse)}" if worse else "")
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{number(100 * share, 2)} %"
+
+
+def _refusals(document: Mapping[str, Any]) -> list[str]:
+    """What the gate will refuse, in words, as far as this document knows."""
+    kinds = [entry["kind"] for entry in document["remark_data"]]
+    pairs = zip(kinds, document["remarks"], strict=True)
+    return [text.partition(": ")[2].rstrip(".") for kind, text in pairs if kind == REFUSED]
+
+
+def _gate(document: Mapping[str, Any]) -> str:
+    refused = _refusals(document)
+    if not refused:
+        return "nothing known here stands against it"
+    more = f"; {len(refused) - 1} more" if len(refused) > 1 else ""
+    return f"will refuse: {refused[0]}{more}"
+
+
+def _left(document: Mapping[str, Any]) -> str:
+    """The axes that are worst beside their noise floor, in per cent of what was flown, and how many
+    causes stay open."""
+    shown = shown_axes(document)
+    rows = [
+        row
+        for row in error_rows(document)
+        if row["axis"] in shown and row["times_floor"] and row["times_floor"] > NEAR_FLOOR
+    ]
+    rows.sort(key=lambda row: -row["times_floor"])
+    axes = [
+        f"{row['axis']} {_share(row['of_flown'])} of what was flown,"
+        f" {number(row['times_floor'], 2)} noise floors"
+        for row in rows[:_MOST]
+    ]
+    clauses = ["; ".join([*axes, *_more(len(rows))])] if axes else ["every axis at its noise floor"]
+    tested = document["not_found"] if "library" in document else ()
+    undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
+    if undecided:
+        every = len(tested) + len(document["findings"])
+        clauses.append(f"{undecided} of {every} causes not decided")
+    return "; ".join(clauses)
+
+
+def _next(document: Mapping[str, Any]) -> str:
+    vehicle = f"--vehicle {document['vehicle']}"
+    if document["candidate"]:
+        return f"aerodb version gate {document['label']} {vehicle}"
+    options = to_try(document)
+    if options:
+        if len(options) > _MOST:
+            options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]
+        return f"aerodb close-loop {vehicle} {' '.join(options)}"
+    fly = document["next_flight"]
+    return f"fly: {advice_words(fly[0])}" if fly else ""
