@@ -203,10 +203,10 @@ def _share(share: float | None) -> str:
 
 
 def _refusals(document: Mapping[str, Any]) -> list[str]:
-    """What the gate will refuse, in words, as far as this document knows."""
+    """What the gate will refuse, in sentences, as far as this document knows."""
     kinds = [entry["kind"] for entry in document["remark_data"]]
     pairs = zip(kinds, document["remarks"], strict=True)
-    return [text.partition(": ")[2].rstrip(".") for kind, text in pairs if kind == REFUSED]
+    return [sentence for kind, sentence in pairs if kind == REFUSED]
 
 
 def _gate(document: Mapping[str, Any]) -> str:
@@ -214,7 +214,7 @@ def _gate(document: Mapping[str, Any]) -> str:
     if not refused:
         return "nothing known here stands against it"
     more = f"; {len(refused) - 1} more" if len(refused) > 1 else ""
-    return f"will refuse: {refused[0]}{more}"
+    return f"{refused[0].rstrip('.')}{more}"
 
 
 def _left(document: Mapping[str, Any]) -> str:

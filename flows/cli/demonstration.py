@@ -62,7 +62,7 @@ def demo(
             "flights": result.document["flights"]["held_out"],
         }
         responses = session.run(validate_flow, parameters, direct)
-        say_responses(session, "candidate", responses)
+        say_responses(session, "candidate", responses, verbose)
     session.say()
     session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
     session.table(

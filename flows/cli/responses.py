@@ -248,8 +248,11 @@ def _swing(found: dict[str, float] | None) -> tuple[str, str]:
     return f"{found['period']:.2f} s", f"zeta {found['zeta']:.3f} +- {found['sigma_zeta']:.3f}"
 
 
-def say_responses(session: Session, label: str, document: dict[str, Any]) -> None:
-    """Print the summary of `validate_flow` for a version of this label."""
+def say_responses(
+    session: Session, label: str, document: dict[str, Any], verbose: bool = True
+) -> None:
+    """Print the summary of `validate_flow` for a version of this label; without `verbose` the
+    tolerances alone."""
     from aerodb.report import channel_scale
 
     kind = "held-out" if document["independent"] else "identification (not independent)"
@@ -273,6 +276,8 @@ def say_responses(session: Session, label: str, document: dict[str, Any]) -> Non
     session.table(
         ["check", "within tolerance", "of the time", "baseline", "of the time"], rows, range(1, 5)
     )
+    if not verbose:
+        return
     session.say()
     told = [response for response in document["responses"] if response["manoeuvres"]]
     shown = []

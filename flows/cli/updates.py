@@ -178,7 +178,7 @@ def say_decision(session: Session, document: dict[str, Any]) -> None:
     session.say(told.verdict)
     for label, texts in told.lines:
         for number, text in enumerate(texts):
-            session.say(f"  {'' if number else label:<{_LABEL}}{text}")
+            session.say(f"  {'' if number else label:<{_LABEL}}{text}".replace("\u2212", "-"))
     session.say()
     shown = shown_axes(document)
     rows = [row for row in error_rows(document) if row["axis"] in shown]
