@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
     from .decision import Decision, decision, to_try
-    from .diff_documents import diff_document
+    from .diff_documents import curve_document, diff_document
     from .diff_figures import diff_figure
     from .document import (
         add_remarks,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from .headlines import error_rows, excluded_sizes, headline, shown_axes, what_stayed
     from .lineage_figure import Relative, lineage_graph
     from .loop_documents import loop_document, rival_remarks, stall_remarks
-    from .numbers import for_people
+    from .numbers import display_unit, for_people
     from .page import pdf, render
     from .response_page import FlownStretch, response_report
     from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible

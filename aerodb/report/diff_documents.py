@@ -1,17 +1,39 @@
 """The JSON of a diff of two versions: changed terms, and changes at table nodes."""
 
-from typing import Any
+import math
+from typing import Any, Final
 
 import numpy as np
 
-from aerodb.tables import DatabaseDiff, NodeChanges, TermChange
+from aerodb.report.numbers import display_unit
+from aerodb.report.terms import term_name, term_unit
+from aerodb.tables import (
+    HAT_RATES,
+    AeroDatabase,
+    DatabaseDiff,
+    NodeChanges,
+    TermChange,
+    slice_over,
+    slices,
+)
+
+#: Most steps of a variable in a table across a terminal of 80 columns.
+_MOST_STEPS: Final = 7
+#: Round numbers from 1 to 10.
+_ROUND: Final = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
+#: A coefficient that is zero everywhere has no size to compare with.
+_SMALLEST: Final = 1e-9
 
 
 def diff_document(difference: DatabaseDiff) -> dict[str, Any]:
     """Convert a diff to JSON values.
 
-    ``terms``, ``tables`` (new, gone, of another shape), ``nodes`` and ``not_addressable``. Each
-    entry of ``nodes`` is one table and axis with the change, standard error, coverage and flights
+    ``terms``, ``tables`` (new, gone, of another shape), ``nodes`` and ``not_addressable``;
+    ``edited_tables`` and ``unchanged_tables`` count tables as they are stored. Each entry of
+    ``terms`` that is a regressor of an increment has its name in words (``what``), its unit, its
+    ``envelope`` (variable -> ``low``, ``high``, and ``gone_below``, ``gone_above``, where it has
+    faded, null where it does not fade; SI) and its ``share`` of the axis (`TermChange`). Each entry
+    of ``nodes`` is one table and axis with the change, standard error, coverage and flights
     per node; its ``sources`` are groups of flights, to which nodes refer by position. Only nodes
     that change are listed; ``largest`` is the one that changes most.
     """
@@ -20,6 +42,8 @@ def diff_document(difference: DatabaseDiff) -> dict[str, Any]:
         "tables": dict(difference.tables),
         "nodes": [_nodes(entry) for entry in difference.nodes],
         "not_addressable": dict(difference.not_addressable),
+        "edited_tables": list(difference.edited),
+        "unchanged_tables": difference.kept,
     }
 
 
@@ -33,7 +57,70 @@ def _term(entry: TermChange) -> dict[str, Any]:
         "change": entry.change,
         "sigma": entry.sigma,
         "flights": list(entry.flights),
+        "what": term_name(entry.name) if entry.kind == "increment" else entry.name,
+        "unit": term_unit(entry.name) if entry.kind == "increment" else None,
+        "envelope": {
+            name: {
+                "low": each.low,
+                "high": each.high,
+                "gone_below": each.low - 2.0 * each.cell if entry.fades else None,
+                "gone_above": each.high + 2.0 * each.cell if entry.fades else None,
+            }
+            for name, each in entry.envelope.items()
+        },
+        "share": entry.share,
     }
+
+
+def curve_document(before: AeroDatabase, after: AeroDatabase) -> dict[str, Any] | None:
+    """Return the slice on which two databases differ most for its axis, at round values of its
+    variable; None where no slice differs. Dimensionless rates are left to the list of terms.
+
+    ``axis``, ``variable``, ``unit`` (of `display_unit`) and ``factor`` to it, ``held`` (other
+    inputs, SI), ``share`` (its largest change where flights have been, as a part of the largest
+    coefficient before on any slice of the axis), and ``points`` with ``at`` (SI), ``before``,
+    ``change``, ``sigma`` and ``inside_data``.
+    """
+    cuts = [cut for cut in slices(before, after) if cut.variable not in HAT_RATES]
+    if not cuts:
+        return None
+    sizes = dict.fromkeys((cut.axis for cut in cuts), _SMALLEST)
+    for cut in cuts:
+        sizes[cut.axis] = max(sizes[cut.axis], float(np.max(np.abs(cut.before))))
+    most = max(cuts, key=lambda cut: cut.largest / sizes[cut.axis])
+    factor, unit = display_unit(most.variable)
+    low, high = factor * float(most.at[0]), factor * float(most.at[-1])
+    step = _round_step((high - low) / _MOST_STEPS)
+    values = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0) + 0.0
+    cut = slice_over(before, after, most.axis, most.variable, values / factor)
+    columns = zip(
+        cut.at.tolist(),
+        cut.before.tolist(),
+        cut.change.tolist(),
+        cut.error.tolist(),
+        cut.inside.tolist(),
+        strict=True,
+    )
+    names = ("at", "before", "change", "sigma", "inside_data")
+    return {
+        "axis": cut.axis,
+        "variable": cut.variable,
+        "unit": unit,
+        "factor": factor,
+        "held": dict(cut.held),
+        "share": most.largest / sizes[most.axis],
+        "points": [dict(zip(names, point, strict=True)) for point in columns],
+    }
+
+
+def _round_step(least: float) -> float:
+    """Return the smallest round number that is not below `least`.
+
+    >>> [_round_step(least) for least in (0.013, 2.4, 4.5)]
+    [0.02, 2.5, 5.0]
+    """
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(power * factor for factor in _ROUND if power * factor >= least)
 
 
 def _nodes(entry: NodeChanges) -> dict[str, Any]:

@@ -3,6 +3,9 @@
 import math
 from typing import Final
 
+from aerodb.errors import UnknownNameError
+from aerodb.nomenclature import channel
+
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -43,3 +46,17 @@ def for_people(unit: str) -> tuple[float, str]:
     if unit == "rad" or unit.startswith("rad/"):
         return math.degrees(1.0), shown.replace("rad", "deg", 1)
     return 1.0, shown if unit not in ("", "1") else "-"
+
+
+def display_unit(name: str) -> tuple[float, str | None]:
+    """Factor to the display unit of a channel, and that unit: empty without dimension, None for a
+    free input.
+
+    >>> [display_unit(name)[1] for name in ("alpha", "mach", "my_input")]
+    ['deg', '', None]
+    """
+    try:
+        factor, unit = for_people(channel(name).unit)
+    except UnknownNameError:
+        return 1.0, None
+    return factor, "" if unit == "-" else unit

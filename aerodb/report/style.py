@@ -14,9 +14,7 @@ from typing import Any, Final
 import matplotlib
 from matplotlib.figure import Figure
 
-from aerodb.errors import UnknownNameError
-from aerodb.nomenclature import channel
-from aerodb.report.numbers import for_people
+from aerodb.report.numbers import display_unit, for_people
 
 #: Okabe & Ito's colours, which colour-blind readers can tell apart. Colours and line styles mean
 #: the same in every figure; line styles survive a print in black and white.
@@ -180,20 +178,6 @@ def channel_scale(name: str) -> tuple[float, str]:
     """
     factor, unit = display_unit(name)
     return factor, f"{name} [{unit or '-'}]" if unit is not None else in_figure(name)
-
-
-def display_unit(name: str) -> tuple[float, str | None]:
-    """Factor to the display unit of a channel, and that unit: empty without dimension, None for a
-    free input.
-
-    >>> [display_unit(name)[1] for name in ("alpha", "mach", "my_input")]
-    ['deg', '', None]
-    """
-    try:
-        factor, unit = for_people(channel(name).unit)
-    except UnknownNameError:
-        return 1.0, None
-    return factor, "" if unit == "-" else unit
 
 
 def parameter_scale(name: str, unit: str) -> tuple[float, str]:

@@ -23,6 +23,7 @@ _TWO_SIDED: Final = 1.96
 #: A correlation that is shown as zero.
 _NONE: Final = 0.005
 _AT: Final = re.compile(r"(?P<term>.+?)(?: over (?P<over>\w+))? at (?P<value>-?[\d.e+-]+)")
+_ABOVE: Final = re.compile(r"max\((?P<name>\w+) - (?P<value>[\d.e+-]+), 0\)")
 _FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
 
 
@@ -34,15 +35,17 @@ def term_name(text: str) -> str:
     ('alpha*q_hat', 'constant', 'alpha at 5 deg')
     >>> term_name("clip(alpha - 0.1, 0, 0.05)*20*clip(delta_flap - 0.2, 0, 0.1)*10")
     'piecewise linear in alpha and delta_flap'
+    >>> term_name("max(alpha - 0.175, 0)")
+    'alpha above 10 deg'
     """
+    hinge = _ABOVE.fullmatch(text)
+    if hinge is not None:
+        return f"{hinge['name']} above {_value_at(hinge['name'], float(hinge['value']))}"
     knot = _AT.fullmatch(text)
     if knot is not None:
         variable = knot["over"] or knot["term"]
-        value, unit = float(knot["value"]), ""
-        if is_surface(variable) or variable in ("alpha", "beta"):
-            value, unit = math.degrees(value), " deg"
         along = f" at {variable}" if knot["over"] else " at"
-        return f"{term_name(knot['term'])}{along} {value:.3g}{unit}"
+        return f"{term_name(knot['term'])}{along} {_value_at(variable, float(knot['value']))}"
     if len(text) <= _LONGEST and "clip(" not in text:
         return "constant" if text == "1" else text
     try:
@@ -53,6 +56,13 @@ def term_name(text: str) -> str:
     return f"{kind} {listed(names)}" if names else text
 
 
+def _value_at(variable: str, value: float) -> str:
+    """Return a value of a variable with its unit, angles in degrees."""
+    if is_surface(variable) or variable in ("alpha", "beta"):
+        return f"{math.degrees(value):.3g} deg"
+    return f"{value:.3g}"
+
+
 def term_unit(text: str) -> str:
     """Return the unit of a term's parameter, for a coefficient without dimension; a question mark
     where the expression is no product of powers of channels.
@@ -61,7 +71,12 @@ def term_unit(text: str) -> str:
     ['-', '1/rad', '-', '1/rad²', '1/rad²']
     >>> term_unit("alpha at 0.0873"), term_unit("V"), term_unit("exp(alpha)"), term_unit("1 - mach")
     ('-', '1/(m/s)', '?', '-')
+    >>> term_unit("max(alpha - 0.175, 0)")
+    '1/rad'
     """
+    hinge = _ABOVE.fullmatch(text)
+    if hinge is not None:
+        return term_unit(hinge["name"])
     knot = _AT.fullmatch(text)
     if knot is not None:
         return term_unit(knot["term"]) if knot["over"] else "-"

@@ -11,7 +11,7 @@ import typer
 
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_damage, say_repeats, say_suspicions
-from aerodb.flows.cli.output import Session, complaint, visible
+from aerodb.flows.cli.output import Session, complaint, percent, visible
 from aerodb.nomenclature import AXES
 
 #: A residual below so many noise floors is mostly noise of the sensors.
@@ -101,7 +101,7 @@ def _largest(taken: Sequence[Mapping[str, Any]]) -> str:
         return "no axis errs by more than the noise of the sensors"
     axis = max(found, key=lambda name: found[name])
     means = [axes[axis]["mean_residual"] for axes in compared if axis in axes]
-    said = f"{axis}: flight - database is {_percent(found[axis])} of what was flown"
+    said = f"{axis}: flight - database is {percent(found[axis])} of what was flown"
     if len(means) == 1:
         return f"{said}; mean {means[0]:.2g}"
     one = "has one sign" if len({mean > 0.0 for mean in means}) == 1 else "changes its sign"
@@ -143,17 +143,6 @@ def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:
     return f"aerodb close-loop --vehicle {vehicle}"
 
 
-def _percent(share: float | None) -> str:
-    """Return a share in per cent, and '-' where nothing was flown.
-
-    >>> _percent(0.1234), _percent(4.86), _percent(None)
-    ('12 %', '486 %', '-')
-    """
-    if share is None or not math.isfinite(share):
-        return "-"
-    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
-
-
 def _say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
     """Print a line per flight, and below one that is not good its first reason."""
     shown = [axis for axis in AXES if any(axis in _axes(each) for each in taken)]
@@ -163,7 +152,7 @@ def _say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
         session.say("flight - database, per cent of what was flown:")
     session.say(f"{'file':<{wide}}  {'verdict':<9}{''.join(f'{axis:>7}' for axis in shown)}")
     for name, each in zip(names, taken, strict=True):
-        shares = (_percent(_axes(each).get(axis, {}).get("of_flown")) for axis in shown)
+        shares = (percent(_axes(each).get(axis, {}).get("of_flown")) for axis in shown)
         cells = "".join(f"{share:>7}" for share in shares)
         session.say(f"{name:<{wide}}  {_judged(each):<9}{cells}".rstrip())
         if why := _why(each):
@@ -241,7 +230,7 @@ def say_comparison(session: Session, comparison: Mapping[str, Any]) -> None:
             axis,
             f"{v['rms_measured']:.4g}",
             f"{v['rms_residual']:.4g}",
-            _percent(v["of_flown"]),
+            percent(v["of_flown"]),
             f"{v['noise_floor']:.2g}",
             str(v["samples"]),
         ]

@@ -1,8 +1,7 @@
-"""``aerodb version lineage``, ``impact`` and ``diff``: sources of a number, uses of a flight,
-changes."""
+"""``aerodb version lineage`` and ``impact``: sources of a number, uses of a flight."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,9 +12,6 @@ from aerodb.flows.cli.references import Vehicle
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import Catalogue, VersionRow
     from aerodb.storage.workspace import Workspace
-
-#: Largest number of nodes printed; `--json` lists them all.
-_LISTED = 12
 
 
 def lineage(
@@ -152,85 +148,3 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
         ],
     )
     session.answer(impact_document(row.id, uses))
-
-
-def diff(
-    context: typer.Context,
-    before: Annotated[str, typer.Argument(help="The version to start from.")],
-    after: Annotated[str, typer.Argument(help="The version to compare with it.")],
-    vehicle: Vehicle = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="Also draw slices to this file (.png, .svg, .pdf).")
-    ] = None,
-) -> None:
-    """Show the differences of two versions, per term and table node, with sigma, coverage and
-    flights.
-
-    Example: aerodb version diff v0001 candidate --figure diff.png
-    """
-    from aerodb.storage.workspace import write_for_user
-    from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import compare_versions
-
-    session: Session = context.obj
-    workspace = session.workspace()
-    catalogue = session.catalogue()
-    old, new = version_of(catalogue, before, vehicle), version_of(catalogue, after, vehicle)
-    document, picture = compare_versions(
-        catalogue, old, new, figure.suffix if figure is not None else ""
-    )
-    labels = catalogue.flight_labels({f for t in document["terms"] for f in t["flights"]})
-    _say_diff(session, document, labels)
-    if figure is not None and picture is not None:
-        session.say(f"figure: {write_for_user(workspace, figure, picture)}")
-    session.answer(document)
-
-
-def _say_diff(session: Session, document: dict[str, Any], labels: dict[str, str]) -> None:
-    if not any(document[key] for key in ("terms", "tables", "nodes", "not_addressable")):
-        session.say("no difference")
-    if document["terms"]:
-        session.table(
-            ["what", "axis", "name", "before", "after", "flights"],
-            [
-                [
-                    t["kind"],
-                    t["axis"],
-                    t["name"],
-                    t["before"],
-                    t["after"],
-                    ", ".join(labels[f] for f in t["flights"]),
-                ]
-                for t in document["terms"]
-            ],
-        )
-    for name, what in document["tables"].items():
-        session.say(f"table {name}: {what}")
-    for name, largest in document["not_addressable"].items():
-        session.say(
-            f"table {name}: values differ by up to {largest:.5g} (its arguments are not single"
-            " channels)"
-        )
-    for entry in document["nodes"]:
-        nodes = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
-        session.say()
-        session.say(
-            f"{entry['axis']} at the nodes of {entry['table']}: {len(nodes)} change,"
-            f" {entry['unchanged']} do not"
-        )
-        session.table(
-            ["node", "at", "change", "sigma", "flown"],
-            [
-                [
-                    str(n["index"]),
-                    ", ".join(f"{name} = {value:.4g}" for name, value in n["at"].items()),
-                    f"{n['change']:.5g}",
-                    f"{n['sigma']:.2g}",
-                    "yes" if n["inside_data"] else "no",
-                ]
-                for n in nodes[:_LISTED]
-            ],
-            numbers=(2, 3),
-        )
-        if len(nodes) > _LISTED:
-            session.say(f"and {len(nodes) - _LISTED} smaller ones (--json lists them)")

@@ -18,6 +18,7 @@ from aerodb.flows.cli import (
     demonstration,
     derivatives,
     designing,
+    differences,
     estimating,
     estimating_online,
     expanding,
@@ -74,7 +75,7 @@ versions.app.command("design")(designing.design)
 versions.app.command("expand")(expanding.expand)
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
-versions.app.command("diff")(lineage.diff)
+versions.app.command("diff")(differences.diff)
 for query in (trimming.trim, trimming.modes, trimming.sweep):
     versions.app.command(query.__name__)(query)
 versions.app.command("export")(releases.export)

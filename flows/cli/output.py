@@ -1,6 +1,7 @@
 """Output of the commands: text and tables for people, one JSON document for programs, progress
 bars."""
 
+import math
 import sys
 import textwrap
 import threading
@@ -57,6 +58,17 @@ def complaint(what: str, where: str, remedy: str) -> str:
     remedy."""
     lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
     return "\n".join(visible(line) for line in lines if line)
+
+
+def percent(share: float | None) -> str:
+    """Return a share in per cent, and '-' where there is none.
+
+    >>> percent(0.1234), percent(4.86), percent(None)
+    ('12 %', '486 %', '-')
+    """
+    if share is None or not math.isfinite(share):
+        return "-"
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
 
 
 class Session:

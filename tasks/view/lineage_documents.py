@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.errors import InputError, nearest
-from aerodb.report import diff_document
+from aerodb.report import curve_document, diff_document
 from aerodb.storage.catalogue import Catalogue, Impact, VersionRow
 from aerodb.storage.writers import prov_json
 from aerodb.tables import NodeShare, diff, neutral_point, node_lineage, point_lineage
@@ -83,7 +83,12 @@ def compare_versions(
     """Return the differences between two versions, and a figure if `picture` (a suffix like
     ``.png``), in SI units. Raises InputError for another kind of figure."""
     old, new = database_of(catalogue, before), database_of(catalogue, after)
-    document = {"before": before.id, "after": after.id, **diff_document(diff(old, new))}
+    document = {
+        "before": before.id,
+        "after": after.id,
+        **diff_document(diff(old, new)),
+        "curve": curve_document(old, new),
+    }
     if not picture:
         return document, None
     kind = picture.lower().removeprefix(".")

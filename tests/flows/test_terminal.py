@@ -117,3 +117,77 @@ def test_angles_without_a_vane_are_expected_where_the_kinematics_give_them(
             assert found["beta"]["turn"] == pytest.approx(10.0 * rate)
     measured = Flight("f", NAME, time, {**given, "alpha": time, "beta": time})
     assert unmeasured_angles_outlook(measured) == {}
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_a_diff_has_a_line_per_edit_and_the_curve_that_changes_most(
+    columns: int, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    code, lines = on_terminal(workspace, columns, "version", "diff", "released", "candidate")
+    found = asked(workspace, "version", "diff", "released", "candidate")
+    edits = [term for term in found["terms"] if term["change"] != 0.0]
+    assert code == 0
+    assert lines[0] == f"{NAME}: v0001 -> v0002, {len(edits)} edits"
+    assert lines[place_of(lines, "next") - 1].endswith(
+        f"aerodb version gate v0002 --vehicle {NAME}"
+    )
+    assert place_of(lines, "next") <= 5
+    assert len(lines) == 14 + len(edits), "six above the edits, eight around and below them"
+    assert all(len(line) <= columns for line in lines)
+    rows = lines[place_of(lines, "axis") :][: len(edits)]
+    by_share = sorted(edits, key=lambda term: -term["share"])
+    for row, term in zip(rows, by_share, strict=True):
+        assert row.split()[0] == term["axis"]
+        assert f"{term['change']:+.3g}" in row.split()
+        assert term["what"] in row
+    slope = next(term for term in edits if (term["axis"], term["name"]) == ("CZ", "alpha"))
+    reach = slope["envelope"]["alpha"]
+    assert reach["gone_below"] < reach["low"] < reach["high"] < reach["gone_above"]
+    largest = max(abs(reach["low"]), abs(reach["high"])) * abs(slope["change"])
+    before = asked(
+        workspace, "version", "evaluate", "released", "--at", f"alpha={reach['high']},V=20"
+    )
+    assert slope["share"] == pytest.approx(largest / abs(before["coefficients"]["CZ"]), rel=0.02)
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_the_curve_of_a_diff_is_that_of_the_versions(
+    columns: int, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    _, lines = on_terminal(workspace, columns, "version", "diff", "released", "candidate")
+    curve = asked(workspace, "version", "diff", "released", "candidate")["curve"]
+    first = place_of(lines, curve["variable"] + " [") - 1
+    at, before, change, flown = (line.split() for line in lines[first : first + 4])
+    assert (before[0], change[0], flown[0]) == (curve["axis"], "change", "flown")
+    assert 4 <= len(curve["points"]) <= 10
+    assert {"yes", "no"} >= set(flown[1:])
+    for place, point in enumerate(curve["points"]):
+        assert float(at[2 + place]) == pytest.approx(curve["factor"] * point["at"], abs=1e-9)
+        assert float(change[1 + place]) == pytest.approx(point["change"], abs=6e-5)
+        held = {**curve["held"], curve["variable"]: point["at"]}
+        held.pop("q_hat", None)  # q is beside it
+        words = ",".join(f"{name}={value!r}" for name, value in held.items())
+        old, new = (
+            asked(workspace, "version", "evaluate", version, "--at", words)["coefficients"]
+            for version in ("released", "candidate")
+        )
+        axis = curve["axis"]
+        assert old[axis] == pytest.approx(point["before"], abs=1e-9)
+        assert new[axis] - old[axis] == pytest.approx(point["change"], abs=1e-9)
+
+
+def test_nothing_edited_is_one_line_and_nodes_are_asked_for(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    assert on_terminal(workspace, 80, "version", "diff", "v0002", "candidate") == (
+        0,
+        [f"{NAME}: v0002 -> v0002: no difference"],
+    )
+    _, short = on_terminal(workspace, 80, "version", "diff", "released", "candidate")
+    _, whole = on_terminal(workspace, 80, "version", "diff", "released", "candidate", "--nodes")
+    assert not any("at the nodes of" in line for line in short)
+    assert any("CZ at the nodes of CZ0" in line for line in whole)
+    assert any("alpha [deg]" in line and "sigma" in line for line in whole)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .linear_terms import LinearTable, linear_tables
     from .nodes import neutral_point, table_grids, vary
     from .sensitivity import slopes_by, slopes_by_lift
+    from .slices import Slice, acts_on, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

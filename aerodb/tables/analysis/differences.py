@@ -6,7 +6,7 @@ whether an update is a layer beside a table or folded into it. Figures are in `a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,11 @@ from aerodb.support import Array
 from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
 from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.increment import Increment
+from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.reference import WIND_AXES, ReferenceGeometry, wind_to_body
 
+#: Values of a variable at which the size of a coefficient is looked at.
+_ALONG = 21
 #: Changes below this fraction of the largest coefficient at the nodes are rounding.
 _ROUNDING = 1e-12
 
@@ -32,6 +34,12 @@ class TermChange:
     kind : ``term``, ``variable``, ``reference`` or ``increment``.
     before, after : its text; empty where it does not exist.
     change, sigma : coefficient of a regressor and its standard error; None for other kinds.
+    envelope : of a regressor, variable of its own (of one without, those of every regressor) ->
+        flown interval, SI.
+    fades : whether it fades beyond the envelope, within two cells; else it is held or continued.
+    share : of a regressor, its largest effect within the envelope as a part of the largest
+        coefficient that `before` has on the axis where flights have been; None where either is not
+        known.
     """
 
     kind: str
@@ -42,6 +50,9 @@ class TermChange:
     change: float | None = None
     sigma: float | None = None
     flights: tuple[str, ...] = ()
+    envelope: Mapping[str, Interval] = field(default_factory=dict)
+    fades: bool = False
+    share: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +97,17 @@ class DatabaseDiff:
     tables : table name -> what differs, for tables that are new, gone or of another shape.
     not_addressable : table name -> largest difference of its values, for tables whose nodes are not
         points over channels (see `aerodb.tables.analysis.nodes`).
+    edited : names of the tables that are not the same in both, as they are stored: increments are
+        beside them.
+    kept : number of tables that are.
     """
 
     terms: tuple[TermChange, ...]
     nodes: tuple[NodeChanges, ...]
     tables: Mapping[str, str]
     not_addressable: Mapping[str, float]
+    edited: tuple[str, ...] = ()
+    kept: int = 0
 
     @property
     def empty(self) -> bool:
@@ -123,8 +139,14 @@ def diff(before: AeroDatabase, after: AeroDatabase) -> DatabaseDiff:
         for name, grid in sorted(grids.items())
         for entry in _nodes(grid, axes[name], (before, gone), (after, added), point)
     ]
+    forms, edited = _table_forms(before, after), _values_only(before, after)
     return DatabaseDiff(
-        terms, tuple(nodes), _table_forms(before, after), _values_only(before, after, set(grids))
+        terms,
+        tuple(nodes),
+        forms,
+        {name: largest for name, largest in edited.items() if name not in grids},
+        tuple(sorted({*forms, *edited})),
+        len({*after.tables, *after.scattered} - {*forms, *edited}),
     )
 
 
@@ -235,14 +257,18 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
     """Coefficients of increments that only one of the databases has. Increments of several updates
     on the same regressor are listed separately."""
     changes = []
+    sizes = _largest_coefficients(
+        before, (*new_increments(after, before), *new_increments(before, after))
+    )
     for increments, side in (
         (new_increments(after, before), -1.0),
         (new_increments(before, after), 1.0),
     ):
         for increment in increments:
             errors = np.sqrt(np.diag(increment.covariance))
-            for regressor, value, error in zip(
-                increment.regressors, increment.estimates, errors, strict=True
+            effects = _largest_effects(increment)
+            for k, (regressor, value, error) in enumerate(
+                zip(increment.regressors, increment.estimates, errors, strict=True)
             ):
                 text = f"{value:.6g} +- {error:.2g}"
                 old, new = ("", text) if side > 0 else (text, "")
@@ -257,9 +283,63 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
                         change,
                         sigma,
                         increment.flights,
+                        {
+                            name: increment.envelope[name]
+                            for name in sorted(regressor.names or increment.limiting(k))
+                            if name in increment.envelope
+                        },
+                        bool(increment.fading(k)),
+                        _part(effects[k], sizes.get(increment.axis)),
                     )
                 )
     return changes
+
+
+def _part(effect: float, size: float | None) -> float | None:
+    return effect / size if size and np.isfinite(effect) else None
+
+
+def _largest_coefficients(
+    database: AeroDatabase, increments: Sequence[Increment]
+) -> dict[str, float]:
+    """Largest coefficient of a database on each axis where flights have been, over one variable at
+    a time; that of the body axis beside it on a wind axis."""
+    point = neutral_point(database, increments)
+    flown: dict[str, list[float]] = {}
+    for each in increments:
+        for name, interval in each.envelope.items():
+            flown.setdefault(name, []).extend((interval.low, interval.high))
+    sizes = dict.fromkeys(AXES, 0.0)
+    for name, ends in flown.items():
+        over = {name: np.linspace(min(ends), max(ends), _ALONG)}
+        found = database.predict(vary(point, over)).coefficients
+        for axis in AXES:
+            sizes[axis] = max(sizes[axis], float(np.nanmax(np.abs(found[axis]), initial=0.0)))
+    return sizes | {"C_drag": sizes["CX"], "C_side": sizes["CY"], "C_lift": sizes["CZ"]}
+
+
+def _largest_effects(increment: Increment) -> Array:
+    """(k,) largest effect of each regressor within the envelope, NaN where one of its variables has
+    none."""
+    names = sorted(increment.names)
+    middle = {
+        name: 0.5 * (increment.envelope[name].low + increment.envelope[name].high)
+        if name in increment.envelope
+        else 0.0
+        for name in names
+    }
+    effects = np.full(len(increment.regressors), np.nan)
+    for k, regressor in enumerate(increment.regressors):
+        if regressor.names <= increment.envelope.keys():
+            ends = {
+                name: np.linspace(increment.envelope[name].low, increment.envelope[name].high, 5)
+                for name in regressor.names
+            }
+            mesh = np.meshgrid(*ends.values(), indexing="ij") if ends else []
+            over = {name: grid.ravel() for name, grid in zip(ends, mesh, strict=True)}
+            values, _ = increment.columns(vary(middle, over))
+            effects[k] = float(np.max(np.abs(values[:, k] * increment.estimates[k])))
+    return effects
 
 
 def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
@@ -283,11 +363,10 @@ def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
     return changes
 
 
-def _values_only(
-    before: AeroDatabase, after: AeroDatabase, addressed: set[str]
-) -> dict[str, float]:
+def _values_only(before: AeroDatabase, after: AeroDatabase) -> dict[str, float]:
+    """Table name -> largest difference of its values, where they differ alone."""
     largest = {}
-    for name in sorted((before.tables.keys() & after.tables.keys()) - addressed):
+    for name in sorted(before.tables.keys() & after.tables.keys()):
         old, new = before.tables[name].values, after.tables[name].values
         if old.shape == new.shape and not np.array_equal(old, new):
             largest[name] = float(np.max(np.abs(new - old)))

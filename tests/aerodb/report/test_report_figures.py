@@ -19,7 +19,7 @@ from matplotlib.patches import Rectangle
 
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.report.diff_figures import MAX_PANELS, diff_figure
+from aerodb.report.diff_figures import diff_figure
 from aerodb.report.flight_figures import channel_figure, coefficient_figure, shown_channels
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, in_figure, picture, visible
@@ -29,6 +29,7 @@ from aerodb.report.update_figures import (
     moving_variables,
     residual_figure,
 )
+from aerodb.tables.analysis.slices import MOST_SLICES
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from tests.support import synthetic
@@ -237,7 +238,7 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
     )
     shown = [panel for panel in figure.axes if panel.get_xlabel()]
     assert {panel.get_ylabel() for panel in shown} == {f"{axis} [-]" for axis in AXES}
-    assert len(shown) <= MAX_PANELS
+    assert len(shown) <= MOST_SLICES
     alpha = next(panel for panel in shown if panel.get_xlabel() == "alpha [deg]")
     said = re.fullmatch(
         r"largest change: \+([\d.]+) ± ([\d.e−]+) at ([\d.]+) deg", alpha.get_title(loc="right")

@@ -1,0 +1,169 @@
+"""Slices through two databases where they differ: coefficients over one variable, all other inputs
+neutral."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.nomenclature import AXES
+from aerodb.support import Array
+from aerodb.tables.analysis.arguments import scattered_over
+from aerodb.tables.analysis.nodes import neutral_point, table_grids
+from aerodb.tables.analysis.slopes import new_increments
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.increment import Increment
+from aerodb.tables.reference import WIND_AXES
+
+#: Most slices of two databases; `diff` lists every node.
+MOST_SLICES: Final = 12
+_POINTS: Final = 241
+_CELLS_BEYOND: Final = 3.0
+#: A smaller change of a coefficient is rounding.
+_SAME: Final = 1e-12
+
+#: Channels that are shares, from 0 to 1.
+_SHARES: Final = ("flow_attachment",)
+_NEVER_NEGATIVE: Final = (
+    *_SHARES,
+    "V",
+    "mach",
+    "qbar",
+    "rho",
+    "temperature",
+    "static_pressure",
+    "mass",
+    "height_above_ground",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Coefficients of two databases on `axis` over `variable`.
+
+    Parameters
+    ----------
+    at : (n,) values of the variable, SI.
+    before, after : (n,), dimensionless.
+    error : (n,) standard error of the increments that only one of the databases has.
+    inside : (n,) whether their flights have been there.
+    held : other inputs -> value, SI.
+    """
+
+    axis: str
+    variable: str
+    at: Array
+    before: Array
+    after: Array
+    error: Array
+    inside: NDArray[np.bool_]
+    held: Mapping[str, float]
+
+    @property
+    def change(self) -> Array:
+        """(n,) after - before, dimensionless."""
+        return self.after - self.before
+
+    @property
+    def largest(self) -> float:
+        """Largest change where flights have been; anywhere, where they have been nowhere."""
+        where = self.inside if np.any(self.inside) else np.ones_like(self.inside)
+        return float(np.max(np.abs(self.change[where]), initial=0.0))
+
+
+def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
+    """Return the slices that show how two databases differ, at most `MOST_SLICES`: per axis that
+    changes, the variables over which it changes most. Each axis has an equal share of them."""
+    increments = _new(before, after)
+    by_axis: dict[str, list[Slice]] = {}
+    for axis in AXES:
+        for variable, reach in _ranges(before, after, increments).items():
+            for _ in range(2):  # over all that is known, then closer where something changes
+                cut = slice_over(before, after, axis, variable, np.linspace(*reach, _POINTS))
+                reach = _closer(cut.at, cut.change)
+            change = cut.change
+            # A variable that only carries a constant change along says nothing that alpha does not.
+            varies = variable == "alpha" or np.ptp(change) > 0.02 * np.max(
+                np.abs(change), initial=0.0
+            )
+            if np.any(np.abs(change) > _SAME) and varies:
+                by_axis.setdefault(axis, []).append(cut)
+    share = max(1, MOST_SLICES // max(1, len(by_axis)))
+    kept = []
+    for cuts in by_axis.values():
+        largest = sorted(cuts, key=lambda cut: -float(np.ptp(cut.change)))[:share]
+        kept += [cut for cut in cuts if any(cut is each for each in largest)]
+    return kept
+
+
+def slice_over(
+    before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at: Array
+) -> Slice:
+    """Return the slice on a body axis at given values (n,) of a variable [SI]."""
+    increments = _new(before, after)
+    point = {**neutral_point(before, increments), **neutral_point(after, increments)}
+    held = {name: value for name, value in point.items() if name != variable}
+    channels = {**{name: np.full(len(at), value) for name, value in held.items()}, variable: at}
+    old, new = (database.predict(channels).coefficients[axis] for database in (before, after))
+    variance, inside = np.zeros(len(at)), np.full(len(at), bool(increments))
+    for increment in (each for each in increments if acts_on(each, axis)):
+        own = increment.evaluate(after.resolved(sorted(increment.names), channels))
+        variance = variance + own.standard_error**2
+        inside = inside & own.inside
+    return Slice(axis, variable, at, old, new, np.sqrt(variance), inside, held)
+
+
+def acts_on(increment: Increment, axis: str) -> bool:
+    """Return whether an increment changes the coefficient on a body axis."""
+    return increment.axis == axis or (increment.axis in WIND_AXES and axis in AXES[:3])
+
+
+def _new(before: AeroDatabase, after: AeroDatabase) -> tuple[Increment, ...]:
+    return (*new_increments(after, before), *new_increments(before, after))
+
+
+def _ranges(
+    before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]
+) -> dict[str, tuple[float, float]]:
+    """Variables to slice over, alpha first, with ranges that hold envelopes and all breakpoints."""
+    marks: dict[str, list[float]] = {"alpha": []}
+    for increment in increments:
+        for name, interval in increment.envelope.items():
+            # where tables have no cells, a cell is as wide as the envelope: nobody reads alpha at
+            # 50 deg
+            beyond = min(
+                _CELLS_BEYOND * interval.cell,
+                max(interval.high - interval.low, interval.cell / _CELLS_BEYOND),
+            )
+            lowest = 0.0 if name in _NEVER_NEGATIVE else -np.inf
+            highest = 1.0 if name in _SHARES else np.inf
+            marks.setdefault(name, []).extend(
+                (max(lowest, interval.low - beyond), min(highest, interval.high + beyond))
+            )
+    known = {*before.inputs, *after.inputs, *marks}
+    for database in (before, after):
+        for grid in table_grids(database).values():
+            for name, values in zip(grid.channels, grid.values, strict=True):
+                marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
+        for name in database.inputs:
+            for values in scattered_over(name, database):
+                marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
+    return {
+        name: (min(v), max(v))
+        for name, v in marks.items()
+        if name in known and v and max(v) > min(v)
+    }
+
+
+def _closer(at: Array, change: Array) -> tuple[float, float]:
+    """Range of `at` (n,) in which there is a change, plus a quarter of it on both sides.
+
+    The whole range where there is no change.
+    """
+    there = at[np.abs(change) > 1e-9 * np.max(np.abs(change), initial=1e-3)]
+    if not len(there):
+        return float(at[0]), float(at[-1])
+    room = 0.25 * float(there[-1] - there[0]) + float(at[1] - at[0])
+    return max(float(at[0]), float(there[0]) - room), min(float(at[-1]), float(there[-1]) + room)
