@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.effects import BELIEVED
 from aerodb.remarks import Remark, said
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict, Wanted
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
@@ -151,15 +151,20 @@ def _fitting(
     )
     fitting: list[int] = []
     fallen: dict[int, Remark] = {}
-    for rival in np.flatnonzero(shown).tolist():
+    twins = _twins(tests, before, index)
+    twins[list(sensors)] = False  # of these only what the flights show counts
+    for rival in np.flatnonzero(shown | twins).tolist():
         if rival in barred:
             continue
         apart = after.possible[rival] or not before.possible[rival]
-        if apart and after.gain[rival] >= lost * before.gain[rival]:
+        if not twins[rival] and apart and after.gain[rival] >= lost * before.gain[rival]:
             continue  # a different defect, not a rival
         outside = implausible(tests, before, rival)
         if outside:
             fallen[rival] = outside
+            continue
+        if twins[rival]:
+            fitting.append(rival)
             continue
         gains = np.zeros(len(tests.flights))
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
@@ -167,7 +172,7 @@ def _fitting(
             fallen[rival] = said("is another shape of the same effect, and explains no more")
             continue
         p = paired_p(own, gains)
-        if p < tests.settings.level and not _twins(tests, before, index, rival):
+        if p < tests.settings.level:
             fallen[rival] = said(f"explains less in flight after flight (p = {p:.1g})")
         else:
             fitting.append(rival)
@@ -175,14 +180,18 @@ def _fitting(
     return fitting, fallen
 
 
-def _twins(tests: CrossFlightTests, test: Tested, one: int, other: int) -> bool:
-    """Return whether two columns are the same up to a factor, within `TWIN`, in every flight that
-    has both: then noise of the two channels, not the effect, makes one of them explain more."""
-    matrix = tests.campaign.products.matrix
-    both = test.included[:, one] & test.included[:, other]
-    across = matrix[both, one, other] ** 2
-    own = matrix[both, one, one] * matrix[both, other, other]
-    return bool(both.any() and np.all(across > TWIN**2 * own))
+def _twins(tests: CrossFlightTests, test: Tested, index: int) -> Mask:
+    """Return which hypotheses (k,) have the column of another up to a factor, within `TWIN`, in
+    every flight that has both.
+
+    Noise of the two channels, not the effect, makes one of them explain more: no test over flights
+    tells them apart.
+    """
+    products = tests.campaign.products.matrix[list(tests.flights), :-1, :-1]
+    own = np.diagonal(products, axis1=1, axis2=2)
+    alike = products[:, index] ** 2 > TWIN**2 * own[:, index, None] * own
+    both = test.included & test.included[:, [index]]
+    return np.asarray(both.any(axis=0) & np.all(alike | ~both, axis=0))
 
 
 def _gain_by_flight(
