@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
@@ -188,24 +189,14 @@ def report_on_import(root: Path, constants: Sequence[NumericConstant]) -> set[st
 
     The set is filled while they run; clear it between runs.
     """
-    own: dict[str, dict[str, str]] = {}
-    for constant in constants:
-        own.setdefault(constant.module, {})[constant.name] = constant.id
-    modules = {
-        ".".join(path.relative_to(root).with_suffix("").parts)
-        for path in (root / "aerodb").rglob("*.py")
-    }
     changes: dict[str, ast.NodeTransformer] = {}
-    for module in sorted(modules):
-        text = (root / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
-        ids = dict(own.get(module, {}))
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.ImportFrom) and node.module in own:
-                ids |= {
-                    alias.asname or alias.name: own[node.module][alias.name]
-                    for alias in node.names
-                    if alias.name in own[node.module]
-                }
+    for module, text in _modules(root).items():
+        ids = {
+            name: each.id
+            for each in constants
+            if each.name in text
+            for name in _names_in(each, module, ast.parse(text))
+        }
         if ids and "numba" not in text:
             changes[module] = _Reporting(ids)
     seen: set[str] = set()
@@ -221,16 +212,42 @@ def report_on_import(root: Path, constants: Sequence[NumericConstant]) -> set[st
 
 def read_at_import(root: Path, constant: NumericConstant) -> bool:
     """Whether a constant is read outside of functions: by another constant, a default, a field."""
-    tree = ast.parse((root / f"{constant.module.replace('.', '/')}.py").read_text("utf-8"))
-    inside = set()
+    for module, text in _modules(root).items():
+        if constant.name not in text:
+            continue
+        tree = ast.parse(text)
+        names = _names_in(constant, module, tree)
+        inside = set()
+        for node in ast.walk(tree) if names else ():
+            if isinstance(node, ast.FunctionDef):
+                for each in node.body:
+                    inside |= {id(n) for n in ast.walk(each)}
+        if names and any(
+            isinstance(node, ast.Name)
+            and isinstance(node.ctx, ast.Load)
+            and node.id in names
+            and id(node) not in inside
+            for node in ast.walk(tree)
+        ):
+            return True
+    return False
+
+
+@cache
+def _modules(root: Path) -> dict[str, str]:
+    """Dotted name -> text of every module of the product."""
+    return {
+        ".".join(path.relative_to(root).with_suffix("").parts): path.read_text(encoding="utf-8")
+        for path in sorted((root / "aerodb").rglob("*.py"))
+        if path.stem != "__init__"
+    }
+
+
+def _names_in(constant: NumericConstant, module: str, tree: ast.Module) -> set[str]:
+    """The names that a constant has in a module: its own, or as it is imported from its module or
+    from the face of a package above it."""
+    names = {constant.name} if module == constant.module else set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef):
-            for each in node.body:
-                inside |= {id(n) for n in ast.walk(each)}
-    return any(
-        isinstance(node, ast.Name)
-        and isinstance(node.ctx, ast.Load)
-        and node.id == constant.name
-        and id(node) not in inside
-        for node in ast.walk(tree)
-    )
+        if isinstance(node, ast.ImportFrom) and f"{constant.module}.".startswith(f"{node.module}."):
+            names |= {a.asname or a.name for a in node.names if a.name == constant.name}
+    return names

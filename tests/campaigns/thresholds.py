@@ -42,7 +42,7 @@ MOST = 12
 #: decided, and the parts of the campaign that run it.
 DECIDING: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "support": (("false_alarms",), ("ingest", "beside", "conditioning", "consistency")),
-    "conditioning": (("",), ("conditioning", "ingest")),
+    "conditioning": (("",), ("conditioning", "ingest", "beside", "consistency")),
     "suspicions": (("",), ("ingest", "beside")),
     "consistency": (
         ("calibration", "corrected", "navigation_sources", "plan", "records", "sensor_noise",
