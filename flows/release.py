@@ -1,9 +1,10 @@
-"""Flows that move names of versions; each attempt is recorded as a run with its reasons."""
+"""Flows that ask the gate and move names of versions; each attempt is recorded as a run with its
+reasons."""
 
 from typing import Any
 
 from aerodb.flows.run import Steps, requires
-from aerodb.tasks.steps import promote, roll_back
+from aerodb.tasks.steps import judge_version, promote, roll_back
 
 
 @requires("release")
@@ -26,6 +27,17 @@ def promote_flow(
         name=name,
         reason=reason,
         accept=accept or [],
+    )
+    return result
+
+
+@requires("read")
+def gate_flow(
+    steps: Steps, *, workspace: str, run: str, version: str, accept: list[str] | None = None
+) -> dict[str, Any]:
+    """Ask the gate about a version (its id); see `aerodb.tasks.steps.release.judge_version`."""
+    result: dict[str, Any] = steps(
+        judge_version, version, workspace=workspace, run=run, accept=accept or []
     )
     return result
 

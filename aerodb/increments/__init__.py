@@ -44,10 +44,12 @@ if TYPE_CHECKING:
         keep_slope_signs,
     )
     from .gate import (
+        AT_LEAST,
         CONTRADICTIONS,
         FILE_CHECKS,
         GateCheck,
         GateVerdict,
+        Measure,
         Standing,
         judge_aliases,
         judge_contradictions,

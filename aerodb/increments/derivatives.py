@@ -13,7 +13,7 @@ import numpy as np
 
 from aerodb.coefficients import as_inputs
 from aerodb.flight import Flight
-from aerodb.increments.gate import GateCheck
+from aerodb.increments.gate import GateCheck, Measure
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, slopes_by
@@ -145,16 +145,29 @@ def judge_derivatives(
     name = "no unaccepted change of a control, a damping or a main derivative inside the data"
     if listed is None:
         return GateCheck(
-            name, ("its report does not list its derivatives: create the version again",)
+            name,
+            ("its report does not list its derivatives: create the version again",),
+            "derivatives",
         )
     changes = [DerivativeChange(**each) for each in listed]
+    refused = [
+        (change, reason)
+        for change in changes
+        if change.name not in accepted and (reason := change.refusal(largest))
+    ]
     return GateCheck(
         name,
         tuple(
             f"{reason} (if that is right: --accept {change.name}, and the --reason)"
-            for change in changes
-            if change.name not in accepted and (reason := change.refusal(largest))
+            for change, reason in refused
         ),
+        "derivatives",
+        tuple(
+            Measure(change.name, change.relative, largest)
+            for change in changes
+            if change.share >= _SIZE_COUNTS
+        ),
+        tuple(change.name for change, _ in refused),
     )
 
 

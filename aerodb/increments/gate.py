@@ -53,12 +53,39 @@ class Standing:
     content_sha256: str
 
 
+#: Bounds of a measure.
+AT_MOST: Final = "at most"
+AT_LEAST: Final = "at least"
+BELOW: Final = "below"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number that a check looks at: `of` what, its value, the `bound` and the limit that it is
+    held to (None: it is only reported), and where it fell from, in `unit` (empty: a count, or
+    dimensionless)."""
+
+    of: str
+    value: float
+    limit: float | None = None
+    bound: str = AT_MOST
+    before: float | None = None
+    unit: str = ""
+
+
 @dataclass(frozen=True)
 class GateCheck:
-    """One check: its name, and the reasons why it failed; passed where there are none."""
+    """One check: its name, and the reasons why it failed; passed where there are none.
+
+    label : its name in one or two words. measures : the numbers that it looks at. acceptable :
+    under what names a person may accept the reasons; empty where nobody can.
+    """
 
     name: str
     reasons: tuple[str, ...]
+    label: str
+    measures: tuple[Measure, ...] = ()
+    acceptable: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -107,16 +134,18 @@ def judge_release(
     error = "excess error of each flight left out in turn falls (not held out)"
     return GateVerdict(
         (
-            GateCheck("parent is the released version", _parent(standing)),
-            GateCheck("not stale", standing.stale),
-            GateCheck("content as stored", _content(standing)),
-            GateCheck("check cases", _check_cases(candidate, check_cases)),
+            GateCheck("parent is the released version", _parent(standing), "parent"),
+            _not_stale(standing),
+            GateCheck("content as stored", _content(standing), "content"),
+            _check_cases(candidate, check_cases),
             GateCheck(
                 error if cross_validated else "excess held-out error falls",
                 _excess(axes, within_flights),
+                "left-out error" if cross_validated else "held-out error",
+                () if within_flights else _excess_measures(axes),
             ),
-            GateCheck("no axis worse than its repeatability", _repeatability(axes)),
-            GateCheck("no new sign change outside the data", sign_reasons(baseline, candidate)),
+            _repeatability(axes),
+            _signs(baseline, candidate),
         )
     )
 
@@ -173,10 +202,16 @@ def judge_import(
     )
     return GateVerdict(
         (
-            GateCheck("not stale", standing.stale),
-            GateCheck("content as stored", _content(standing)),
-            GateCheck("check cases", _check_cases(imported, check_cases)),
-            GateCheck("the file's own check cases", reasons),
+            _not_stale(standing),
+            GateCheck("content as stored", _content(standing), "content"),
+            _check_cases(imported, check_cases),
+            GateCheck(
+                "the file's own check cases",
+                reasons,
+                "file's cases",
+                (Measure("numbers that differ", found.get("failed", 0), None if accepted else 0),),
+                (FILE_CHECKS,) if reasons else (),
+            ),
         )
     )
 
@@ -187,14 +222,17 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     rivals : ``rivals`` of its report (docs/reference/contract.md). accepted : their ids that a
     person accepts, with a reason. Each that is not accepted is a reason to refuse the release.
     """
+    left = [rival for rival in rivals if rival["hypothesis"] not in accepted]
     return GateCheck(
         "no error of a sensor explains what changes",
         tuple(
             f"{rival['hypothesis']} explains {', '.join(rival['shares'])} better than declared"
             f" increments do (if they are right: --accept {rival['hypothesis']}, and the --reason)"
-            for rival in rivals
-            if rival["hypothesis"] not in accepted
+            for rival in left
         ),
+        "sensors",
+        (Measure("errors of sensors", len(left), 0),),
+        tuple(rival["hypothesis"] for rival in left),
     )
 
 
@@ -205,16 +243,23 @@ def judge_aliases(report: Mapping[str, Any], accepted: Collection[str]) -> GateC
     report : of the version (docs/reference/contract.md). accepted : ``alias@AXIS`` of the axes
     where a person accepts that, with a reason.
     """
+    left = [
+        (entry["axis"], group)
+        for entry in report.get("increments", ())
+        for group in entry.get("aliases", ())
+        if f"alias@{entry['axis']}" not in accepted
+    ]
     return GateCheck(
         "no estimates that cannot be told apart",
         tuple(
-            f"{entry['axis']}: {' and '.join(group)} moved together, and these flights tell only"
-            f" what they do together (if that is enough: --accept alias@{entry['axis']}, and the"
+            f"{axis}: {' and '.join(group)} moved together, and these flights tell only"
+            f" what they do together (if that is enough: --accept alias@{axis}, and the"
             " --reason)"
-            for entry in report.get("increments", ())
-            for group in entry.get("aliases", ())
-            if f"alias@{entry['axis']}" not in accepted
+            for axis, group in left
         ),
+        "aliases",
+        (Measure("groups of estimates", len(left), 0),),
+        tuple(dict.fromkeys(f"alias@{axis}" for axis, _ in left)),
     )
 
 
@@ -250,13 +295,16 @@ def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCh
 
     accepted : ids that a person accepts, with a reason.
     """
+    left = {id: said for id, said in open_shapes(report).items() if id not in accepted}
     return GateCheck(
         "what was added has its shape, and nothing on its axis is without a name",
         tuple(
             f"{sentence} (if it is right: --accept {id}, and the --reason)"
-            for id, sentence in open_shapes(report).items()
-            if id not in accepted
+            for id, sentence in left.items()
         ),
+        "shapes",
+        (Measure("open shapes", len(left), 0),),
+        tuple(left),
     )
 
 
@@ -268,13 +316,30 @@ def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> Gat
     """
     name = "no flight contradicts its vehicle or the released version"
     if not found or CONTRADICTIONS in accepted:
-        return GateCheck(name, ())
+        return GateCheck(
+            name, (), "contradictions", (Measure("flights", len(found), None if found else 0),)
+        )
     more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
     words = (
         f"{'; '.join(found[:_LISTED])}{more} (if the flights are right: --accept {CONTRADICTIONS},"
         " and the --reason)"
     )
-    return GateCheck(name, (words,))
+    return GateCheck(
+        name,
+        (words,),
+        "contradictions",
+        (Measure("flights", len(found), 0),),
+        (CONTRADICTIONS,),
+    )
+
+
+def _not_stale(standing: Standing) -> GateCheck:
+    return GateCheck(
+        "not stale",
+        standing.stale,
+        "not stale",
+        (Measure("reasons to rebuild", len(standing.stale), 0),),
+    )
 
 
 def _parent(standing: Standing) -> tuple[str, ...]:
@@ -312,14 +377,37 @@ def _content(standing: Standing) -> tuple[str, ...]:
     )
 
 
-def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[str, ...]:
+def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> GateCheck:
     if not cases:
-        return ("it has no check cases: create the version again, they are written with it",)
+        reasons: tuple[str, ...] = (
+            "it has no check cases: create the version again, they are written with it",
+        )
+        cases_found = (Measure("cases", 0, 1, AT_LEAST),)
+        return GateCheck("check cases", reasons, "check cases", cases_found)
     failed = failed_check_cases(candidate, cases)
     more = (
         (f"and {len(failed) - _LISTED} more check values differ",) if len(failed) > _LISTED else ()
     )
-    return (*failed[:_LISTED], *more)
+    return GateCheck(
+        "check cases",
+        (*failed[:_LISTED], *more),
+        "check cases",
+        (Measure("cases", len(cases)), Measure("values that differ", len(failed), 0)),
+    )
+
+
+def _excess_measures(axes: Mapping[str, Mapping[str, Any]]) -> tuple[Measure, ...]:
+    """Errors beyond the noise floor, pooled as `_excess` judges them and per axis."""
+    entries = validated(axes)
+    if not entries:
+        return ()
+    before, after = pooled(entries, "excess_before"), pooled(entries, "excess_after")
+    whole = Measure("all axes", after, before, BELOW, before, "noise floors")
+    single = (
+        Measure(axis, entry["excess_after"], before=entry["excess_before"])
+        for axis, entry in entries.items()
+    )
+    return (whole, *single)
 
 
 def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tuple[str, ...]:
@@ -357,10 +445,10 @@ def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tupl
     )
 
 
-def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> GateCheck:
     """Axes that became worse on held-out flights by more than flights differ among themselves
     (`aerodb.increments.validation.repeatability`)."""
-    reasons = []
+    reasons, measures = [], []
     for axis, entry in axes.items():
         before, after = entry["held_out_rms_before"], entry["held_out_rms_after"]
         if before is None or after is None:
@@ -370,12 +458,26 @@ def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
                 f"{axis}: its report does not state how much flights differ among themselves:"
                 " create the version again"
             )
-        elif after - before > max(entry["repeatability"], _ROUNDING * before):
+            continue
+        allowed_growth = max(entry["repeatability"], _ROUNDING * before)
+        measures.append(Measure(axis, after - before, allowed_growth))
+        if after - before > allowed_growth:
             allowed = f"flights differ by {entry['repeatability']:.3g} among themselves"
             reasons.append(
                 f"{axis} is worse on held-out flights: {before:.4g} to {after:.4g} rms, {allowed}"
             )
-    return tuple(reasons)
+    name = "no axis worse than its repeatability"
+    return GateCheck(name, tuple(reasons), "repeatability", tuple(measures))
+
+
+def _signs(baseline: AeroDatabase, candidate: AeroDatabase) -> GateCheck:
+    reasons = sign_reasons(baseline, candidate)
+    return GateCheck(
+        "no new sign change outside the data",
+        reasons,
+        "sign changes",
+        (Measure("slopes with a new sign change", len(reasons), 0),),
+    )
 
 
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:

@@ -157,7 +157,7 @@ def _say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
         session.say(f"{name:<{wide}}  {_judged(each):<9}{cells}".rstrip())
         if why := _why(each):
             more = f" (and {len(why) - 1} more: -v)" if len(why) > 1 else ""
-            session.say(_reason_line(session, why[0], more))
+            session.say(f"  {session.fitting(why[0], 2 + len(more))}{more}")
 
 
 def _short(name: str) -> str:
@@ -169,12 +169,6 @@ def _short(name: str) -> str:
     30
     """
     return name if len(name) <= _NAME else f"{name[: _NAME - 11]}...{name[-8:]}"
-
-
-def _reason_line(session: Session, reason: str, more: str) -> str:
-    room = session.people.width - 2 - len(more)
-    cut = visible("; ".join(reason.splitlines()))
-    return f"  {cut if len(cut) <= room else f'{cut[: room - 4].rstrip()} ...'}{more}"
 
 
 def _why(outcome: Mapping[str, Any]) -> list[str]:

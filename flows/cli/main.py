@@ -79,6 +79,7 @@ versions.app.command("diff")(differences.diff)
 for query in (trimming.trim, trimming.modes, trimming.sweep):
     versions.app.command(query.__name__)(query)
 versions.app.command("export")(releases.export)
+versions.app.command("gate")(releases.gate)
 versions.app.command("promote")(releases.promote)
 versions.app.command("rollback")(releases.rollback)
 for group in (

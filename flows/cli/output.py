@@ -152,9 +152,10 @@ class Session:
                 self.say(f"{beginning}{part}")
                 beginning = " " * margin
 
-    def fitting(self, text: str) -> str:
-        """Return `text` cut to one line of the terminal, with ... where something is missing."""
-        width = self.people.width
+    def fitting(self, text: str, beside: int = 0) -> str:
+        """Return `text` cut to one line of the terminal beside so many characters, with ... where
+        something is missing."""
+        text, width = "; ".join(visible(text, keep="\n").splitlines()), self.people.width - beside
         return text if len(text) <= width else f"{text[: width - 4].rstrip()} ..."
 
     def table(

@@ -1,4 +1,5 @@
-"""``aerodb version promote``, ``rollback`` and ``export``: release versions, and hand them out."""
+"""``aerodb version gate``, ``promote``, ``rollback`` and ``export``: release versions, and hand
+them out."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -6,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.flows.cli.references import AsOf, Vehicle, Verbose
 from aerodb.flows.cli.updates import say_derivatives
 
 Reason = Annotated[str, typer.Option(help="Reason; it is stored with the move.")]
@@ -15,19 +16,133 @@ Name = Annotated[
 ]
 
 
+Accept = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What the gate refuses and a person accepts, such as Cm_delta_elevator; say in"
+        " --reason why it is right. Repeat for several."
+    ),
+]
+#: Columns left of what a headline says.
+_MARGIN = 12
+
+
+def gate(
+    context: typer.Context,
+    version: str,
+    vehicle: Vehicle = None,
+    accept: Accept = None,
+    verbose: Verbose = False,
+) -> None:
+    """Ask the gate whether a version could be released now; nothing is moved. Exits with 1 if not.
+
+    Example: aerodb version gate candidate
+    """
+    from aerodb.flows.release import gate_flow
+    from aerodb.tasks.references import version_of
+
+    session: Session = context.obj
+    row = version_of(session.catalogue(), version, vehicle)
+    document = session.run(gate_flow, {"version": row.id, "accept": accept or []}, direct=True)
+    _say_gate(session, document, verbose)
+    session.answer(document)
+    if not document["passed"]:
+        raise typer.Exit(1)
+
+
+def _say_gate(session: Session, document: dict[str, Any], verbose: bool) -> None:
+    """Print what the gate would say: verdict, changes, checks with their numbers and limits."""
+    now, checks = document["released"], document["checks"]
+    which = f"{document['vehicle']}: {document['label']}"
+    if now is not None and now["version"] == document["version"]:
+        session.say(f"{which} is released, since {now['since'][:10]} by {now['user']}")
+        return
+    today = f"today {now['label']}, since {now['since'][:10]}" if now else "today none"
+    failed = [check for check in checks if not check["passed"]]
+    notes = document["notes"]
+    more = f" (and {len(notes) - 1} more: -v)" if len(notes) > 1 else ""
+    session.headlines(
+        f"{which} {'would be refused' if failed else 'can be released'} ({today})",
+        [
+            ("changes", _changes(session, document["derivatives"])),
+            ("gate", f"{len(checks) - len(failed)} of {len(checks)} checks pass"),
+            ("open", session.fitting(notes[0], _MARGIN + len(more)) + more if notes else ""),
+        ],
+        _after_the_gate(document),
+    )
+    session.say()
+    told = [_measured(check["measures"]) for check in checks]
+    first = max(len(check["label"]) for check in checks)
+    second = max(len(found) for found, _ in told)
+    for check, (found, limit) in zip(checks, told, strict=True):
+        head = f"  {'pass' if check['passed'] else 'FAIL'}  {check['label']:<{first}}  "
+        session.say(f"{head}{found:<{second}}  {limit}".rstrip())
+        shown = check["reasons"] if verbose else check["reasons"][:1]
+        for reason in shown:
+            session.say(f"        {reason if verbose else session.fitting(reason, 8)}")
+    for note in notes if verbose else ():
+        session.say(note)
+
+
+def _changes(session: Session, derivatives: list[dict[str, Any]]) -> str:
+    """Return the derivatives that change an axis most, with the change in per cent, as many as fit
+    a line."""
+    from aerodb.report import term_unit
+
+    line = ""
+    for each in derivatives:
+        before, after, unit = each["before"], each["after"], term_unit(each["variable"])
+        part = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
+        change = f"{each['axis']} with {each['variable']} {before:.3g} -> {after:.3g} {unit}{part}"
+        longer = f"{line}; {change}" if line else change
+        if line and len(longer) > session.people.width - _MARGIN:
+            break
+        line = longer
+    return line
+
+
+def _after_the_gate(document: dict[str, Any]) -> str:
+    """Return the next command: to release it, to accept what a person may, or to look."""
+    version = f"{document['label']} --vehicle {document['vehicle']}"
+    if document["acceptable"] is None:
+        return f"aerodb version show {version}"
+    names = dict.fromkeys((*document["accepted"], *document["acceptable"]))
+    accept = "".join(f" --accept {name}" for name in names)
+    return f'aerodb version promote {version}{accept} --reason "..."'
+
+
+def _measured(measures: list[dict[str, Any]]) -> tuple[str, str]:
+    """Return what a check found, and its limit: of several measures that are held to a limit, the
+    one that is nearest to it."""
+    plain = [each for each in measures if each["limit"] is None and each["before"] is None]
+    held = [each for each in measures if each["limit"] is not None]
+    words = [f"{each['of']} {each['value']:.3g}" for each in plain]
+    if not held:
+        return ", ".join(words), ""
+    worst = min(held, key=_room)
+    shown = f"{worst['value']:.3g} {worst['unit']}".rstrip()
+    if worst["before"] is not None:
+        shown = f"{worst['before']:.3g} -> {shown}"
+    words.append(f"{worst['of']} {shown}")
+    fall = worst["before"] is not None and worst["limit"] == worst["before"]
+    limit = "must fall" if fall else f"{worst['bound']} {worst['limit']:.3g}"
+    return ", ".join(words), limit
+
+
+def _room(measure: dict[str, Any]) -> float:
+    """Return how far a measure is from its limit, as a part of it; negative beyond it."""
+    over = measure["value"] - measure["limit"]
+    side = -1.0 if measure["bound"] != "at least" else 1.0
+    return side * float(over) / (abs(measure["limit"]) or 1.0)
+
+
 def promote(
     context: typer.Context,
     version: str,
     reason: Reason,
     name: Name = "released",
     vehicle: Vehicle = None,
-    accept: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A changed derivative that the gate refuses, such as Cm_delta_elevator; say in"
-            " --reason why it is right. Repeat for several."
-        ),
-    ] = None,
+    accept: Accept = None,
 ) -> None:
     """Point a name at a version; `released` moves only through the gate.
 

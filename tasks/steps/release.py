@@ -2,16 +2,18 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
 from aerodb.increments import (
+    AT_LEAST,
     CONTRADICTIONS,
     FILE_CHECKS,
     GateCheck,
     GateVerdict,
+    Measure,
     Standing,
     judge_aliases,
     judge_contradictions,
@@ -83,6 +85,54 @@ def promote(
         "checks": [check.name for check in verdict.checks],
         "notes": notes,
         "derivatives": report.get("derivatives", []),
+    }
+
+
+def judge_version(
+    version: str, *, workspace: str, run: str, accept: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Ask the gate whether a version (its id) could be released now; nothing is moved.
+
+    accept : as of `promote`.
+
+    Returns a document: vehicle, version, label, released (label, since and user of the version that
+    is released; None before the first), passed, checks (name, passed, reasons, measures and
+    acceptable, of `aerodb.increments.GateCheck`), acceptable (names under which a person may accept
+    every reason; None where one cannot be accepted), accepted, notes and derivatives as of
+    `promote`. Checks are empty for the released version itself. Raises InputError for a name of
+    `accept` under which nothing can be accepted.
+    """
+    access = access_workspace(workspace)
+    catalogue = access.catalogue
+    row = catalogue.version_of_id(version)
+    current = catalogue.named(row.vehicle, RELEASED)
+    there = current is not None and current.version == row.id
+    try:
+        verdict = GateVerdict(()) if there else _gate(access, row, current, accept, run)
+    except GateRefusal as refusal:
+        verdict = GateVerdict((GateCheck("it can be judged", refusal.reasons, "content"),))
+    failed = [check for check in verdict.checks if not check.passed]
+    report = catalogue.version_documents(row.id).report
+    return {
+        "vehicle": row.vehicle,
+        "version": row.id,
+        "label": row.label,
+        "released": None
+        if current is None
+        else {
+            "version": current.version,
+            "label": catalogue.version_of_id(current.version).label,
+            "since": current.at_utc.isoformat(),
+            "user": current.user,
+        },
+        "passed": verdict.passed,
+        "checks": [{**asdict(check), "passed": check.passed} for check in verdict.checks],
+        "acceptable": [name for check in failed for name in check.acceptable]
+        if all(len(check.acceptable) for check in failed)
+        else None,
+        "accepted": list(accept),
+        "notes": [*notes_on_release(report), *_suspected(row, access)],
+        "derivatives": report.get("derivatives") or [],
     }
 
 
@@ -225,13 +275,14 @@ def _enough_flights(
     if not (gate.identified or gate.held_out):
         return ()
     roles: list[str] = [use.role for use in access.catalogue.version_flights(row.id)]
-    shortfalls = []
+    shortfalls, measures = [], []
     for role, fewest in (("identified", gate.identified), ("held_out", gate.held_out)):
+        words = f"flights {role.replace('_', ' ')}"
+        measures.append(Measure(words, roles.count(role), fewest, AT_LEAST))
         if (count := roles.count(role)) < fewest:
-            shortfalls.append(
-                f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}"
-            )
-    return (GateCheck("as many flights as the settings require", tuple(shortfalls)),)
+            shortfalls.append(f"{count} {words}, the settings require {fewest}")
+    name = "as many flights as the settings require"
+    return (GateCheck(name, tuple(shortfalls), "flights", tuple(measures)),)
 
 
 def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
@@ -284,7 +335,8 @@ def _responses(
     uses = access.catalogue.version_flights(row.id)
     held = [use.flight for use in uses if use.role == "held_out"]
     if not held:
-        return (GateCheck(name, ("not held out: no flight was, so no response can be judged",)),)
+        what = "not held out: no flight was, so no response can be judged"
+        return (GateCheck(name, (what,), "responses"),)
     folder = str(access.workspace.root)
     text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
     flown = [
@@ -300,7 +352,11 @@ def _responses(
     ]
     if not summary["checks"]:
         reasons.append("no manoeuvre of the held-out flights could be judged")
-    return (GateCheck(name, tuple(reasons)),)
+    measures = [
+        Measure(check["check"], check["passed"], check["manoeuvres"], AT_LEAST)
+        for check in summary["checks"]
+    ]
+    return (GateCheck(name, tuple(reasons), "responses", tuple(measures)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:

@@ -78,6 +78,7 @@ COMMANDS = [
     ["version", "modes"],
     ["version", "sweep"],
     ["version", "export"],
+    ["version", "gate"],
     ["version", "promote"],
     ["version", "rollback"],
     ["report", "flight"],

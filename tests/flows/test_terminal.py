@@ -1,15 +1,19 @@
 """What people read first: verdict, change, next command within five lines, then one small table;
 and the same numbers as in the JSON document."""
 
+import json
 import math
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from aerodb.consistency import unmeasured_angles_outlook
+from aerodb.errors import GateRefusal
 from aerodb.flight import Flight
+from aerodb.flows.cli.main import app
 from aerodb.nomenclature import AXES
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -37,7 +41,7 @@ def test_ingest_begins_with_its_verdict_and_has_a_line_per_flight(
     assert lines[0] == f"{NAME}: 3 of 3 logs stored: 3 limited; 0 refused"
     assert place_of(lines, "next") <= 5
     assert len(lines) <= 14, "three lines above, two per flight, four around them"
-    assert all(len(line) <= columns for line in lines if "aerodb " not in line)
+    assert not [line for line in lines if len(line) > columns and "aerodb " not in line]
     for outcome in outcomes:
         place = place_of(lines, Path(outcome["log"]).name)
         shown = re.findall(r"-(?= |$)|\S+(?= %)", lines[place - 1].split("limited")[1])
@@ -66,7 +70,7 @@ def test_inspect_says_in_its_first_lines_whether_a_log_can_be_used(
     assert f"{found['duration']:.1f} s, {found['rate']:.4g} Hz" in lines[0]
     assert place_of(lines, "next") == 2
     assert len(lines) <= 20
-    assert all(len(line) <= columns for line in lines if "aerodb " not in line)
+    assert not [line for line in lines if len(line) > columns and "aerodb " not in line]
     said = " ".join(" ".join(lines).split())
     turn = found["outlook"]["beta"]["turn"]
     assert found["outlook"]["alpha"] == {"expected": True, "lacking": []}
@@ -134,7 +138,7 @@ def test_a_diff_has_a_line_per_edit_and_the_curve_that_changes_most(
     )
     assert place_of(lines, "next") <= 5
     assert len(lines) == 14 + len(edits), "six above the edits, eight around and below them"
-    assert all(len(line) <= columns for line in lines)
+    assert not [line for line in lines if len(line) > columns]
     rows = lines[place_of(lines, "axis") :][: len(edits)]
     by_share = sorted(edits, key=lambda term: -term["share"])
     for row, term in zip(rows, by_share, strict=True):
@@ -191,3 +195,96 @@ def test_nothing_edited_is_one_line_and_nodes_are_asked_for(
     assert not any("at the nodes of" in line for line in short)
     assert any("CZ at the nodes of CZ0" in line for line in whole)
     assert any("alpha [deg]" in line and "sigma" in line for line in whole)
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_the_gate_recommends_and_shows_every_check_with_its_limit(
+    columns: int, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    code, lines = on_terminal(workspace, columns, "version", "gate", "candidate")
+    found = asked(workspace, "version", "gate", "candidate")
+    assert (code, found["passed"], found["acceptable"]) == (0, True, [])
+    assert found["released"]["label"] == "v0001"
+    since = found["released"]["since"][:10]
+    assert lines[0] == f"{NAME}: v0002 can be released (today v0001, since {since})"
+    assert place_of(lines, "next") <= 5
+    promote = f'aerodb version promote v0002 --vehicle {NAME} --reason "..."'
+    assert lines[place_of(lines, "next") - 1].endswith(promote)
+    assert not [line for line in lines if len(line) > columns and "aerodb " not in line]
+    checks = found["checks"]
+    assert f"gate     {len(checks)} of {len(checks)} checks pass" in "\n".join(lines)
+    assert [line.split()[0] for line in lines[-len(checks) :]] == ["pass"] * len(checks)
+    assert len(lines) <= 6 + len(checks)
+    (cases,) = [check for check in checks if check["label"] == "check cases"]
+    assert [(m["of"], m["value"], m["limit"]) for m in cases["measures"]] == [
+        ("cases", 25, None),
+        ("values that differ", 0, 0),
+    ]
+    (error,) = [check for check in checks if check["label"] == "held-out error"]
+    whole = error["measures"][0]
+    assert whole["value"] < whole["before"] == whole["limit"]
+    row = next(line for line in lines if "held-out error" in line)
+    assert f"{whole['before']:.3g} -> {whole['value']:.3g} noise floors" in row
+    history = asked(workspace, "version", "history", "--name", "released")
+    assert [move["to"] for move in history] == [found["released"]["version"]], "nothing moved"
+    asked(workspace, "version", "promote", "candidate", "--reason", "the gate said so")
+    _, done = on_terminal(workspace, columns, "version", "gate", "v0002")
+    assert len(done) == 1
+    assert done[0].startswith(f"{NAME}: v0002 is released, since ")
+
+
+def test_the_gate_says_what_a_person_would_have_to_accept(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    (workspace / "settings.toml").write_text(
+        f"[vehicles.{NAME}.gate]\nlargest_change = 1e-4\n", encoding="utf-8"
+    )
+    gate = ("version", "gate", "candidate")
+    code, lines = on_terminal(workspace, 100, *gate)
+    found = json.loads(
+        CliRunner().invoke(app, ["--workspace", str(workspace), "--json", *gate]).stdout
+    )
+    assert (code, found["passed"]) == (1, False)
+    assert found["acceptable"], "changed derivatives"
+    accept = [word for name in found["acceptable"] for word in ("--accept", name)]
+    assert lines[0].startswith(f"{NAME}: v0002 would be refused (")
+    assert (
+        " ".join(["promote v0002 --vehicle", NAME, *accept]) in lines[place_of(lines, "next") - 1]
+    )
+    (failed,) = [check for check in found["checks"] if not check["passed"]]
+    worst = max(failed["measures"], key=lambda measure: measure["value"])
+    row = next(k for k, line in enumerate(lines) if line.strip().startswith("FAIL"))
+    assert lines[row].split()[1] == failed["label"] == "derivatives"
+    assert f"{worst['of']} {worst['value']:.3g}" in lines[row]
+    assert lines[row].endswith("at most 0.0001")
+    assert lines[row + 1].strip()[:40] == failed["reasons"][0][:40]
+    assert on_terminal(workspace, 100, *gate, *accept)[0] == 0
+    moved = asked(workspace, "version", "promote", "candidate", *accept, "--reason", "small ones")
+    assert moved["moved"], "what the gate said beforehand is what it says"
+
+
+def test_what_nobody_can_accept_is_said_with_its_reason(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    flight = asked(workspace, "version", "lineage", "candidate")["flights"][0]["flight"]
+    asked(workspace, "flight", "retract", flight, "--reason", "icing")
+    gate = ("version", "gate", "candidate")
+    code, lines = on_terminal(workspace, 100, *gate)
+    found = json.loads(
+        CliRunner().invoke(app, ["--workspace", str(workspace), "--json", *gate]).stdout
+    )
+    assert (code, found["acceptable"]) == (1, None)
+    (stale,) = [check for check in found["checks"] if check["label"] == "not stale"]
+    assert not stale["passed"]
+    assert stale["measures"][0]["value"] == len(stale["reasons"]) == 1
+    assert lines[place_of(lines, "next") - 1].endswith(f"version show v0002 --vehicle {NAME}")
+    refused = CliRunner().invoke(
+        app, ["--workspace", str(workspace), "version", "promote", "candidate", "--reason", "r"]
+    )
+    assert isinstance(refused.exception, GateRefusal)
+    assert list(refused.exception.reasons) == [
+        reason for check in found["checks"] for reason in check["reasons"]
+    ]

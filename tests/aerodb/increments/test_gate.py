@@ -95,6 +95,30 @@ def test_a_proved_version_passes_every_check(baseline: AeroDatabase) -> None:
     assert verdict.passed
     assert verdict.reasons == ()
     assert len(verdict.checks) == 7
+    numbers = {check.label: check.measures for check in verdict.checks}
+    whole, single, *_ = numbers["held-out error"]
+    assert (whole.of, whole.bound, whole.limit) == ("all axes", "below", whole.before)
+    assert whole.value < whole.before
+    assert (single.of, single.before, single.limit) == ("CZ", 0.05, None)
+    assert {m.of: (m.value, m.limit) for m in numbers["repeatability"]}["CZ"] == (
+        pytest.approx(-0.04),
+        0.0002,
+    )
+
+
+def test_measures_are_beyond_their_limits_where_the_check_fails(baseline: AeroDatabase) -> None:
+    worse = axes(CZ={"excess_after": 0.07, "held_out_rms_after": 0.07})
+    for check in judged(baseline, replace(STANDING, stale=("f1 retracted",)), worse).checks:
+        beyond = {
+            "at most": lambda m: m.value > m.limit,
+            "at least": lambda m: m.value < m.limit,
+            "below": lambda m: m.value >= m.limit,
+        }
+        held = [m for m in check.measures if m.limit is not None]
+        if held:
+            assert check.passed != any(beyond[m.bound](m) for m in held), check.name
+    failed = {c.label for c in judged(baseline, report=worse).checks if not c.passed}
+    assert failed == {"held-out error", "repeatability"}
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,7 @@ COMMANDS: Final[dict[str, Command]] = {
     "version validate": Command(
         "updated", ("version", "validate", "candidate", "--flight", "{flight}", *_PAGE), code=4
     ),
+    "version gate": Command("updated", ("version", "gate", "candidate")),
     "version design": Command(
         "updated",
         ("version", "design", "candidate", *_STEADY, "--model", "{files}/model.toml", "--duration",
