@@ -12,6 +12,7 @@ from typing import Any, Final
 from aerodb.increments import NEAR_FLOOR, UNCHANGED
 from aerodb.loop import ALL
 from aerodb.remarks import REFUSED
+from aerodb.report.document import remarks_of
 from aerodb.report.glossary import advice_words, effect_words, listed
 from aerodb.report.headlines import by_parts, error_rows, shown_axes
 from aerodb.report.numbers import for_people, number
@@ -146,8 +147,11 @@ def _more(n: int) -> list[str]:
 
 
 def _sized(finding: Mapping[str, Any], slope: Mapping[str, Any] | None = None) -> str:
-    """A finding with its verdict, its size with two standard errors' interval, and what it makes of
-    a derivative."""
+    """A finding with its verdict, its size +- half of its 95 % interval, and what it makes of a
+    derivative."""
+    name = f"{effect_words(finding)} ({finding['verdict'].replace('_', ' ')})"
+    if finding["ci95"] is None:  # what no effect fits has no size
+        return name
     factor, unit = for_people(finding["unit"])
     low, high = finding["ci95"]
     unit = "" if unit == "-" else f" {unit}"
@@ -157,7 +161,7 @@ def _sized(finding: Mapping[str, Any], slope: Mapping[str, Any] | None = None) -
     )
     if slope is not None:
         size += f", from {number(slope['before'])} to {number(slope['after'])}"
-    return f"{effect_words(finding)} ({finding['verdict'].replace('_', ' ')}): {size}"
+    return f"{name}: {size}"
 
 
 def _suspicions(document: Mapping[str, Any]) -> list[str]:
@@ -204,9 +208,7 @@ def _share(share: float | None) -> str:
 
 def _refusals(document: Mapping[str, Any]) -> list[str]:
     """What the gate will refuse, in sentences, as far as this document knows."""
-    kinds = [entry["kind"] for entry in document["remark_data"]]
-    pairs = zip(kinds, document["remarks"], strict=True)
-    return [sentence for kind, sentence in pairs if kind == REFUSED]
+    return [sentence for kind, sentence in remarks_of(document) if kind == REFUSED]
 
 
 def _gate(document: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from aerodb.coefficients import Comparison
 from aerodb.increments import NEAR_FLOOR
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.remarks import LEAVES_ENVELOPE, REFUSED
+from aerodb.report.decision import decision
 from aerodb.report.diff_figures import diff_figures
 from aerodb.report.document import excursion_text, remarks_of
 from aerodb.report.figures import update_figure
@@ -102,6 +103,11 @@ def update_report(story: UpdateStory) -> str:
         ),
         headline=headline(document),
         stayed=what_stayed(document),
+        lines=[
+            line
+            for line in decision({**document, "label": story.candidate}).lines
+            if line[0] != "left"
+        ],
         head=story.head,
         story=story,
         document=document,

@@ -73,3 +73,13 @@ def test_the_empty_case_claims_nothing() -> None:
     assert {"found", "strongest", "proved", "gate"}.isdisjoint(told(document))
     document["not_found"] = [{**each, "verdict": "not_testable"} for each in document["not_found"]]
     assert "these flights cannot decide; 2 of 2 causes stay open" in decision(document).verdict
+
+
+def test_what_no_effect_fits_has_no_size() -> None:
+    rows = [proof("CX", 0.02, 0.02)]
+    document = loop([found()], [], rows)
+    nameless = {"hypothesis": "unnamed@CX", "effect": "unnamed", "verdict": "unnamed"}
+    document["findings"][0] |= {**nameless, "ci95": None, "value": None}
+    assert told(document)["strongest"] == (
+        "error of CX that no effect of the library fits (unnamed)",
+    )
