@@ -1,16 +1,19 @@
 """``aerodb calibration`` and ``aerodb recalibrate``: sensor calibrations of a vehicle,
 versioned."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import angular, say_consistency
 from aerodb.flows.cli.groups import Commands
+from aerodb.flows.cli.ingested import say_flights
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Vehicle
+from aerodb.flows.cli.references import Direct, Vehicle, Verbose
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import CalibrationRow
@@ -21,6 +24,9 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Calibrations: sensor errors from flights, as versions.",
 )
+
+#: Most errors of sensors that a line names.
+_BEST: Final = 3
 
 Since = Annotated[
     str | None,
@@ -98,12 +104,14 @@ def recalibrate(
     valid_from: Since = None,
     valid_until: Until = None,
     direct: Direct = False,
+    verbose: Verbose = False,
 ) -> None:
     """Calibrate sensors jointly from several flights, and recompute what depends on these flights.
 
     Example: aerodb recalibrate --vehicle my-glider --reason "new boom"
     """
     from aerodb.flows.recalibrate import recalibrate_flow
+    from aerodb.tasks.view import rebuilds
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -126,38 +134,97 @@ def recalibrate(
         "valid_until": _when(valid_until, "--valid-until"),
     }
     parameters = {"vehicle": owner, "flights": chosen, "reason": reason, **span}
+    former = Counter[str](catalogue.flight(flight).verdict for flight in chosen)
     document = session.run(recalibrate_flow, parameters, direct)
-    session.say(
-        f"calibration {document['label']} ({document['calibration'][:12]}) from"
-        f" {len(document['flights'])} flights"
-    )
-    for entry in document["skipped"]:
-        session.say(f"skipped {entry['flight'][:12]}: {entry['reason']}")
-    _say_parameters(session, document["parameters"])
-    for group in document["groups"]:
-        session.say(
-            f"calibration {group['label']} ({group['calibration'][:12]}) of"
-            f" {', '.join(flight[:12] for flight in group['flights'])}: these share more"
-        )
-        own = {
-            name: entry
-            for name, entry in group["parameters"].items()
-            if name not in document["parameters"]
-        }
-        _say_parameters(session, own or group["parameters"])
-    for flight, consistency in document["consistency"].items():
-        session.say(f"flight {flight[:12]}:")
-        say_consistency(session, consistency, "  ")
-    stale = {
-        use.version.label for flight in document["flights"] for use in catalogue.impact(flight)
+    based = {
+        use.version.id: use for flight in document["flights"] for use in catalogue.impact(flight)
     }
-    if stale:
-        labels = ", ".join(sorted(stale))
+    stale = sorted(use.version.label for use in based.values())
+    again = [each["command"] for each in rebuilds(catalogue, list(based.values()))]
+    then = next(filter(None, again), f"aerodb close-loop --vehicle {owner}")
+    _say_calibration(session, owner, document, former, stale, then)
+    names = catalogue.flight_labels(document["consistency"])
+    session.say()
+    say_flights(session, [_outcome(names[flight], flight, document) for flight in names])
+    if not verbose:
+        session.say("channels and corrections of each flight: -v")
+    for flight, consistency in document["consistency"].items() if verbose else ():
+        session.say()
+        session.say(f"flight {names[flight]}:")
+        say_consistency(session, consistency, "  ")
+    session.answer({**document, "rests_on_earlier": stale})
+
+
+def _say_calibration(
+    session: Session,
+    vehicle: str,
+    document: Mapping[str, Any],
+    former: Counter[str],
+    stale: Sequence[str],
+    then: str,
+) -> None:
+    """Print what a calibration found: verdicts on its flights now and `former` ones, the errors
+    that are known best, what rests on the earlier one, and the next command; then all errors."""
+    now = Counter(each["verdict"] for each in document["consistency"].values())
+    counted = _counted(now) if now == former else f"{_counted(now)}; before {_counted(former)}"
+    parameters = document["parameters"]
+    known = sorted(parameters, key=lambda name: -_significance(parameters[name]))
+    groups = [
+        f"{group['label']} for {len(group['flights'])} flights that share more"
+        for group in document["groups"]
+    ]
+    session.headlines(
+        f"{vehicle}: calibration {document['label']} from {len(document['flights'])} flights"
+        f" ({counted})",
+        [
+            ("known best", "; ".join(_error(name, parameters[name]) for name in known[:_BEST])),
+            ("groups", "; ".join(groups)),
+            ("skipped", _skipped(document["skipped"])),
+            ("to rebuild", ", ".join(stale)),
+        ],
+        then,
+    )
+    session.say()
+    _say_parameters(session, parameters)
+    for group in document["groups"]:
+        own = {name: entry for name, entry in group["parameters"].items() if name not in parameters}
+        session.say()
         session.say(
-            f"{labels} are based on the earlier calibration; rebuild: aerodb update"
-            f" --vehicle {owner} --like VERSION"
+            f"calibration {group['label']} of"
+            f" {', '.join(flight[:12] for flight in group['flights'])}:"
         )
-    session.answer({**document, "rests_on_earlier": sorted(stale)})
+        _say_parameters(session, own or group["parameters"])
+
+
+def _counted(verdicts: Counter[str]) -> str:
+    return ", ".join(f"{verdicts[name]} {name}" for name in sorted(verdicts))
+
+
+def _significance(entry: Mapping[str, float]) -> float:
+    return abs(entry["value"]) / (entry["standard_error"] or 1.0)
+
+
+def _error(name: str, entry: Mapping[str, float]) -> str:
+    factor, unit = angular(name)
+    error = f"{factor * entry['standard_error']:.2g} {unit}".rstrip()
+    return f"{name} {factor * entry['value']:.3g} +- {error}"
+
+
+def _skipped(skipped: Sequence[Mapping[str, str]]) -> str:
+    first = [f"{each['flight'][:12]}: {each['reason']}" for each in skipped[:1]]
+    return f"{first[0]}{f' (and {len(skipped) - 1} more)' * (len(skipped) > 1)}" if first else ""
+
+
+def _outcome(label: str, flight: str, document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a calibrated flight as `say_flights` takes it."""
+    nothing: dict[str, Any] = {"repeats": [], "suspicions": [], "damage": [], "coefficients": None}
+    consistency, comparison = document["consistency"][flight], document["comparison"].get(flight)
+    return nothing | {
+        "log": label,
+        "flight": flight,
+        "consistency": consistency,
+        "comparison": comparison,
+    }
 
 
 def _when(text: str | None, option: str) -> str | None:

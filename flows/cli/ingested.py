@@ -40,7 +40,7 @@ def say_ingested(
         _next(taken, vehicle),
     )
     session.say()
-    _say_flights(session, taken)
+    say_flights(session, taken)
     if not verbose:
         doubtful = next((each for each in taken if _why(each)), taken[0])
         session.say(
@@ -57,12 +57,12 @@ def _verdict(
     outcomes: Sequence[Mapping[str, Any]], taken: Sequence[Mapping[str, Any]], vehicle: str
 ) -> str:
     """Return how many logs are stored, and the verdicts on their flights."""
-    counts = Counter(_judged(each) for each in taken)
+    counts = Counter(judged(each) for each in taken)
     if len(outcomes) == 1:
         stored = "known before" if taken[0]["status"] == "duplicate" else "stored"
-        return f"{vehicle}: 1 log {stored}: {_judged(taken[0])}"
+        return f"{vehicle}: 1 log {stored}: {judged(taken[0])}"
     words = [f"{counts[name]} {name}" for name in sorted(counts)]
-    known = sum(each["status"] == "duplicate" and _judged(each) != "repeated" for each in taken)
+    known = sum(each["status"] == "duplicate" and judged(each) != "repeated" for each in taken)
     words += [f"{known} of them known before"] if known else []
     refused = len(outcomes) - len(taken)
     return (
@@ -71,7 +71,7 @@ def _verdict(
     )
 
 
-def _judged(outcome: Mapping[str, Any]) -> str:
+def judged(outcome: Mapping[str, Any]) -> str:
     """Return the verdict on a flight; one that repeats another does not count, whatever it is."""
     if any(entry["counts"] for entry in outcome["repeats"]):
         return "repeated"
@@ -143,8 +143,11 @@ def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:
     return f"aerodb close-loop --vehicle {vehicle}"
 
 
-def _say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
-    """Print a line per flight, and below one that is not good its first reason."""
+def say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
+    """Print a line per flight, and below one that is not good its first reason.
+
+    taken : documents of `aerodb.flows.flight.flight_flow` that have a flight.
+    """
     shown = [axis for axis in AXES if any(axis in _axes(each) for each in taken)]
     names = [_short(visible(Path(each["log"]).name)) for each in taken]
     wide = max(len("file"), *map(len, names))
@@ -154,7 +157,7 @@ def _say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
     for name, each in zip(names, taken, strict=True):
         shares = (percent(_axes(each).get(axis, {}).get("of_flown")) for axis in shown)
         cells = "".join(f"{share:>7}" for share in shares)
-        session.say(f"{name:<{wide}}  {_judged(each):<9}{cells}".rstrip())
+        session.say(f"{name:<{wide}}  {judged(each):<9}{cells}".rstrip())
         if why := _why(each):
             more = f" (and {len(why) - 1} more: -v)" if len(why) > 1 else ""
             session.say(f"  {session.fitting(why[0], 2 + len(more))}{more}")

@@ -1,6 +1,7 @@
 """Calibrations: immutable versions of sensor parameters, created explicitly, to which flights are
 bound."""
 
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from aerodb.storage.workspace import Workspace
 from tests.support.catalogue_samples import V, add_flight, h
 from tests.support.command import asked
 from tests.support.consistent_flights import NAME, PLANTED, VEHICLE, log, table
+from tests.support.terminal import on_terminal
 
 SENSORS = {name: value for name, value in PLANTED.items() if not name.startswith("wind")}
 
@@ -201,6 +203,33 @@ def test_recalibration_finds_what_the_flights_share(campaign: Any) -> None:
     shown = asked(workspace, "calibration", "show", "c0001")
     assert (shown["reason"], shown["parent"]) == ("first campaign", None)
     assert shown["parameters"]["q_bias"] == made["parameters"]["q_bias"]
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_a_recalibration_begins_with_what_it_knows_best(campaign: Any, columns: int) -> None:
+    _, workspace, _, made = campaign
+    words = ("recalibrate", "--vehicle", NAME, "--reason", "once more", "--direct")
+    code, lines = on_terminal(workspace, columns, *words)
+    assert code == 0
+    counts = Counter(document["verdict"] for document in made["consistency"].values())
+    verdicts = ", ".join(f"{counts[name]} {name}" for name in sorted(counts))
+    assert lines[0] == f"{NAME}: calibration c0001 from 3 flights ({verdicts})"
+    (command,) = [k for k, line in enumerate(lines, 1) if line.startswith("  next ")]
+    assert command <= 5
+    assert lines[command - 1].endswith(f"aerodb close-loop --vehicle {NAME}")
+    parameters = made["parameters"]
+    best = max(
+        parameters, key=lambda n: abs(parameters[n]["value"]) / parameters[n]["standard_error"]
+    )
+    assert lines[1].split()[2] == best
+    rows = {line.split()[0] for line in lines if line.split()[:1]}
+    assert rows >= set(parameters), "every error has its line"
+    flights = sum(line.split()[1:2] == ["good"] for line in lines)
+    assert flights == counts["good"]
+    assert len(lines) <= command + 4 + len(parameters) + 2 + 2 * 3 + 1
+    _, whole = on_terminal(workspace, columns, *words, "-v")
+    assert sum("mismatch before" in line for line in whole) == 3
+    assert not any("mismatch before" in line for line in lines)
 
 
 def test_between_recalibrations_nothing_is_computed_anew(campaign: Any) -> None:
