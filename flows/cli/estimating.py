@@ -7,6 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Verbose
 from aerodb.flows.cli.vehicles import read_text
 
 #: Parameters of single records, which only the report lists.
@@ -55,6 +56,7 @@ def estimate(
         Path | None, typer.Option(help="HTML page to write, with fitted responses and residuals.")
     ] = None,
     report: Annotated[bool, typer.Option(help="Print the whole report of each method.")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Estimate declared increments by one or several methods, and say which to believe and why.
     Nothing is added to the database: `aerodb update --method` does that.
@@ -91,7 +93,14 @@ def estimate(
             session, vehicle, flights, baseline, text, names, whole, output is not None
         )
     page = document.pop("page", None)
-    _print(session, document, report)
+    named = " ".join(f"--flights {each}" for each in flights or ())
+    then = (
+        ""
+        if vehicle is None or linear
+        else f"aerodb update --vehicle {vehicle} --model {model} --method {document['believe']}"
+        f" --baseline {baseline} {named}".rstrip()
+    )
+    _print(session, document, report, verbose, "" if baseline == "none" else then)
     if output is not None and page is not None:
         output.write_text(page, "utf-8")
         session.say(f"page: {output}")
@@ -108,10 +117,6 @@ def _of_records(
         document = estimate_records(
             files, model, methods, load_settings(session.root).limits, page=page
         )
-    for each in document["records"]:
-        session.say(f"record {each['record']}: {each['seconds']:.4g} s at {each['rate']:.4g} Hz")
-    for note in document["notes"]:
-        session.say(f"- {note}")
     return document
 
 
@@ -154,19 +159,72 @@ def _of_flights(
     return document
 
 
-def _print(session: Session, document: dict[str, Any], report: bool) -> None:
-    for entry in document["methods"]:
-        if "reason" in entry:
-            session.say(f"{entry['method']} gave no estimate: {entry['reason']}")
-        elif report:
-            session.say(entry["report"])
-            session.say()
+def _print(
+    session: Session, document: dict[str, Any], report: bool, verbose: bool, then: str
+) -> None:
+    """Print which method to believe and why, and the estimates; with `verbose` also what each
+    method assumes, and what speaks against single estimates."""
     given = [entry for entry in document["methods"] if "reason" not in entry]
+    rows = [row for row in document["parameters"] if not row["parameter"].startswith(_OF_RECORDS)]
+    reasons = document["reasons"]
+    more = f" (and {len(reasons) - 1} more: -v)" if len(reasons) > 1 and not verbose else ""
+    failed = [f"{e['method']}: {e['reason']}" for e in document["methods"] if "reason" in e]
+    session.headlines(
+        _verdict(document, [entry["method"] for entry in given], len(rows)),
+        [
+            ("because", f"{reasons[0]}{more}" if reasons else ""),
+            ("no estimate", "; ".join(failed)),
+        ],
+        then if document["believe"] else "",
+    )
+    for entry in given if report else ():
+        session.say(entry["report"])
+        session.say()
     if not given:
         return
-    names = [entry["method"] for entry in given]
+    session.say()
+    _print_estimates(session, rows, [entry["method"] for entry in given])
+    if not verbose:
+        session.say("assumptions, and what speaks against single estimates: -v")
+        return
+    for entry in given:
+        for each in entry["estimates"]:
+            if each["reason"] and each["standing"] not in ("fixed", "tied"):
+                session.say(
+                    f"{each['name']} by {entry['method']}: {each['standing']}, {each['reason']}"
+                )
+    for each in document.get("records", ()):
+        session.say(f"record {each['record']}: {each['seconds']:.4g} s at {each['rate']:.4g} Hz")
+    for note in document.get("notes", ()):
+        session.say(f"- {note}")
+    session.say()
+    for entry in given:
+        session.say(f"{entry['method']} assumes: {' '.join(entry['assumes'])}")
+        for note in entry["notes"]:
+            session.say(f"- {note}")
+    session.say()
+    for reason in reasons:
+        session.say(f"- {reason}")
+
+
+def _verdict(document: dict[str, Any], names: list[str], count: int) -> str:
+    """Return which of several methods to believe, or how many parameters one gave."""
+    if not names:
+        return "no method gave an estimate"
+    if len(names) == 1:
+        return f"{count} parameters by {names[0]}"
+    if document["believe"]:
+        reserved = ", with reservation" if document["reserved"] else ""
+        return f"believe here: {document['believe']}{reserved} ({count} parameters)"
+    if document["preferred"]:
+        least = document["preferred"]
+        return f"believe here: none; the least doubtful is {least} ({count} parameters)"
+    return f"believe here: none ({count} parameters)"
+
+
+def _print_estimates(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
+    """Print the estimates of several methods beside each other."""
     several = len(names) > 1
-    rows = [row for row in document["parameters"] if not row["parameter"].startswith(_OF_RECORDS)]
     if len(names) > _SIDE_BY_SIDE:
         _print_long(session, rows, names)
     else:
@@ -182,26 +240,8 @@ def _print(session: Session, document: dict[str, Any], report: bool) -> None:
             ],
             numbers=tuple(range(1, len(names) + 1 + several)),
         )
-    session.say("value +- standard error; spread: largest difference in standard errors")
-    for entry in given:
-        for each in entry["estimates"]:
-            if each["reason"] and each["standing"] not in ("fixed", "tied"):
-                session.say(
-                    f"{each['name']} by {entry['method']}: {each['standing']}, {each['reason']}"
-                )
-    session.say()
-    for entry in given:
-        session.say(f"{entry['method']} assumes: {' '.join(entry['assumes'])}")
-        for note in entry["notes"]:
-            session.say(f"- {note}")
-    session.say()
-    for reason in document["reasons"]:
-        session.say(f"- {reason}")
-    if several and document["believe"]:
-        reserved_words = ", with reservation" if document["reserved"] else ""
-        session.say(f"believe here: {document['believe']}{reserved_words}")
-    elif several and document["preferred"]:
-        session.say(f"believe here: none; the least doubtful is {document['preferred']}")
+    spread = "; spread: largest difference in standard errors" if several else ""
+    session.say(f"value +- standard error{spread}")
 
 
 def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:

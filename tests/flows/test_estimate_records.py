@@ -340,7 +340,7 @@ def test_a_still_input_and_a_parameter_that_nothing_shows_are_named(tmp_path) ->
     found = {each["name"]: each for each in answer["estimates"]}
     assert found["Lda"]["value"] is None or found["Lda"]["standing"] == "diverged"
     assert found["Lda"]["reason"]
-    text = aerodb(tmp_path / "w", *given).stdout
+    text = aerodb(tmp_path / "w", *given, "-v").stdout
     assert f"Lda by output-error: {found['Lda']['standing']}, {found['Lda']['reason']}" in text
 
 
