@@ -227,7 +227,9 @@ def test_a_parameter_that_changes_is_followed_where_it_may_walk(tmp_path) -> Non
     walking = '[[parameter]]\nname = "Lp"\nrandom_walk = 0.3\n'
     document = asked(tmp_path / "w", *given, model(tmp_path, ROLL + walking))
     plain, followed = document["methods"]
-    assert document["believe"] == "ekf"
+    # a jump is no random walk: the filter lags it, says so, and is preferred without being believed
+    assert (document["believe"], document["preferred"]) == (None, "ekf")
+    assert any("the innovations of ekf are not white" in why for why in document["reasons"])
     assert "Taken as constant: Lp; the random walk is for ekf and ukf." in plain["notes"]
     (history,) = followed["histories"]
     assert (history["record"], history["parameter"], len(history["time"])) == ("roll", "Lp", 200)
