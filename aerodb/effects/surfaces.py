@@ -25,8 +25,9 @@ _ROLES: Final[tuple[tuple[str, Role], ...]] = (
 )
 
 #: A surface whose deflection varies by less than this part of its travel (rms) stands still: what
-#: moves is its pick-off. Travel [rad] of one whose limits the vehicle file does not state.
-_STILL: Final = 1e-4
+#: moves is its pick-off, which is linear to a thousandth of its range at best (half of it, rms).
+_STILL: Final = 5e-4
+#: Travel [rad] of a surface whose limits the vehicle file does not state.
 _TRAVEL: Final = float(np.deg2rad(50.0))
 #: So does one that varies by less than this many sigmas of its stated noise: half of the variance
 #: or more is noise.
