@@ -22,7 +22,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
-    from .decision import Decision, decision, to_try
+    from .decision import Decision, decision, measurements, to_try
     from .diff_documents import curve_document, diff_document
     from .diff_figures import diff_figure
     from .document import (

@@ -75,6 +75,21 @@ def to_try(document: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def measurements(document: Mapping[str, Any]) -> dict[str, str]:
+    """Parameter of a sensor -> how well it has to be measured outside flight to tell a finding from
+    it, with the unit; empty where no accuracy decides."""
+    return {
+        each["parameter"]: "" if each["sigma"] is None else _accuracy(each["sigma"], each["unit"])
+        for finding in document["findings"]
+        for each in finding.get("wanted", ())
+    }
+
+
+def _accuracy(sigma: float, unit: str) -> str:
+    """A number with two digits and its unit, a share in per cent."""
+    return f"{100.0 * sigma:.2g} %" if unit == "1" else f"{sigma:.2g} {unit}"
+
+
 def _verdict(document: Mapping[str, Any]) -> str:
     refused = _refusals(document)
     if document["candidate"]:
@@ -247,7 +262,12 @@ def _next(document: Mapping[str, Any]) -> str:
     vehicle = f"--vehicle {document['vehicle']}"
     if document["candidate"]:
         return f"aerodb version gate {document['label']} {vehicle}"
-    options = to_try(document)
+    options, wanted = to_try(document), measurements(document)
+    if wanted and (not options or document["findings"][0].get("wanted")):
+        first = list(wanted)[:_MOST]
+        sizes = listed([f"{name} to {wanted[name]}" if wanted[name] else name for name in first])
+        words = " ".join(f"--measured {name}=SIGMA" for name in first)
+        return f"measure {sizes} outside flight; aerodb close-loop {vehicle} {words}"
     if options:
         if len(options) > _MOST:
             options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]

@@ -172,19 +172,16 @@ def _say_suspected(session: Session, document: dict[str, Any]) -> None:
 
 def _say_wanted(session: Session, document: dict[str, Any]) -> None:
     """Print the command that runs again with the measurements which tell findings from sensors."""
-    from aerodb.report import hypothesis_words, listed
+    from aerodb.report import hypothesis_words, listed, measurements
 
     open_ones = [finding for finding in document["findings"] if finding.get("wanted")]
     if not open_ones:
         return
-    wanted = {each["parameter"]: each for finding in open_ones for each in finding["wanted"]}
+    wanted = measurements(document)
     session.say()
     for finding in open_ones:
-        sizes = [
-            each["parameter"]
-            + ("" if each["sigma"] is None else f" to {_with_unit(each['sigma'], each['unit'])}")
-            for each in finding["wanted"]
-        ]
+        names = [each["parameter"] for each in finding["wanted"]]
+        sizes = [f"{name} to {wanted[name]}" if wanted[name] else name for name in names]
         session.say(
             f"to tell the {hypothesis_words(finding['hypothesis'])} from sensors, measure"
             f" outside flight: {listed(sizes)}"
@@ -194,11 +191,6 @@ def _say_wanted(session: Session, document: dict[str, Any]) -> None:
         f"then: aerodb close-loop --vehicle {document['vehicle']} --baseline"
         f" {document['baseline'][:12]} {options}"
     )
-
-
-def _with_unit(value: float, unit: str) -> str:
-    """A number with two digits and its unit, a share in per cent."""
-    return f"{100.0 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:

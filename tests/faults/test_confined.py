@@ -268,7 +268,7 @@ def test_log_that_is_only_inspected_is_held_to_the_limits(
     workspace: Workspace, tmp_path: Path
 ) -> None:
     in_workspace(workspace, "[limits]\nmemory = 50_000_000\n")
-    log = write_parquet(tmp_path / HOSTILE, channels(1, seconds=8_000.0))
+    log = write_parquet(tmp_path / HOSTILE, channels(1, seconds=16_000.0))
     with parsed_log(log, tmp_path / "topics", Limits()) as parsed:
         mapping = choose_mapping(parsed.recording, builtin_mappings().values())
         document = look_over(parsed.folder, HOSTILE, mapping, str(workspace.root))

@@ -75,6 +75,16 @@ def test_the_empty_case_claims_nothing() -> None:
     assert "these flights cannot decide; 2 of 2 causes stay open" in decision(document).verdict
 
 
+def test_what_a_sensor_may_be_asks_for_its_measurement() -> None:
+    document = loop([found(verdict="ambiguous_sensor")], [], [proof("CX", 0.02, 0.02)])
+    sigma = {"parameter": "thrust_line_z", "sigma": 0.021, "unit": "m"}
+    document["findings"][0]["wanted"] = [sigma]
+    assert told(document)["next"] == (
+        "measure thrust_line_z to 0.021 m outside flight; aerodb close-loop --vehicle v"
+        " --measured thrust_line_z=SIGMA",
+    )
+
+
 def test_what_no_effect_fits_has_no_size() -> None:
     rows = [proof("CX", 0.02, 0.02)]
     document = loop([found()], [], rows)
