@@ -350,7 +350,7 @@ _HEAD = """\
 {count} constants decide what a flight, a finding or a version is called.
 Each was multiplied by .8 and by 1.25, alone, and the reduced campaigns were run again:
 
-    python -m tests.campaigns.thresholds          # an hour and a half of one core; goes on where it ended
+    python -m tests.campaigns.thresholds          # about an hour of one core; goes on where it ended
     python -m tests.campaigns.thresholds --write  # this page
 
 {run}
@@ -363,7 +363,7 @@ Most decisions change with {most}.
 - *Changed* counts decisions that differ, of all decisions of these cases, then the largest relative change of a reported value.
 - *not read*: no case of the reduced campaigns comes to the constant; the full campaigns may.
 - A constant of several numbers is scaled as a whole; whole numbers change by one at least.
-- A share of .8 or more times 1.25 asks for all or more: what it guards is then never said.
+- A share of .8 or more times 1.25 asks for all or more, and a factor of 1.1 times .8 for none: what they guard is then never, or always, said.
 - Cases of `ingest` are right flights and corrupted ones; `beside` compares them with the database of their vehicle.
 - Cases of `conditioning` have wild points, late channels and copies; cases of `consistency` have sensor offsets.
 - Cases of `loop` are closed loops with nothing or one error planted, with the gate asked about each candidate.
