@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from aerodb.increments import NEAR_FLOOR, UNCHANGED
+from aerodb.increments import NEAR_FLOOR
 from aerodb.loop import ALL
 from aerodb.remarks import REFUSED
 from aerodb.report.document import remarks_of
 from aerodb.report.glossary import advice_words, effect_words, listed
-from aerodb.report.headlines import by_parts, error_rows, shown_axes
+from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
 from aerodb.report.numbers import for_people, number
 from aerodb.tracing import ADDED
 
@@ -186,15 +186,10 @@ def _suspicions(document: Mapping[str, Any]) -> list[str]:
 
 def _proof(document: Mapping[str, Any]) -> str:
     """The error of the axis that gained most, before and after, and the axes that became worse."""
-    touched = {entry["axis"] for entry in document["increments"]}
-    rows = [
-        row
-        for row in error_rows(document)
-        if row["axis"] in touched and row["before"] and row["after"] is not None
-    ]
-    if not rows:
+    gained = best_and_worse(document)
+    if gained is None:
         return "no axis could be compared"
-    best = min(rows, key=lambda row: row["after"] / row["before"])
+    best, worse = gained
     held = len(document["flights"]["held_out"])
     where = (
         f"on {_count(held, 'flight')} not used"
@@ -209,11 +204,6 @@ def _proof(document: Mapping[str, Any]) -> str:
     if best["of_flown"] is not None:
         before = best["of_flown"] * best["before"] / best["after"] if best["after"] else None
         error += f" ({_share(before)} -> {_share(best['of_flown'])} of what was flown)"
-    worse = [
-        row["axis"]
-        for row in rows
-        if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
-    ]
     return f"{where}: {error}" + (f"; worse: {listed(worse)}" if worse else "")
 
 

@@ -224,8 +224,9 @@ def _effects(findings: Sequence[Mapping[str, Any]]) -> str:
     return listed([*names[:_MOST_NAMED], f"{more} more effects"] if more > 1 else names)
 
 
-def _worth(document: Mapping[str, Any]) -> str:
-    """Clause about the axis whose error changed most, and about axes that became worse."""
+def best_and_worse(document: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]] | None:
+    """Return the row (`error_rows`, dimensionless) of the changed axis that gained most, and the
+    changed axes whose error grew; None where no changed axis could be compared."""
     touched = {entry["axis"] for entry in document["increments"]}
     rows = [
         row
@@ -233,8 +234,22 @@ def _worth(document: Mapping[str, Any]) -> str:
         if row["axis"] in touched and row["before"] and row["after"] is not None
     ]
     if not rows:
-        return "no axis could be compared"
+        return None
     best = min(rows, key=lambda row: row["after"] / row["before"])
+    worse = [
+        row["axis"]
+        for row in rows
+        if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
+    ]
+    return best, worse
+
+
+def _worth(document: Mapping[str, Any]) -> str:
+    """Clause about the axis whose error changed most, and about axes that became worse."""
+    gained = best_and_worse(document)
+    if gained is None:
+        return "no axis could be compared"
+    best, worse = gained
     change = 1 - best["after"] / best["before"]
     verb = "falls" if change > 0 else "rises"
     comma = "" if document["flights"]["held_out"] else ","
@@ -243,11 +258,6 @@ def _worth(document: Mapping[str, Any]) -> str:
         f" {number(best['before'])} to {number(best['after'])} rms ({100 * abs(change):.0f} %"
         f" {'less' if change > 0 else 'more'})"
     )
-    worse = [
-        row["axis"]
-        for row in rows
-        if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
-    ]
     return f"{sentence}, but that of {listed(worse)} rises" if worse else sentence
 
 

@@ -32,7 +32,7 @@ from tests.campaigns.planted import (
     measured_text,
     true_value,
 )
-from tests.campaigns.runs import channels_of, judged, looped, prepared, record
+from tests.campaigns.runs import Loop, Prepared, channels_of, judged, looped, prepared, record
 
 CLASSES = ("confirmed", "aerodynamic", "unnamed", "sensor")
 
@@ -168,19 +168,32 @@ def run_outside(
             continue
         for n in flights:
             loop = looped(craft, ready, n, here / f"{n}-flights")
-            line: dict[str, Any] = {
-                "aircraft": aircraft, "outside": kind, "flights": n, "seed": seed,
-                "consistency": dict(Counter(list(ready.verdicts.values())[:n])),
-                "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
-            }  # fmt: skip
-            if loop.found is not None:
-                line["added"] = loop.found["added"]
-                line["findings"] = [
-                    [f["verdict"], f["hypothesis"], f.get("value"), f.get("ci95"),
-                     f["shape"]["variables"] if f.get("shape") else f.get("variables")]
-                    for f in loop.found["findings"]
-                ]  # fmt: skip
+            line = {"aircraft": aircraft, "outside": kind, "flights": n, "seed": seed}
+            line |= _told(
+                loop,
+                ready,
+                n,
+                lambda f: f["shape"]["variables"] if f.get("shape") else f.get("variables"),
+            )
             yield line
+
+
+def _told(
+    loop: Loop, ready: Prepared, n: int, last: Callable[[dict[str, Any]], Any]
+) -> dict[str, Any]:
+    """What a line says of a loop over the first n flights; `last`: of a finding, what stands at the
+    end of its entry."""
+    line: dict[str, Any] = {
+        "consistency": dict(Counter(list(ready.verdicts.values())[:n])),
+        "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
+    }  # fmt: skip
+    if loop.found is not None:
+        line["added"] = loop.found["added"]
+        line["findings"] = [
+            [f["verdict"], f["hypothesis"], f.get("value"), f.get("ci95"), last(f)]
+            for f in loop.found["findings"]
+        ]
+    return line
 
 
 def run_misstated(
@@ -201,18 +214,9 @@ def run_misstated(
         ready = prepared(craft, "declared", numbers, seed, *where, seen=wrong.log)
         for n in flights:
             loop = looped(craft, ready, n, here / f"{n}-flights")
-            line: dict[str, Any] = {
-                "aircraft": aircraft, "misstated": kind, "flights": n, "seed": seed,
-                "consistency": dict(Counter(list(ready.verdicts.values())[:n])),
-                "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
-            }  # fmt: skip
+            line = {"aircraft": aircraft, "misstated": kind, "flights": n, "seed": seed}
+            line |= _told(loop, ready, n, lambda f: f["explanation_set"])
             if loop.found is not None:
-                line["added"] = loop.found["added"]
-                line["findings"] = [
-                    [f["verdict"], f["hypothesis"], f.get("value"), f.get("ci95"),
-                     f["explanation_set"]]
-                    for f in loop.found["findings"]
-                ]  # fmt: skip
                 line["levels"] = loop.found["levels"]
             yield line
 

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
         biases_that_may_be_air,
         decimated_records,
         estimate_sensors,
-        joint_calibrations,
         most_active,
         reconstruct_flight,
     )
     from .input_noise import inertial_noise
+    from .joint_calibration import joint_calibrations
     from .posterior import (
         SensorEstimates,
         applied_corrections,

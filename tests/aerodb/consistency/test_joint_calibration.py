@@ -4,7 +4,7 @@ it."""
 import numpy as np
 import pytest
 
-from aerodb.consistency.output_error.estimation import joint_calibrations
+from aerodb.consistency.output_error.joint_calibration import joint_calibrations
 from aerodb.consistency.output_error.posterior import SensorEstimates, agreeing_flights
 from aerodb.consistency.whole_flight import make_consistent
 from aerodb.flight import Flight

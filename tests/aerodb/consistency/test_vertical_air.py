@@ -7,10 +7,10 @@ from scipy.signal import lfilter
 
 from aerodb.consistency.output_error.estimation import (
     estimate_sensors,
-    joint_calibrations,
     most_active,
     reconstruct_flight,
 )
+from aerodb.consistency.output_error.joint_calibration import joint_calibrations
 from aerodb.consistency.output_error.vertical_air import Pull, air_information
 from aerodb.consistency.plan import make_plan
 from aerodb.consistency.records import records_from_flight
