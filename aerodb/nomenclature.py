@@ -145,6 +145,9 @@ NAVIGATION: Final[tuple[str, ...]] = (
     "altitude",
 )
 
+#: Pairs of channels that give a position over the ground.
+POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
+
 _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
 _FUEL = re.compile(r"fuel_(flow|used)_([a-z][a-z0-9]*)")
 _SOLUTION = re.compile(rf"({'|'.join(NAVIGATION)})_([a-z][a-z0-9]*)")

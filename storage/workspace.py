@@ -326,8 +326,9 @@ def _write_json(path: Path, value: Any) -> None:
     path.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n", encoding="ascii")
 
 
-def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
+def write_for_user(workspace: Workspace | None, target: Path, data: bytes) -> Path:
     """Write a file to a path chosen by the user, atomically (`write_atomically`); returns its path.
+    workspace : None where there is none to protect.
 
     Raises InputError when the path is a folder, when its folder does not exist, or when it is
     inside the workspace but not among the reports, because those files belong to the catalogue.
@@ -335,10 +336,11 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
     """
     try:
         path = target.resolve()
-        inside = path.is_relative_to(workspace.root.resolve()) and not path.is_relative_to(
-            workspace.reports.resolve()
-        )
-        if inside:
+        if (
+            workspace is not None
+            and path.is_relative_to(workspace.root.resolve())
+            and not path.is_relative_to(workspace.reports.resolve())
+        ):
             raise InputError(
                 "files cannot be written into the workspace, except to its reports",
                 str(target),

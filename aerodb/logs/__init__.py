@@ -12,7 +12,8 @@ The way through:
    CG (`aerodb.vehicle`), completes them (`air_data`) and flags captive flight (`captive`).
 4. `usable_flight` also flags unusable samples, and refuses a log that gives no coefficient
    (`usable_flight`).
-5. `consequences_of_missing` says in words what the absent channels rule out (`completeness`).
+5. `Signals` gives channels, logged fields and formulas of both by name (`signals`).
+6. `consequences_of_missing` says in words what the absent channels rule out (`completeness`).
 
 Next comes `aerodb.conditioning`.
 """
@@ -36,6 +37,15 @@ if TYPE_CHECKING:
     from .mapping import choose_mapping, map_recording
     from .mapping_draft import draft_mapping
     from .mapping_file import Mapping, parse_mapping
+    from .signals import (
+        Formula,
+        Signal,
+        Signals,
+        in_order,
+        numeric_fields,
+        parse_formula,
+        stated_units,
+    )
     from .usable_flight import mapped_clock_suspicions, no_axis, usable_flight
     from .vehicle_draft import draft_vehicle
 

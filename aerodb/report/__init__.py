@@ -3,16 +3,17 @@
 1. `update_document` and `loop_document` give the JSON of an update or a closed loop; `headline`
    sums it up in one sentence; `diff_document` gives the JSON of a diff of two versions.
 2. `flight_report`, `update_report` and `version_report` render a page from a `FlightStory`,
-   `UpdateStory` or `VersionStory`; `pdf` converts a page.
+   `UpdateStory` or `VersionStory`, `log_report` one of logs without a vehicle from `LogStory`s;
+   `pdf` converts a page.
 
-Modules: `flight_page`, `update_page`, `version_page` (pages), with the templates in templates/ and
-the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON); `decision` (five lines
-to decide on), `headlines` (sentences and error tables); `glossary`, `terms`, `numbers` (names of
-effects, channels and terms, numbers and units: everything that is shown uses these); `findings`
-(findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
-`update_figures`, `database_figure`, `diff_figures`, `lineage_figure` (figures); `style` (colours,
-units, names as text); `decimation` (long records with fewer points); `flight_errors` (errors of
-single flights).
+Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
+templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
+`decision` (five lines to decide on), `headlines` (sentences and error tables); `glossary`,
+`terms`, `numbers` (names of effects, channels and terms, numbers and units: everything that is
+shown uses these); `findings` (findings in words); `head` (where a result comes from);
+`flight_figures`, `figures`, `update_figures`, `database_figure`, `diff_figures`, `lineage_figure`
+(figures); `style` (colours, units, names as text); `decimation` (long records with fewer points);
+`flight_errors` (errors of single flights).
 """
 
 from typing import TYPE_CHECKING
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from .head import Head
     from .headlines import error_rows, excluded_sizes, headline, shown_axes, what_stayed
     from .lineage_figure import Relative, lineage_graph
+    from .log_page import MOST_LOGS, LogStory, log_report, script_source
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .numbers import display_unit, for_people
     from .page import pdf, render

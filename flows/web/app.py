@@ -1,6 +1,7 @@
 """The application: its routers, static files and error pages; errors read as in the commands."""
 
 import importlib.util
+from collections import OrderedDict
 from pathlib import Path
 from typing import Any, Final
 
@@ -75,6 +76,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
         responses=REFUSALS,
     )
     app.state.console = Console(root.absolute(), guard)
+    app.state.looked_at = OrderedDict()
     for part in (
         overview,
         flights,

@@ -8,7 +8,7 @@ from starlette.types import Message, Receive
 
 #: Largest body of a request that is no log [bytes]: a change is a reason and a few names.
 LARGEST_BODY: Final = 64 << 10
-_UPLOAD: Final = re.compile(r"/api/vehicles/[^/]+/logs")
+_UPLOAD: Final = re.compile(r"/api/(vehicles/[^/]+|looked-at)/logs")
 
 
 def is_upload(scope: Mapping[str, Any]) -> bool:

@@ -116,9 +116,11 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     return response
 
 
-def report(text: str) -> Response:
-    """Return a report as a self-contained page."""
-    headers = {"content-security-policy": REPORT_POLICY}
+def report(text: str, more_policy: str = "") -> Response:
+    """Return a report as a self-contained page; more_policy : a directive of its own, for its
+    script."""
+    policy = f"{REPORT_POLICY}; {more_policy}" if more_policy else REPORT_POLICY
+    headers = {"content-security-policy": policy}
     return Response(text.encode("utf-8", "replace"), 200, headers, "text/html; charset=utf-8")
 
 
@@ -179,6 +181,7 @@ def _engine() -> jinja2.Environment:
 SECTIONS: Final[Mapping[str, str]] = {
     "/": "Overview",
     "/flights": "Flights",
+    "/logs": "Logs",
     "/versions": "Versions",
     "/findings": "Findings",
     "/history": "History",

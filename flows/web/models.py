@@ -199,6 +199,14 @@ class Ending(_Document):
     sha256: str
 
 
+class LookedAt(_Document):
+    """The address of the page of a log that was looked at, and the document of ``aerodb log
+    inspect``."""
+
+    page: str
+    log: dict[str, Any]
+
+
 class Move(_Document):
     """A move of a name."""
 

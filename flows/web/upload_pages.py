@@ -1,5 +1,9 @@
-"""Logs that are dropped onto a page: received into the inbox, and ingested by its rules."""
+"""Logs that are dropped onto a page: received into the inbox and ingested by its rules, or only
+looked at."""
 
+import secrets
+from collections import OrderedDict
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
@@ -7,20 +11,26 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
+from aerodb.errors import InputError, UnknownNameError
 from aerodb.flows.inbox import sweep_flow
 from aerodb.flows.web import models
 from aerodb.flows.web.change_pages import Token
-from aerodb.flows.web.console import access_of, console_of, document
-from aerodb.flows.web.models import CONFLICTS
+from aerodb.flows.web.console import access_of, console_of, document, page_of, report
+from aerodb.flows.web.models import CONFLICTS, answers
 from aerodb.flows.web.sessions import check_csrf
+from aerodb.report import script_source
 from aerodb.storage.inbox import Upload, receiving
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import require_role
+from aerodb.tasks.view import LogsPage, logs_page
 
 router = APIRouter(tags=["changes"])
 #: Bytes that are written at a time.
 _PART = 1 << 20
+#: Pages of logs that were looked at which are kept, and the longest [characters].
+_KEPT = 8
+_LARGEST_PAGE = 32_000_000
 
 
 @router.post(
@@ -52,11 +62,67 @@ async def upload(
     return document(await run_in_threadpool(_ended, request, vehicle, relative, sha256))
 
 
-def _permitted(request: Request, vehicle: str) -> Limits:
+@router.get("/logs", include_in_schema=False)
+def logs_page_to_drop_on(request: Request) -> Response:
+    """The page onto which logs are dropped that are only looked at."""
+    return page_of(request, "logs.html", "Look at logs")
+
+
+@router.post("/api/looked-at/logs", summary="Look at a log", responses=answers(models.LookedAt))
+async def look(
+    request: Request,
+    name: Annotated[str, Query(max_length=200, description="The file's name.")],
+    token: Token = "",
+) -> Response:
+    """Receive a log as the body of the request, and answer the address of its page: plots, track,
+    what can be learnt from it, parameters and messages. No vehicle is needed; nothing is stored,
+    and the page is kept until a few newer ones have come."""
+    check_csrf(request, console_of(request).guard, token)
+    limits = await run_in_threadpool(_permitted, request, None)
+    size = request.headers.get("content-length", "0")
+    workspace = access_of(request).workspace
+    with receiving(workspace, None, name, int(size) if size.isdecimal() else 0, limits) as log:
+        try:
+            await _received(request, log)
+        except ClientDisconnect:
+            return Response(status_code=400)
+        page = await run_in_threadpool(_looked_at, log.whole(), workspace.root, name)
+    kept: OrderedDict[str, str] = request.app.state.looked_at
+    key = secrets.token_urlsafe(12)
+    kept[key] = page.html
+    while len(kept) > _KEPT:
+        kept.popitem(last=False)
+    return document({"page": f"/logs/{key}", "log": page.documents[0]})
+
+
+@router.get("/logs/{key}", include_in_schema=False)
+def looked_at(request: Request, key: str) -> Response:
+    """The page of a log that was looked at."""
+    kept: OrderedDict[str, str] = request.app.state.looked_at
+    if key not in kept:
+        raise UnknownNameError("this page is no longer kept", "/logs", "drop the log once more")
+    return report(kept[key], script_source())
+
+
+def _looked_at(log: Path, root: Path, name: str) -> LogsPage:
+    """Return the page of a received log; errors name the log as its sender does."""
+    try:
+        page = logs_page([log], root, names=[name])
+    except InputError as error:
+        what = error.what.replace(str(log), name)
+        raise InputError(what, name, error.remedy.replace(str(log), name)) from error
+    if len(page.html) > _LARGEST_PAGE:
+        raise InputError(f"its page has {len(page.html) / 1e6:.0f} MB", name, "use aerodb log show")
+    page.documents[0]["source"] = name
+    return page
+
+
+def _permitted(request: Request, vehicle: str | None) -> Limits:
     """Return the limits of a log; NotAllowedError or UnknownNameError if none may come."""
     access = access_of(request)
     require_role(access.workspace, access.catalogue, "ingest", "ingesting a log")
-    access.catalogue.vehicle(vehicle)
+    if vehicle is not None:
+        access.catalogue.vehicle(vehicle)
     return load_settings(access.workspace.root).limits
 
 

@@ -29,7 +29,7 @@ def put_into_inbox(workspace: Workspace, source: Path, vehicle: str, name: str, 
     system. key : names the file where its own `name` cannot.
     """
     plain = name if _PLAIN.fullmatch(name) else f"{key[:12]}{source.suffix}"
-    folder = workspace.inbox / vehicle
+    folder = workspace.inbox / vehicle if vehicle is not None else workspace.inbox
     folder.mkdir(exist_ok=True)
     target, number = folder / plain, 0
     while True:
@@ -42,7 +42,7 @@ def put_into_inbox(workspace: Workspace, source: Path, vehicle: str, name: str, 
 
 
 class Upload:
-    """A log that is being received for a vehicle: its bytes as they come, their hash and number.
+    """A log that is being received: its bytes as they come, their hash and number.
 
     Raises InputError from `take` when the log exceeds the size limit, StoreError when the disk has
     no room for it.
@@ -61,22 +61,28 @@ class Upload:
         with translated_disk_errors(self._path):
             self._file.write(part)
 
-    def finish(self, workspace: Workspace, vehicle: str) -> tuple[Path, str]:
-        """Put the whole log into the inbox; return its path there and its sha256. InputError if it
-        is empty; see `put_into_inbox`."""
+    def whole(self) -> Path:
+        """Return the path of the whole log, until the end of `receiving`; InputError if it is
+        empty."""
         if not self._size:
             raise InputError("the file is empty", self._name, "choose a log")
         self._file.close()
+        return self._path
+
+    def finish(self, workspace: Workspace, vehicle: str) -> tuple[Path, str]:
+        """Put the whole log into the inbox; return its path there and its sha256. InputError if it
+        is empty; see `put_into_inbox`."""
+        self.whole()
         key = self._hash.hexdigest()
         return put_into_inbox(workspace, self._path, vehicle, self._name, key), key
 
 
 @contextmanager
 def receiving(
-    workspace: Workspace, vehicle: str, name: str, size: int, limits: Limits
+    workspace: Workspace, vehicle: str | None, name: str, size: int, limits: Limits
 ) -> Iterator[Upload]:
     """Context manager to receive a log of about `size` bytes; nothing is left of one that is not
-    finished.
+    finished. vehicle : None for a log that is only looked at.
 
     Raises InputError if the log is too large or its name marks it as unfinished, StoreError if the
     disk has no room for it.
@@ -85,7 +91,7 @@ def receiving(
         raise InputError("its name marks it as unfinished", name, "rename it, or choose the log")
     limits.check_size(size, name)
     require_space(workspace.root, size, limits.reserve)
-    folder = workspace.inbox / vehicle
+    folder = workspace.inbox if vehicle is None else workspace.inbox / vehicle
     folder.mkdir(exist_ok=True)
     suffix = Path(name).suffix.lower()
     kept = suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""

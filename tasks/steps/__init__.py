@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     )
     from .ingest import store_log
     from .inputs import describe_inputs
-    from .inspect_log import look_over
+    from .inspect_log import SERVOS, PlottedLog, Wanted, look_over, plot_log
     from .loop_flights import reconstruction_of
     from .methods import estimate_by_methods
     from .notes import dismiss, note_version

@@ -4,7 +4,8 @@ Flights: `flights_document`, `flight_details`; `record_of` and `series_of` give 
 Versions: `versions_document`, `version_details`, `history_document`, `table_document`;
 `evaluate_at` and `sweep` evaluate one. Lineage: `lineage_document`, `origins_document`,
 `impact_document`, `compare_versions`, `rebuilds`, `prov_of`. Findings: `findings_page`,
-`finding_document`. Operation: `status_of`. `as_json` writes a document as text.
+`finding_document`. Logs that are not stored: `inspected_log`, `logs_page`. Operation: `status_of`.
+`as_json` writes a document as text.
 
 Nothing here computes or stores a result.
 """
@@ -36,7 +37,20 @@ if TYPE_CHECKING:
         prov_of,
         rebuilds,
     )
-    from .log_documents import has_log_here, log_document, logged_series, topics_document
+    from .log_documents import (
+        has_log_here,
+        log_document,
+        logged_series,
+        recording_document,
+        topics_document,
+    )
+    from .log_inspection import (
+        LogsPage,
+        inspected_log,
+        inspection_lines,
+        inspection_verdict,
+        logs_page,
+    )
     from .online_estimates import online_estimates
     from .status import status_of
     from .table_documents import table_document

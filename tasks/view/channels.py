@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import AeroError, InputError, UnknownNameError, nearest
-from aerodb.nomenclature import NAVIGATION, is_surface
+from aerodb.nomenclature import NAVIGATION, POSITIONS, is_surface
 from aerodb.physics import Earth
 from aerodb.report import decimated, extremes, flagged_stretches
 from aerodb.storage.catalogue import FlightRow
@@ -119,7 +119,7 @@ def record_of(access: WorkspaceAccess, row: FlightRow) -> PlottedFlight:
         end,
         stored.flight.rows,
         stored.version,
-        any(all(name in names for name in pair) for pair in _POSITIONS),
+        any(all(name in names for name in pair) for pair in POSITIONS),
     )
 
 
@@ -191,7 +191,7 @@ def track_of(
     first known one.
     """
     stored, window = _windowed(access, row, start, end, points)
-    pair = next((p for p in _POSITIONS if all(n in stored.channels for n in p)), None)
+    pair = next((p for p in POSITIONS if all(n in stored.channels for n in p)), None)
     if pair is None:
         raise InputError(
             "no position is logged", f"flight {row.label}", "map north and east, or coordinates"
@@ -207,9 +207,6 @@ def track_of(
     shown = np.vstack([time, columns])[:, _common(columns, points)]
     altitude = shown[3] if len(shown) > 3 else np.empty(0)
     return GroundTrack(shown[0], shown[1], shown[2], altitude)
-
-
-_POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
 
 
 def _windowed(

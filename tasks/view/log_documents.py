@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.logs import in_order, stated_units
+from aerodb.recording import Recording
 from aerodb.report import decimated, for_people
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import StoredSeries, open_recording, topic_paths
@@ -45,7 +47,11 @@ def log_document(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
 
     Raises InputError if the log is not stored.
     """
-    recording = open_recording(access.topics_of(row.log_sha256))
+    return recording_document(open_recording(access.topics_of(row.log_sha256)))
+
+
+def recording_document(recording: Recording) -> dict[str, Any]:
+    """Return what a recording says, as `log_document`; times [s] on the log's clock."""
     stated = recording.metadata
     changed = {
         name.removeprefix(_CHANGED): value
@@ -101,7 +107,7 @@ def topics_document(access: WorkspaceAccess, row: FlightRow) -> list[dict[str, A
     the log's clock, and its fields with numbers, each with its unit ('' where neither log nor
     mapping states one)."""
     paths = topic_paths(access.topics_of(row.log_sha256))
-    units = _mapped_units(access, row)
+    units = stated_units(mapping_of(access, row))
     return [_topic_document(StoredSeries.open(path, "topic"), units) for path in paths.values()]
 
 
@@ -137,7 +143,7 @@ def logged_series(
         raise InputError(f"{len(names)} fields", "logged", f"at most {MOST_SERIES} at once")
     check_window(start, end, points)
     paths = topic_paths(access.topics_of(row.log_sha256))
-    units = _mapped_units(access, row)
+    units = stated_units(mapping_of(access, row))
     lines = []
     for name in dict.fromkeys(names):
         stored, field = _field_of(paths, name, row.label)
@@ -176,19 +182,6 @@ def _unit(stored: StoredSeries, field: str, units: Mapping[tuple[str, str], str]
     return str(own or units.get((stored.metadata["name"].partition(".")[0], field), ""))
 
 
-def _mapped_units(access: WorkspaceAccess, row: FlightRow) -> dict[tuple[str, str], str]:
-    """Return (topic, field) -> unit, as the flight's mapping states it for logs that state none."""
-    mapping = mapping_of(access, row)
-    sources = [source for channel in mapping.channel for source in channel.sources]
-    sources += [source for derived in mapping.derived for source in derived.sources]
-    return {
-        (topic, source.field): source.unit
-        for source in sources
-        if source.unit and source.scale == 1.0 and source.offset == 0.0
-        for topic in source.topic.split("|")
-    }
-
-
 def _read(
     stored: StoredSeries, column: str, start: float, end: float, points: int
 ) -> tuple[Array, Array]:
@@ -199,7 +192,8 @@ def _read(
     ]
     if not chosen:
         return np.empty(0), np.empty(0)
-    return decimated(*_in_order(*np.concatenate(chosen, axis=1)), points, start, end)
+    time, (values,) = in_order(*np.concatenate(chosen, axis=1))
+    return decimated(time, values, points, start, end)
 
 
 def _parts(stored: StoredSeries, column: str) -> Iterator[tuple[Array, Array]]:
@@ -207,13 +201,5 @@ def _parts(stored: StoredSeries, column: str) -> Iterator[tuple[Array, Array]]:
     for first in range(0, stored.rows, _PART):
         found: Mapping[str, NDArray[Any]] = stored.read(["time", column], first, first + _PART)
         time = np.asarray(found["time"], dtype=np.float64) * scale
-        yield _in_order(time, np.asarray(found[column], dtype=np.float64))
-
-
-def _in_order(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return samples in the order of their times; a logged clock may jump back, or be no number."""
-    if np.all(np.diff(time) >= 0.0):
-        return time, values
-    order = np.argsort(time, kind="stable")
-    order = order[np.isfinite(time[order])]
-    return time[order], values[order]
+        time, (values,) = in_order(time, np.asarray(found[column], dtype=np.float64))
+        yield time, values

@@ -221,6 +221,7 @@ COMMANDS: Final[dict[str, Command]] = {
         ("version", "design", "candidate", *_STEADY, "--model", "{files}/model.toml", "--duration",
          "8", "--output", "{here}/next.toml"),
     ),
+    "log show": Command("none", ("log", "show", "{files}/flight1.csv", *_PAGE)),
     "report flight": Command("ingested", ("report", "flight", "{flight}", *_PAGE)),
     "report update": Command("updated", ("report", "update", "{candidate}", *_PAGE)),
     "report version": Command("updated", ("report", "version", "released", *_PAGE)),

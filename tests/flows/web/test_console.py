@@ -40,6 +40,7 @@ def pages(made: Made) -> dict[str, str]:
     return {
         "/": "1 vehicle",
         "/flights": "limited",
+        "/logs": "A log needs no vehicle to be looked at",
         f"/flights?vehicle={NAME}&verdict=rejected&text=": "retracted",
         f"/flights/{flight}": "Kinematic consistency",
         f"/flights/{hostile}": "its channels are not stored",

@@ -20,6 +20,7 @@ from tests.support.command import asked
 from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
 from tests.support.paths import VEHICLES
 from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import channels, write_csv
 
 
 @pytest.fixture(scope="module")
@@ -274,3 +275,31 @@ def _sound(browser: Any, workspace: Workspace) -> None:
         for path in _sections(workspace):
             visit(page, address, path)
             look_everywhere(page, path)
+
+
+def test_a_dropped_log_is_plotted_and_says_the_value_under_the_cursor(
+    browser: Any, address: str, tmp_path: Path
+) -> None:
+    """One click or drop until the first plot; the script is the only one that may run there."""
+    flown = channels(1, 20.0, 50.0)
+    log = write_csv(tmp_path / "unknown.csv", flown)
+    with watched(browser, address) as page:
+        visit(page, address, "/logs")
+        page.set_input_files("#log", str(log))
+        page.wait_for_selector("[data-panel]")
+        look_everywhere(page, "log")
+        page.set_viewport_size({"width": 1400, "height": 900})
+        picture = page.locator("[data-panel] img").nth(1)
+        picture.scroll_into_view_if_needed()
+        box = picture.bounding_box()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        said = page.locator("[data-panel] output").nth(1).text_content()
+        at, value = said.partition(" s: alpha ")[0], said.partition(" s: alpha ")[2]
+        assert value.endswith(" deg"), said
+        known = np.rad2deg(np.interp(float(at), flown["time"] - flown["time"][0], flown["alpha"]))
+        found = float(value.removesuffix(" deg").replace("−", "-"))
+        assert abs(found - known) < 0.5, said
+        assert page.locator(".mark:visible").count() == page.locator("[data-panel]").count()
+        page.locator("[data-panel]").first.focus()
+        page.keyboard.press("ArrowRight")
+        assert page.locator("[data-panel] output").nth(1).text_content() != said

@@ -127,6 +127,46 @@ def test_only_who_may_ingest_with_the_token_of_the_session(
     assert inbox_of(workspace) == []
 
 
+def test_a_log_is_looked_at_without_a_vehicle_and_not_stored(
+    client: TestClient, workspace: Workspace, tmp_path: Path
+) -> None:
+    data = write_csv(tmp_path / "long.csv", channels(1, 30.0, 50.0)).read_bytes()
+    seen = client.post("/api/looked-at/logs?name=<b>.csv", content=data).json()
+    assert (seen["log"]["source"], seen["log"]["usable"]) == ("<b>.csv", True)
+    page = client.get(seen["page"])
+    assert page.status_code == 200
+    assert "&lt;b&gt;.csv" in page.text
+    policy = page.headers["content-security-policy"]
+    assert "script-src 'sha256-" in policy
+    assert "default-src 'none'" in policy
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        assert not catalogue.flights()
+    assert inbox_of(workspace) == []
+    first = seen["page"]
+    for _ in range(8):
+        seen = client.post("/api/looked-at/logs?name=a.csv", content=data).json()
+    assert client.get(first).status_code == 404
+    assert client.get(seen["page"]).status_code == 200
+
+
+def test_what_cannot_be_looked_at_is_named_as_its_sender_does(
+    client: TestClient, workspace: Workspace
+) -> None:
+    refused = client.post("/api/looked-at/logs?name=notes.ulg", content=b"ULog\x01\x12\x35" * 9)
+    assert refused.status_code == 422
+    assert str(workspace.root) not in refused.text
+    assert "notes.ulg" in refused.text
+    token = new_token()
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        catalogue.add_user("reader", "read", hash_of_token(token), by="test")
+    with client_of(workspace, token=token) as reader:
+        assert "aerodb log show LOG" in reader.get("/logs").text
+        csrf = {"x-csrf-token": reader.get("/api/session").json()["csrf"]}
+        asked = reader.post("/api/looked-at/logs?name=a.csv", content=b"x", headers=csrf)
+        assert asked.status_code == 403
+    assert inbox_of(workspace) == []
+
+
 class _Sender:
     """A client that has sent the head of a log's upload to a real console."""
 
