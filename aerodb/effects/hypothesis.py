@@ -106,7 +106,7 @@ class Hypothesis:
         return (
             linear
             and self.written_on == other.written_on
-            and own <= others <= own | {"alpha", "mach"}
+            and own <= others <= own | {"alpha", "mach", "qbar"}
             and (self.subject == other.subject or own == others)
         )
 

@@ -35,6 +35,7 @@ from aerodb.loop.stall_hysteresis import (
     one_stall,
     with_unused_states,
 )
+from aerodb.loop.zero_lift import about_zero_lift
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
@@ -259,7 +260,7 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
     models = replace(models, traced=replace(models.traced, findings=tuple(members.values())))
     return replace(
         state,
-        database=models.candidate,
+        database=about_zero_lift(given.source, given.flights, given.baseline, models.candidate),
         traced=models.traced,
         findings=stays | members,
         added=(*added, *members.values()),
@@ -464,4 +465,5 @@ def _added(
             note,
             refit_of(finer),
         )
+    candidate = about_zero_lift(source, flights, database, candidate)
     return keep_slope_signs(Update(candidate, (), tuple(flights)), database).candidate
