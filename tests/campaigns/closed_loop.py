@@ -105,7 +105,7 @@ def run_planted(
         for n in flights:
             loop = looped(craft, ready, n, here / f"{n}-{kind.replace(' ', '-')}", xml, bindings)
             line: dict[str, Any] = {
-                "aircraft": aircraft, "planted": kind, "flights": n, "seed": seed,
+                "aircraft": aircraft, "planted": kind, "cell": cell, "flights": n, "seed": seed,
                 "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
             }  # fmt: skip
             if loop.found is not None:
@@ -304,7 +304,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--aircraft", nargs="+", default=list(CONDITIONS), choices=[*CONDITIONS])
-    parser.add_argument("--cell", nargs="+", default=list(CELLS), choices=[*CELLS])
+    parser.add_argument("--cell", nargs="+", default=[], choices=[*CELLS])
     parser.add_argument("--planted", nargs="*", default=[], choices=[*PLANTED])
     parser.add_argument("--outside", nargs="*", default=[], choices=[*OUTSIDE])
     parser.add_argument("--misstated", nargs="*", default=[], choices=[*MISSTATED])
@@ -319,7 +319,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for aircraft in chosen.aircraft:
             common = (chosen.flights, chosen.seed, chosen.folder)
             if chosen.planted:
-                _append(chosen.folder, "power", run_planted(aircraft, chosen.planted, *common))
+                for cell in chosen.cell or ["declared"]:
+                    lines = run_planted(aircraft, chosen.planted, *common, cell)
+                    _append(chosen.folder, "power", lines)
                 continue
             if chosen.outside:
                 _append(chosen.folder, "outside", run_outside(aircraft, chosen.outside, *common))
@@ -328,7 +330,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 lines = run_misstated(aircraft, chosen.misstated, *common)
                 _append(chosen.folder, "misstated", lines)
                 continue
-            for cell in chosen.cell:
+            for cell in chosen.cell or CELLS:
                 _append(chosen.folder, "results", run_null(aircraft, cell, *common))
     for name, summary in (("results", report), ("power", report_power)):
         place = chosen.folder / f"{name}.jsonl"
