@@ -93,11 +93,10 @@ class Hypothesis:
 
     def has_shape(self, other: "Hypothesis") -> bool:
         """Return whether `other` is this effect with another shape: this one is linear in one
-        variable, and the other is not, or changes with alpha or Mach number, which limit the
-        increment's envelope.
+        variable, and the other is not, or changes with alpha, Mach number or dynamic pressure.
 
-        Where flights cannot tell the two apart, they are the same function there, and an increment
-        acts only where flights have been.
+        Where flights cannot tell the two apart, they are the same function there; whether the
+        effect changes with the condition is tested between flights.
         """
         if self.tangent is not None or len(self.drivers) != 1 or not other.increment:
             return False

@@ -21,6 +21,7 @@ from aerodb.tracing.estimates import (
     coherent_gain,
     holm,
     over_flights,
+    paired_p,
 )
 from aerodb.tracing.settings import TracingSettings
 
@@ -165,7 +166,29 @@ def _candidates(
     terms = [i for i in significant if i not in sensors]
     wrong = [i for i in significant if i in sensors and not _known_better(tests, test, i)]
     wrong = wrong if len(freed) < tests.settings.most_freed else []
-    return _largest(test.gain, terms), _largest(test.gain, wrong)
+    term = _largest(test.gain, terms)
+    if term is not None:
+        term = _plainest(tests, tests.flight_estimates(accepted, freed), test, term, terms)
+    return term, _largest(test.gain, wrong)
+
+
+def _plainest(
+    tests: CrossFlightTests,
+    estimates: FlightEstimates,
+    test: Tested,
+    term: int,
+    terms: Sequence[int],
+) -> int:
+    """The linear effect among `terms` of which `term` is another shape, if flight after flight the
+    shape explains no more; else `term`."""
+    hypotheses = tests.campaign.hypotheses
+    linear = _largest(test.gain, [i for i in terms if hypotheses[i].has_shape(hypotheses[term])])
+    if linear is None or linear == term:
+        return term
+    gains = np.zeros((2, len(tests.flights)))
+    for row, index in enumerate((term, linear)):
+        gains[row, test.included[:, index]] = flight_gains(estimates, test, index)
+    return linear if paired_p(gains[0], gains[1]) >= tests.settings.level else term
 
 
 def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:

@@ -462,5 +462,6 @@ def test_an_effect_knows_its_other_shapes() -> None:
     assert not found["control_nonlinearity@Cn:rudder"].has_shape(rudder)
     assert not found["zero_offset@Cm"].has_shape(found["alpha_slope@Cm"])
     assert found["alpha_slope@Cm"].has_shape(found["mach_effect@Cm"])
-    assert not found["alpha_slope@Cm"].has_shape(found["dynamic_pressure_effect@Cm"])
+    assert found["alpha_slope@Cm"].has_shape(found["dynamic_pressure_effect@Cm"])
+    assert not found["alpha_slope@Cm"].has_shape(found["pitch_damping@Cm"])
     assert not found["alpha_scale@all"].has_shape(found["alpha_slope@Cm"])

@@ -1,0 +1,77 @@
+"""A slope over alpha that is added: about which point it turns the curve."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.effects import zero_lift_alpha
+from aerodb.loop.zero_lift import about_zero_lift
+from aerodb.tables import AeroDatabase, Increment, Interval, parse
+from tests.aerodb.loop.test_axis_models import database, flights
+from tests.support.flights_in_memory import FlightsInMemory
+
+MORE = -0.4  # 1/rad
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    return flights(range(60, 63))
+
+
+def with_slope(regressor: str) -> AeroDatabase:
+    whole = database(1.0)
+    slope = Increment(
+        "CZ",
+        (parse(regressor),),
+        np.array([MORE]),
+        np.array([[1e-4]]),
+        {"alpha": Interval(-0.5, 0.5, 0.1)},
+        ("one",),
+    )
+    return replace(whole, increments=(*whole.increments, slope))
+
+
+def lacking(source: FlightsInMemory, regressor: str) -> FlightsInMemory:
+    """The flights of an aircraft that has this slope beside its database."""
+    flown = {}
+    for id, (flight, made) in source.flown.items():
+        has, lacks = (
+            each.predict(flight.channels).coefficients["CZ"]
+            for each in (with_slope(regressor), database(1.0))
+        )
+        flown[id] = (
+            flight,
+            replace(made, values={**made.values, "CZ": made.values["CZ"] + has - lacks}),
+        )
+    return FlightsInMemory(source.vehicle, flown)
+
+
+def added(source: FlightsInMemory, ids: Sequence[str]) -> Increment:
+    return about_zero_lift(source, ids, database(1.0), with_slope("alpha")).increments[-1]
+
+
+def test_a_lift_curve_that_is_wrong_by_a_share_turns_about_zero_lift(
+    source: FlightsInMemory,
+) -> None:
+    at = zero_lift_alpha(database(1.0))
+    assert abs(at) > 0.005
+    turned = f"alpha + {-at!r}" if at < 0 else f"alpha - {at!r}"
+    flown = lacking(source, turned)
+    slope = added(flown, tuple(flown.flown))
+    assert slope.regressors == (parse(turned),)
+    assert slope.estimates == pytest.approx([MORE])
+    assert "zero lift" in slope.note
+
+
+def test_a_slope_about_no_angle_of_attack_stays(source: FlightsInMemory) -> None:
+    flown = lacking(source, "alpha")
+    assert added(flown, tuple(flown.flown)).regressors == (parse("alpha"),)
+
+
+def test_what_the_database_had_before_is_not_turned(source: FlightsInMemory) -> None:
+    at = zero_lift_alpha(database(1.0))
+    flown = lacking(source, f"alpha + {-at!r}" if at < 0 else f"alpha - {at!r}")
+    older = with_slope("alpha")
+    assert about_zero_lift(flown, tuple(flown.flown), older, older) == older
