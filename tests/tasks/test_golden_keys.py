@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "297a8b121d1f891b", "9ddddc1b635ef5d7"),
     "compare": (4, "5203e0381b9ec9af", "75ab953bf9aaf46f"),
     "gram": (13, "c8bdb85d6c121aed", "a62cda5b0f74e7f8"),
-    "close_loop": (37, "6c7549d9c7c6781b", "1770900a248fac28"),
+    "close_loop": (38, "502e679bd884cadc", "1770900a248fac28"),
     "fly": (2, "e58b5f1b02ac2f28", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (8, "742660da788fdf7e", "be09817f5df27dda"),
