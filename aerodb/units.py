@@ -1,7 +1,13 @@
-"""Conversion of declared units to SI at the boundary; inside the package all values are SI."""
+"""Conversion of declared units to SI at the boundary; inside the package all values are SI.
 
+`UnitSystem` is the other boundary: in which units people are shown quantities.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from pydantic import BeforeValidator, Field
 
@@ -131,3 +137,83 @@ Kilograms = Annotated[float, in_unit("kg"), Field(gt=0)]
 Inertia = Annotated[float, in_unit("kg m^2")]
 Number = Annotated[float, in_unit("")]
 Point = tuple[Metres, Metres, Metres]
+
+
+_FOOT: Final = 0.3048  # m
+_POUND: Final = 0.45359237  # kg
+_POUND_FORCE: Final = _POUND * 9.80665  # N
+_SLUG: Final = _POUND_FORCE / _FOOT  # kg
+
+#: System -> SI unit -> the unit in it, and what of the SI unit that is; other units stay SI.
+_SHOWN: Final[Mapping[str, Mapping[str, tuple[str, float]]]] = {
+    "si": {},
+    "aero": {
+        "m/s": ("kt", 1852.0 / 3600.0),
+        "m": ("ft", _FOOT),
+        "Pa": ("hPa", 100.0),
+    },
+    "imperial": {
+        "m/s": ("ft/s", _FOOT),
+        "m/s^2": ("ft/s²", _FOOT),
+        "m": ("ft", _FOOT),
+        "kg": ("lb", _POUND),
+        "kg/s": ("lb/s", _POUND),
+        "kg/m^3": ("slug/ft³", _SLUG / _FOOT**3),
+        "kg m^2": ("slug ft²", _SLUG * _FOOT**2),
+        "N": ("lbf", _POUND_FORCE),
+        "N m": ("lbf ft", _POUND_FORCE * _FOOT),
+        "Pa": ("psf", _POUND_FORCE / _FOOT**2),
+        "K": ("degR", 5.0 / 9.0),
+    },
+}
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """Units in which people are shown quantities: ``si``, ``aero`` (kt, ft, hPa) or ``imperial``;
+    angles are in degrees in each, and slopes per radian.
+
+    Raises InputError for another name.
+    """
+
+    name: str = "si"
+
+    def __post_init__(self) -> None:
+        if self.name not in _SHOWN:
+            raise InputError(
+                f"no system of units is called '{self.name[:40]}'",
+                "--units",
+                f"choose one of: {', '.join(_SHOWN)}",
+            )
+
+    def scale(self, unit: str) -> tuple[float, str]:
+        """Return factor (a scalar) from an SI unit to the unit shown, and its label; a dash without
+        dimension.
+
+        >>> UnitSystem("aero").scale("m/s")[1], UnitSystem("imperial").scale("rad/s")[1]
+        ('kt', 'deg/s')
+        >>> round(UnitSystem("aero").scale("m")[0] * 0.3048, 12)
+        1.0
+        """
+        shown = _SHOWN[self.name].get(unit)
+        if shown is not None:
+            return 1.0 / shown[1], shown[0]
+        label = unit.replace("^2", "²").replace("^3", "³")
+        if unit == "rad" or unit.startswith("rad/"):
+            return math.degrees(1.0), label.replace("rad", "deg", 1)
+        return 1.0, label if unit not in ("", "1") else "-"
+
+    def shown(self, value: float, unit: str, digits: int = 3) -> str:
+        """Return a value of an SI unit with its unit, as people are shown it.
+
+        >>> UnitSystem("aero").shown(100.0, "m/s"), UnitSystem().shown(0.0873, "rad")
+        ('194 kt', '5 deg')
+        """
+        factor, label = self.scale(unit)
+        size = abs(factor * value)
+        form = ".0f" if 10 ** (digits - 1) <= size < 1e6 else f".{digits}g"
+        return f"{factor * value:{form}}{'' if label == '-' else f' {label}'}"
+
+
+#: SI, angles in degrees: what is shown where nobody has chosen.
+SI: Final = UnitSystem()

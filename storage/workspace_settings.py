@@ -308,6 +308,13 @@ class VehicleSettings(Strict):
     accuracy: AccuracySettings = AccuracySettings()
 
 
+class ShowSettings(Strict):
+    """Units in which people are shown quantities (`aerodb.units.UnitSystem`), where they have not
+    chosen others by ``--units`` or ``$AERODB_UNITS``."""
+
+    units: Literal["si", "aero", "imperial"] = "si"
+
+
 class Settings(Strict):
     """The settings of a workspace."""
 
@@ -320,6 +327,7 @@ class Settings(Strict):
     loop: LoopSettings = LoopSettings()
     notification: Notification = Notification()
     limits: Limits = Limits()
+    show: ShowSettings = ShowSettings()
     vehicles: dict[str, VehicleSettings] = {}
 
     @field_validator("limits")

@@ -88,9 +88,16 @@ def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
     return point
 
 
-def value_of(name: str, text: str) -> float:
+#: Largest angle [rad] that a number without a unit is taken for: beyond a quarter of a turn it is
+#: rather meant in degrees.
+_LARGEST_PLAIN_ANGLE: Final = 1.6
+#: Angles that may be anything.
+_WHOLE_TURN: Final = ("psi", "longitude")
+
+
+def value_of(name: str, text: str, *, by_program: bool = False) -> float:
     """Parse the value of an input, with a unit or in SI, to a finite value [SI]; InputError
-    otherwise.
+    otherwise, and for an angle above 1.6 rad without a unit. by_program : SI without a unit.
 
     >>> value_of("V", "36 km/h")
     10.0
@@ -106,6 +113,13 @@ def value_of(name: str, text: str) -> float:
             "write a number, or a number with a unit: 5deg",
         )
     value = quantity(text, unit)
+    plain = text.strip()[-1:].isdigit() or text.strip().endswith(".")
+    doubtful = plain and abs(value) > _LARGEST_PLAIN_ANGLE and math.isfinite(value)
+    if unit == "rad" and doubtful and not by_program and name not in _WHOLE_TURN:
+        raise InputError(
+            f"{name}={text} has no unit, and {value:g} rad are {math.degrees(value):.0f} deg",
+            remedy=f"write {text.strip()}deg or {text.strip()}rad",
+        )
     if not math.isfinite(value):
         raise InputError(
             f"'{name}={text}' is not a finite number", "--at", "give a number, with a unit or in SI"

@@ -17,6 +17,7 @@ from aerodb.report.glossary import advice_words, effect_words, listed
 from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
 from aerodb.report.numbers import for_people, number
 from aerodb.tracing import ADDED
+from aerodb.units import SI, UnitSystem
 
 #: Rates whose derivatives are of another unit than the parameters of effects.
 RATES: Final = ("p", "q", "r")
@@ -41,7 +42,7 @@ class Decision:
     lines: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-def decision(document: Mapping[str, Any]) -> Decision:
+def decision(document: Mapping[str, Any], units: UnitSystem = SI) -> Decision:
     """Return what to decide on, from the document of an update or a closed loop.
 
     Errors are rms of dimensionless coefficients; shares are of what an axis varied in flight.
@@ -50,7 +51,10 @@ def decision(document: Mapping[str, Any]) -> Decision:
     loop = "library" in document
     made = bool(document["candidate"])
     lines = [
-        ("found" if made else "strongest", _changes(document) if made else _suspicions(document)),
+        (
+            "found" if made else "strongest",
+            _changes(document, units) if made else _suspicions(document, units),
+        ),
         ("proved", [_proof(document)] if made else []),
         ("gate", [_gate(document)] if made else []),
         ("left", [_left(document)]),
@@ -126,7 +130,7 @@ def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def _changes(document: Mapping[str, Any]) -> list[str]:
+def _changes(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
     """What was added, with its size; the declared terms that are known best, of an update."""
     if "library" not in document:
         terms = sorted(
@@ -153,7 +157,7 @@ def _changes(document: Mapping[str, Any]) -> list[str]:
         for d in document.get("derivatives", ())
         if d["variable"] not in RATES  # those are of the rate, the parameter of its hat rate
     }
-    shown = [_sized(entry, slopes.get(entry["parameter"])) for entry in named[:_MOST]]
+    shown = [_sized(entry, units, slopes.get(entry["parameter"])) for entry in named[:_MOST]]
     return [*shown, *_more(len(document["added"]) - len(shown) + _MOST)]
 
 
@@ -161,13 +165,15 @@ def _more(n: int) -> list[str]:
     return [f"{n - _MOST} more: -v"] if n > _MOST else []
 
 
-def _sized(finding: Mapping[str, Any], slope: Mapping[str, Any] | None = None) -> str:
+def _sized(
+    finding: Mapping[str, Any], units: UnitSystem, slope: Mapping[str, Any] | None = None
+) -> str:
     """A finding with its verdict, its size +- half of its 95 % interval, and what it makes of a
     derivative."""
     name = f"{effect_words(finding)} ({finding['verdict'].replace('_', ' ')})"
     if finding["ci95"] is None:  # what no effect fits has no size
         return name
-    factor, unit = for_people(finding["unit"])
+    factor, unit = for_people(finding["unit"], units)
     low, high = finding["ci95"]
     unit = "" if unit == "-" else f" {unit}"
     size = (
@@ -179,9 +185,9 @@ def _sized(finding: Mapping[str, Any], slope: Mapping[str, Any] | None = None) -
     return f"{name}: {size}"
 
 
-def _suspicions(document: Mapping[str, Any]) -> list[str]:
+def _suspicions(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
     findings = document["findings"]
-    return [*map(_sized, findings[:_MOST]), *_more(len(findings))]
+    return [*(_sized(each, units) for each in findings[:_MOST]), *_more(len(findings))]
 
 
 def _proof(document: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ from aerodb.report.glossary import advice_words, effect_words, listed, the
 from aerodb.report.numbers import for_people, number
 from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
+from aerodb.units import SI, UnitSystem
 
 _WHOLE: Final = {
     "held-out": "on {n} held-out flight{s}",
@@ -123,12 +124,12 @@ def _of_flown(row: Mapping[str, Any]) -> str:
     return "" if share is None else f", {100 * share:.2g} % of what was flown"
 
 
-def excluded_sizes(entry: Mapping[str, Any]) -> dict[str, Any]:
+def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem = SI) -> dict[str, Any]:
     """Return what a hypothesis that was not found may still be, in display units: ``upper_bound``
     and ``minimum_detectable``, each None where it lies beyond every believable size and so says
     nothing, ``believable`` (None in older documents, of which undecided hypotheses have no bound)
     and ``unit``."""
-    factor, unit = for_people(entry["unit"])
+    factor, unit = for_people(entry["unit"], units)
     believable = entry.get("believable")
     if believable is not None:
         most = max(map(abs, believable))

@@ -5,6 +5,7 @@ from typing import Final
 
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
+from aerodb.units import SI, UnitSystem
 
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -35,20 +36,17 @@ def power_of_ten(power: int) -> str:
     return f"×10{str(power).translate(_RAISED)}"
 
 
-def for_people(unit: str) -> tuple[float, str]:
-    """Return factor (a scalar) and label of the display unit: degrees for radians, a dash without
-    dimension.
+def for_people(unit: str, units: UnitSystem = SI) -> tuple[float, str]:
+    """Return factor (a scalar) and label of the display unit of an SI unit (`UnitSystem.scale`):
+    degrees for radians, a dash without dimension.
 
     >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
     ['deg', 'deg/s', '-', 'm/s²', '1/rad']
     """
-    shown = unit.replace("^2", "²").replace("^3", "³")
-    if unit == "rad" or unit.startswith("rad/"):
-        return math.degrees(1.0), shown.replace("rad", "deg", 1)
-    return 1.0, shown if unit not in ("", "1") else "-"
+    return units.scale(unit)
 
 
-def display_unit(name: str) -> tuple[float, str | None]:
+def display_unit(name: str, units: UnitSystem = SI) -> tuple[float, str | None]:
     """Factor to the display unit of a channel, and that unit: empty without dimension, None for a
     free input.
 
@@ -56,7 +54,7 @@ def display_unit(name: str) -> tuple[float, str | None]:
     ['deg', '', None]
     """
     try:
-        factor, unit = for_people(channel(name).unit)
+        factor, unit = for_people(channel(name).unit, units)
     except UnknownNameError:
         return 1.0, None
     return factor, "" if unit == "-" else unit

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         evaluate_database,
         failed_check_cases,
         flown_envelope,
+        height_outside_ground_effect,
         linear_tables,
         make_check_cases,
         neutral_point,
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         slopes_by_lift,
         table_calls,
         table_grids,
+        unstated_inputs,
         vary,
     )
     from .database import AeroDatabase, Prediction, Term, Variable

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from aerodb.errors import InputError
-from aerodb.flows.cli.consistency import angular, say_consistency
+from aerodb.flows.cli.consistency import say_consistency, scale_of
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.ingested import say_flights
 from aerodb.flows.cli.output import Session
@@ -17,6 +17,7 @@ from aerodb.flows.cli.references import Direct, Vehicle, Verbose
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import CalibrationRow
+    from aerodb.units import UnitSystem
 
 app = typer.Typer(
     name="calibration",
@@ -177,7 +178,10 @@ def _say_calibration(
         f"{vehicle}: calibration {document['label']} from {len(document['flights'])} flights"
         f" ({counted})",
         [
-            ("known best", "; ".join(_error(name, parameters[name]) for name in known[:_BEST])),
+            (
+                "known best",
+                "; ".join(_error(name, parameters[name], session.units) for name in known[:_BEST]),
+            ),
             ("groups", "; ".join(groups)),
             ("skipped", _skipped(document["skipped"])),
             ("to rebuild", ", ".join(stale)),
@@ -204,8 +208,8 @@ def _significance(entry: Mapping[str, float]) -> float:
     return abs(entry["value"]) / (entry["standard_error"] or 1.0)
 
 
-def _error(name: str, entry: Mapping[str, float]) -> str:
-    factor, unit = angular(name)
+def _error(name: str, entry: Mapping[str, float], units: "UnitSystem") -> str:
+    factor, unit = scale_of(name, units)
     error = f"{factor * entry['standard_error']:.2g} {unit}".rstrip()
     return f"{name} {factor * entry['value']:.3g} +- {error}"
 
@@ -242,7 +246,7 @@ def _when(text: str | None, option: str) -> str | None:
 def _say_parameters(session: Session, parameters: dict[str, dict[str, float]]) -> None:
     rows = []
     for name, entry in parameters.items():
-        factor, unit = angular(name)
+        factor, unit = scale_of(name, session.units)
         rows.append(
             [
                 name,

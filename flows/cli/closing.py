@@ -216,7 +216,7 @@ def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
                 limits["unit"],
             ]
             for e in [*open_ones, *closed][:_LISTED]
-            for limits in [excluded_sizes(e)]
+            for limits in [excluded_sizes(e, session.units)]
         ],
         numbers=(2, 3),
     )

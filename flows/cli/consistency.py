@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
 from aerodb.flows.cli.output import Session, visible
 from aerodb.nomenclature import CHANNELS
+
+if TYPE_CHECKING:
+    from aerodb.units import UnitSystem
 
 #: Origin of a channel's values -> its words in a column.
 _ORIGINS: Final = {
@@ -30,7 +33,7 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
     used = document.get("used", {}) | {
         name: _ORIGINS[origin] for name, origin in document.get("origins", {}).items()
     }
-    rows = [_channel(entry, used) for entry in document["channels"]]
+    rows = [_channel(entry, used, session.units) for entry in document["channels"]]
     if rows:
         columns = [
             f"{indent}channel",
@@ -44,13 +47,16 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
         session.table(columns, [[f"{indent}{row[0]}", *row[1:]] for row in rows], numbers=(1, 2, 3))
     applied = [entry for entry in document.get("estimates", []) if entry["applied"]]
     if applied:
-        session.say(f"{indent}corrected: {', '.join(_estimate(entry) for entry in applied)}")
+        session.say(
+            f"{indent}corrected: {', '.join(_estimate(entry, session.units) for entry in applied)}"
+        )
     for sentence in document.get("drift", []):
         typer.echo(visible(f"{indent}{sentence}"), err=True)
 
 
-def angular(name: str) -> tuple[float, str]:
-    """Return factor and unit to show a parameter or channel: degrees for angles and their rates."""
+def scale_of(name: str, units: "UnitSystem") -> tuple[float, str]:
+    """Return factor and unit to show a channel, or a parameter of its sensor; empty without
+    dimension."""
     subject, _, kind = name.rpartition("_")
     if kind == "scale":
         return 1.0, ""
@@ -63,13 +69,12 @@ def angular(name: str) -> tuple[float, str]:
         if name in CHANNELS
         else ""
     )
-    return (
-        (math.degrees(1.0), unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
-    )
+    factor, shown = units.scale(unit)
+    return factor, "" if shown == "-" else shown
 
 
-def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
-    factor, unit = angular(entry["channel"])
+def _channel(entry: Mapping[str, Any], used: Mapping[str, str], units: "UnitSystem") -> list[str]:
+    factor, unit = scale_of(entry["channel"], units)
     limit = entry["limit"]
     shown = "-" if limit is None or math.isnan(limit) else f"{factor * limit:.3g}"
     return [
@@ -83,8 +88,8 @@ def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _estimate(entry: Mapping[str, Any]) -> str:
-    factor, unit = angular(entry["parameter"])
+def _estimate(entry: Mapping[str, Any], units: "UnitSystem") -> str:
+    factor, unit = scale_of(entry["parameter"], units)
     return (
         f"{entry['parameter']} {factor * entry['value']:.3g} +-"
         f" {factor * entry['standard_error']:.2g} {unit}".rstrip()

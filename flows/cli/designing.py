@@ -90,7 +90,7 @@ def _print(session: Session, document: dict[str, Any]) -> None:
             f" before, {pair['correlation_after']:+.2f} after"
         )
     for name, (low, high) in document["reached"].items():
-        factor, label = channel_scale(name)
+        factor, label = channel_scale(name, session.units)
         session.say(f"{label} moves from {low * factor:.3g} to {high * factor:.3g}")
     if document["feedback"]:
         session.say("flown with feedback: the vehicle is unstable without it")

@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from aerodb.flows.cli.output import Session, percent
 from aerodb.flows.cli.references import Vehicle
 from aerodb.nomenclature import AXES
+
+if TYPE_CHECKING:
+    from aerodb.units import UnitSystem
 
 #: Largest number of edits, and of nodes of a table, that are printed.
 _EDITS: Final = 15
@@ -78,7 +81,7 @@ def _say_edits(
         f"{which}, {'one edit' if count == 1 else f'{count} edits'}",
         [
             ("largest", _edit(edits[0]) if edits else ""),
-            ("flown", _flown(edits)),
+            ("flown", _flown(edits, session.units)),
             ("edited", _tables(document)),
             ("unchanged", f"{document['unchanged_tables']} tables{same and f'; {same}'}"),
         ],
@@ -130,7 +133,7 @@ def _row(term: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _flown(edits: Sequence[Mapping[str, Any]]) -> str:
+def _flown(edits: Sequence[Mapping[str, Any]], units: "UnitSystem") -> str:
     """Return where the flights of the edits have been in alpha, or in the variable of the first
     edit, and where the edits have faded; and how many flights there are."""
     from aerodb.report import display_unit
@@ -141,7 +144,7 @@ def _flown(edits: Sequence[Mapping[str, Any]]) -> str:
         return ""
     name = "alpha" if any("alpha" in each for each in reached) else next(iter(reached[0]))
     of = [each[name] for each in reached if name in each]
-    factor, unit = display_unit(name)
+    factor, unit = display_unit(name, units)
     low, high = (factor * side for side in (min(e["low"] for e in of), max(e["high"] for e in of)))
     words = f"{len(flights)} flights, {name} {low:.3g} to {high:.3g} {unit or ''}".rstrip()
     if any(each["gone_below"] is None for each in of):
@@ -171,12 +174,15 @@ def _say_curve(session: Session, curve: Mapping[str, Any]) -> None:
 
     points, held = curve["points"], []
     for name, value in curve["held"].items():
-        factor, unit = display_unit(name)
+        factor, unit = display_unit(name, session.units)
         if value != 0.0:
             held.append(f"{name} {factor * value:.3g} {unit or ''}".rstrip())
-    unit = f" [{curve['unit']}]" if curve["unit"] else ""
+    factor, unit = display_unit(curve["variable"], session.units)
+    if unit is None:
+        factor, unit = curve["factor"], curve["unit"]
+    unit = f" [{unit}]" if unit else ""
     rows = [
-        (f"{curve['variable']}{unit}", [f"{curve['factor'] * p['at']:.4g}" for p in points]),
+        (f"{curve['variable']}{unit}", [f"{factor * p['at']:.4g}" for p in points]),
         (f"{curve['axis']} before", [f"{p['before']:.4f}" for p in points]),
         ("change", [f"{p['change']:+.4f}" for p in points]),
         ("flown", ["yes" if p["inside_data"] else "no" for p in points]),
@@ -204,7 +210,7 @@ def _say_nodes(session: Session, document: Mapping[str, Any]) -> None:
     from aerodb.report import display_unit
 
     for entry in document["nodes"]:
-        units = {name: display_unit(name) for name in entry["channels"]}
+        units = {name: display_unit(name, session.units) for name in entry["channels"]}
         largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))[:_NODES]
         session.say()
         session.say(

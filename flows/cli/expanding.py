@@ -9,7 +9,16 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.next_flight import Flights, counted_flights, limit_of
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed, steady_flight
+from aerodb.flows.cli.trimming import (
+    Altitude,
+    Climb,
+    Fuel,
+    Given,
+    Glide,
+    Speed,
+    scaled,
+    steady_flight,
+)
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -101,16 +110,17 @@ def expand(
             ],
             numbers=(1,),
         )
+    factor, heading = scaled(session, variable)
     session.table(
-        [variable, "margins"],
+        [heading, "margins"],
         [
-            [f"{point['value']:.6g}", "; ".join(point["violations"]) or "hold"]
+            [f"{factor * point['value']:.6g}", "; ".join(point["violations"]) or "hold"]
             for point in document["points"]
         ],
         numbers=(0,),
     )
     ending = ", the target" if document["reached"] else ""
-    session.say(f"next permitted point: {variable} {document['value']:.6g}{ending}")
+    session.say(f"next permitted point: {heading} {factor * document['value']:.6g}{ending}")
     for text in document["stopped_by"]:
         session.say(f"stopped by: {text}")
     session.answer(document)

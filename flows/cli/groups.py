@@ -14,8 +14,9 @@ SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "Service": ("serve", "nightly", "retry", "dismiss", "store", "user"),
     "Upkeep": ("verify", "backup", "restore"),
 }
-#: Options of the program that are also taken behind a command.
+#: Options of the program that are also taken behind a command: those alone, and those with a value.
 _ANYWHERE: Final = ("--json",)
+_WITH_VALUE: Final = ("--units",)
 
 
 class Commands(TyperGroup):
@@ -44,9 +45,18 @@ class RootCommands(Commands):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move the options that may stand anywhere to the front; what follows ``--`` stays."""
         end = args.index("--") if "--" in args else len(args)
-        front = [word for word in args[:end] if word in _ANYWHERE]
-        rest = [word for word in args[:end] if word not in _ANYWHERE]
-        moved: Any = super().parse_args(ctx, [*dict.fromkeys(front), *rest, *args[end:]])
+        front, rest, words = dict[str, None](), list[str](), iter(args[:end])
+        valued: list[str] = []
+        for word in words:
+            if word in _ANYWHERE:
+                front[word] = None
+            elif word in _WITH_VALUE:
+                valued += [word, *([value] if (value := next(words, None)) is not None else [])]
+            elif word.startswith(tuple(f"{name}=" for name in _WITH_VALUE)):
+                valued.append(word)
+            else:
+                rest.append(word)
+        moved: Any = super().parse_args(ctx, [*front, *valued, *rest, *args[end:]])
         return list(moved)
 
 

@@ -41,7 +41,7 @@ from aerodb.flows.cli import (
     web,
 )
 from aerodb.flows.cli.groups import RootCommands
-from aerodb.flows.cli.output import Session, complaint, visible
+from aerodb.flows.cli.output import UNITS_VARIABLE, Session, complaint, visible
 
 #: Exit code of a command that did what it was asked for.
 DONE = 0
@@ -128,6 +128,13 @@ def session(
     json: Annotated[
         bool, typer.Option("--json", help="One JSON document on standard output.")
     ] = False,
+    units: Annotated[
+        str | None,
+        typer.Option(
+            help="Units of what is printed: si, aero (kt, ft) or imperial; JSON stays SI.",
+            show_default="$AERODB_UNITS, [show] of the settings, or si",
+        ),
+    ] = None,
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
     _version: Annotated[
         bool,
@@ -138,7 +145,7 @@ def session(
 ) -> None:
     """Keep the options that all commands share."""
     root = workspace or Path(os.environ.get("AERODB_WORKSPACE") or "aerodb-workspace")
-    context.obj = Session(root, json, debug)
+    context.obj = Session(root, json, debug, units or os.environ.get(UNITS_VARIABLE, ""))
 
 
 def main() -> None:

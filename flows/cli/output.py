@@ -8,6 +8,7 @@ import threading
 import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,7 +33,10 @@ if TYPE_CHECKING:
     from aerodb.flows.run import How
     from aerodb.storage.catalogue import Catalogue
     from aerodb.storage.workspace import Workspace
+    from aerodb.units import UnitSystem
 
+#: Environment variable of the units in which a user is shown quantities.
+UNITS_VARIABLE: Final = "AERODB_UNITS"
 
 #: A name or number is never divided between two lines.
 _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
@@ -72,9 +76,13 @@ def percent(share: float | None) -> str:
 
 
 class Session:
-    """One call of the command line: its workspace, and how it prints."""
+    """One call of the command line: its workspace, and how it prints.
 
-    def __init__(self, root: Path, as_json: bool, debug: bool) -> None:
+    units : name of the system of units that was asked for; empty: that of the settings.
+    """
+
+    def __init__(self, root: Path, as_json: bool, debug: bool, units: str = "") -> None:
+        self._units = units
         self.root = root
         self.as_json = as_json
         self.debug = debug
@@ -84,6 +92,16 @@ class Session:
             self.people.width = (
                 160  # a file or a pipe has no width of its own, and must not be cut to 80
             )
+
+    @cached_property
+    def units(self) -> "UnitSystem":
+        """The units in which quantities are printed: as asked for, else by the settings."""
+        from aerodb.storage.workspace_settings import FILE, load_settings
+        from aerodb.units import UnitSystem
+
+        if not self._units and (self.root / FILE).is_file():
+            return UnitSystem(load_settings(self.root).show.units)
+        return UnitSystem(self._units or "si")
 
     def workspace(self, create: bool = False) -> "Workspace":
         """Return the workspace; InputError if there is none and `create` is false."""

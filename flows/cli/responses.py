@@ -1,6 +1,5 @@
 """``aerodb version fly`` and ``validate``: versions flown over recorded flights."""
 
-from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -107,7 +106,7 @@ def _fly_manoeuvre(
     )
     rows = []
     for name, (start, least, greatest) in document["responses"].items():
-        factor, label = channel_scale(name)
+        factor, label = channel_scale(name, session.units)
         rows.append([label, *(f"{factor * value + 0.0:.4g}" for value in (start, least, greatest))])
     session.table(["response", "trim", "least", "greatest"], rows, (1, 2, 3))
     for note in document["notes"]:
@@ -203,16 +202,17 @@ def _say_stretches(session: Session, document: dict[str, Any]) -> None:
         session.say(f"{where} ({', '.join(stretch['controls']) or 'no control moved'})")
         if stretch["correction"]:
             largest = max(stretch["correction"], key=stretch["correction"].__getitem__)
+            moved = session.units.shown(stretch["correction"][largest], "rad", 2)
             session.say(
                 "  unstable: least stabilising feedback closed; it moved"
-                f" {largest} by up to {degrees(stretch['correction'][largest]):.2g} deg"
+                f" {largest} by up to {moved}"
             )
         for check in stretch["checks"]:
             word = "within" if check["passed"] else "OUTSIDE"
             session.say(f"  {word}: {check['check']}: {check['share']:.0%} of the time inside")
         session.table(
             ["response", "rms of flight", "rms error", "fit", "bias", "variance", "covariance"],
-            [_row(response) for response in stretch["responses"]],
+            [_row(session, response) for response in stretch["responses"]],
             range(1, 7),
         )
         for name, swing in stretch["oscillations"].items():
@@ -227,10 +227,10 @@ def _say_stretches(session: Session, document: dict[str, Any]) -> None:
             session.say(f"  {note}")
 
 
-def _row(response: dict[str, Any], *more: str) -> list[str]:
+def _row(session: Session, response: dict[str, Any], *more: str) -> list[str]:
     from aerodb.report import channel_scale
 
-    factor, label = channel_scale(response["channel"])
+    factor, label = channel_scale(response["channel"], session.units)
     theil = response["theil"]
     return [
         label,
@@ -282,13 +282,13 @@ def say_responses(
     told = [response for response in document["responses"] if response["manoeuvres"]]
     shown = []
     for response in told:
-        factor = channel_scale(response["channel"])[0]
+        factor = channel_scale(response["channel"], session.units)[0]
         before = response["before"]
         earlier, better = "", ""
         if before and before["manoeuvres"]:
             earlier = f"{factor * before['rms_error']:.3g}"
             better = f"{response['improved']} of {before['manoeuvres']}"
-        shown.append(_row(response, earlier, better))
+        shown.append(_row(session, response, earlier, better))
     columns = ["response", "rms of flight", "rms error", "baseline", "better in"]
     session.table([*columns, "fit", "bias", "variance", "covariance"], shown, range(1, 9))
     if document["oscillations"]:

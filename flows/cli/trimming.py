@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from aerodb.errors import UnknownNameError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.nomenclature import channel
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import VersionRow
@@ -37,13 +39,16 @@ Control = Annotated[
     typer.Option(help="AXIS=INPUT: roll, pitch or yaw control; found without."),
 ]
 
-#: Channels of a trim that are printed, those in degrees with their factor.
+#: Channels of a trim that are printed, with their SI units; load factors are in g.
 _PRINTED: Final = (
-    ("V", "m/s"), ("alpha", "deg"), ("beta", "deg"), ("phi", "deg"), ("theta", "deg"),
-    ("climb", "deg"), ("turn_rate", "deg/s"), ("ny", "g"), ("nz", "g"), ("load_factor", "g"),
-    ("mach", ""), ("qbar", "Pa"),
+    ("V", "m/s"), ("alpha", "rad"), ("beta", "rad"), ("phi", "rad"), ("theta", "rad"),
+    ("climb", "rad"), ("turn_rate", "rad/s"), ("ny", "g"), ("nz", "g"), ("load_factor", "g"),
+    ("mach", "1"), ("qbar", "Pa"),
 )  # fmt: skip
-_DEGREES: Final = 57.29577951308232
+#: Variables of a flight, of a sweep or a trim, that are no channels -> SI unit.
+_VARIABLES: Final = {
+    "climb": "rad", "bank": "rad", "turn_rate": "rad/s", "load_factor": "g", "force_x": "N",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -207,16 +212,17 @@ def sweep(
     reach = (sweep_value(start, variable), sweep_value(end, variable))
     document = sweep_document(session.catalogue(), row, flight, variable, reach, steps, hold)
     points = document["points"]
+    factor, heading = scaled(session, variable)
     if hold:
         axes = list(points[0]["coefficients"])
         rows = [
             [
-                f"{point['value']:.6g}",
+                f"{factor * point['value']:.6g}",
                 *(_with_error(point["coefficients"], point["standard_errors"], a) for a in axes),
             ]
             for point in points
         ]
-        session.table([variable, *axes], rows, tuple(range(1 + len(axes))))
+        session.table([heading, *axes], rows, tuple(range(1 + len(axes))))
         if document["outside_of"]:
             session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
         session.answer(document)
@@ -225,36 +231,36 @@ def sweep(
     inputs = list(trimmed[0]["inputs"]) if trimmed else []
     names = list(dict.fromkeys(mode["name"] for point in trimmed for mode in point["modes"]))
     session.table(
-        [variable, "alpha [deg]", *inputs, *names],
+        [heading, "alpha [deg]", *(scaled(session, name)[1] for name in inputs), *names],
         [
-            [f"{point['value']:.6g}", *_sweep_row(point, inputs, names)]
+            [f"{factor * point['value']:.6g}", *_sweep_row(session, point, inputs, names)]
             if "channels" in point
-            else [f"{point['value']:.6g}", "no trim", *[""] * len(inputs + names)]
+            else [f"{factor * point['value']:.6g}", "no trim", *[""] * len(inputs + names)]
             for point in points
         ],
         numbers=tuple(range(2 + len(inputs))),
     )
     for point in points:
         if "reason" in point:
-            session.say(f"{variable} {point['value']:.6g}: {point['reason']}")
+            at = session.units.shown(point["value"], _unit_of(variable), 6)
+            session.say(f"{variable} {at}: {point['reason']}")
     session.answer(document)
 
 
 def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:
     channels, errors = document["channels"], document["standard_errors"] or {}
-    rows = [_row(name, channels[name], errors.get(name), unit) for name, unit in _PRINTED] + [
-        _row(name, value, errors.get(name), _unit_of(name))
-        for name, value in document["inputs"].items()
-    ]
+    printed = [(name, channels[name], unit) for name, unit in _PRINTED]
+    printed += [(name, value, _unit_of(name)) for name, value in document["inputs"].items()]
+    rows = [_row(session, *each, errors.get(each[0])) for each in printed]
     session.table([f"trim of {row.label}", "value", "standard error", "unit"], rows, (1, 2))
     for note in document["notes"]:
         session.say(note)
 
 
-def _row(name: str, value: float, error: float | None, unit: str) -> list[str]:
-    factor = _DEGREES if unit.startswith("deg") else 1.0
+def _row(session: Session, name: str, value: float, unit: str, error: float | None) -> list[str]:
+    factor, label = session.units.scale(unit)
     shown = "" if error is None else f"{factor * error:.2g}"
-    return [name, f"{_rounded(factor * value):.5g}", shown, unit]
+    return [name, f"{factor * _rounded(value):.5g}", shown, "" if label == "-" else label]
 
 
 def _rounded(value: float) -> float:
@@ -263,9 +269,19 @@ def _rounded(value: float) -> float:
 
 
 def _unit_of(name: str) -> str:
-    if name.startswith("delta_"):
-        return "deg"
-    return "N" if name in ("force_x", "thrust") else ""
+    """Return the SI unit of a variable; that of a free input is none."""
+    if name in _VARIABLES:
+        return _VARIABLES[name]
+    try:
+        return channel(name).unit
+    except UnknownNameError:
+        return "1"
+
+
+def scaled(session: Session, name: str) -> tuple[float, str]:
+    """Return factor of a variable to the unit that is printed, and its heading."""
+    factor, label = session.units.scale(_unit_of(name))
+    return factor, name if label == "-" else f"{name} [{label}]"
 
 
 def _with_error(
@@ -281,11 +297,12 @@ def _with_error(
     return f"{value:.4g}" if error is None else f"{value:.4g} ± {error:.2g}"
 
 
-def _sweep_row(point: dict[str, Any], inputs: list[str], names: list[str]) -> list[str]:
-    cells = [f"{_DEGREES * point['channels']['alpha']:.4g}"]
+def _sweep_row(
+    session: Session, point: dict[str, Any], inputs: list[str], names: list[str]
+) -> list[str]:
+    cells = [f"{scaled(session, 'alpha')[0] * point['channels']['alpha']:.4g}"]
     for name in inputs:
-        factor = _DEGREES if name.startswith("delta_") else 1.0
-        cells.append(f"{_rounded(factor * point['inputs'][name]):.4g}")
+        cells.append(f"{scaled(session, name)[0] * _rounded(point['inputs'][name]):.4g}")
     for name in names:
         found = [mode["figures"] for mode in point["modes"] if mode["name"] == name]
         cells.append("; ".join(_short(figures) for figures in found))

@@ -174,7 +174,7 @@ def say_decision(session: Session, document: dict[str, Any]) -> None:
     """Print verdict, change, proof, gate and next command, then the error per axis in short."""
     from aerodb.report import decision, error_rows, shown_axes
 
-    told = decision(document)
+    told = decision(document, session.units)
     session.say(told.verdict)
     for label, texts in told.lines:
         for number, text in enumerate(texts):

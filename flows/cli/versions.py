@@ -279,7 +279,10 @@ def evaluate(
     context: typer.Context,
     version: str,
     at: Annotated[
-        str, typer.Option(help="Point: NAME=VALUE,... with units or in SI; the rest are 0.")
+        str,
+        typer.Option(
+            help="Point: NAME=VALUE,... with units or in SI; the rest are 0, in free air."
+        ),
     ],
     vehicle: Vehicle = None,
     as_of: AsOf = None,
@@ -316,6 +319,9 @@ def evaluate(
         )
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
+    for name, value in document["taken_as"].items():
+        told = session.units.shown(value, "m")
+        session.say(f"{name.replace('_', ' ')} taken as {told}, outside ground effect")
     if document["outside_tables"]:
         session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
     session.answer(document)

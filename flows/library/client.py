@@ -17,6 +17,7 @@ from aerodb.errors import (
     StoreError,
     UnknownNameError,
 )
+from aerodb.nomenclature import CHANNELS, channel, is_surface
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,7 +161,7 @@ class Client:
         inputs : numbers in SI, or texts with a unit; those not given count as zero. Coefficients
         are dimensionless; InputError for an unknown input or unit.
         """
-        at = ",".join(f"{name}={value}" for name, value in inputs.items())
+        at = ",".join(f"{name}={_with_unit(name, value)}" for name, value in inputs.items())
         return dict(self.get(f"/api/versions/{_part(version)}/evaluate", at=at, vehicle=vehicle))
 
     def export(self, version: str, form: str, vehicle: str | None = None) -> bytes:
@@ -224,6 +225,12 @@ class Client:
         if answer.status_code != httpx.codes.OK:
             raise _refusal(answer, self.url)
         return answer
+
+
+def _with_unit(name: str, value: float | str) -> str:
+    """A number with the SI unit of its channel, where people would be asked for one."""
+    angle = not isinstance(value, str) and (name in CHANNELS or is_surface(name))
+    return f"{value} rad" if angle and channel(name).unit == "rad" else str(value)
 
 
 def _part(name: str) -> str:

@@ -1,7 +1,7 @@
 """A database evaluated at points, with standard errors and where the points lie."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from aerodb.flows.library.views import (
 )
 from aerodb.nomenclature import AXES, channel
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database
+from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import value_of
 from aerodb.units import convert
 
@@ -28,7 +28,8 @@ from aerodb.units import convert
 class EvaluatedPoints(Result):
     """Coefficients of a database at n points.
 
-    inputs : channel -> (n,), SI. assumed : inputs that were not given and count as zero.
+    inputs : channel -> (n,), SI. assumed : inputs that were not given and count as zero. taken :
+    those that count as another value, such as a height above ground outside ground effect.
     evaluation : axis -> value, standard error and place, each (n,).
     """
 
@@ -36,6 +37,7 @@ class EvaluatedPoints(Result):
     inputs: Mapping[str, Array]
     assumed: tuple[str, ...]
     evaluation: Evaluation
+    taken: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, axis: str) -> Array:
         """Return the values (n,) on an axis: CX CY CZ Cl Cm Cn."""
@@ -66,6 +68,10 @@ class EvaluatedPoints(Result):
             )
         outside = sorted(self.evaluation.prediction.outside_tables)
         said = [f"{name} is not given and counts as zero" for name in self.assumed]
+        said += [
+            f"{name} is not given and counts as {number(value)} m, outside ground effect"
+            for name, value in self.taken.items()
+        ]
         said += [f"edge values of table {name} are held" for name in outside]
         return Summary(
             f"{self.database.name} at {len(self[AXES[0]])} points",
@@ -108,7 +114,8 @@ def evaluate(
     ----------
     units : input -> unit of its numbers; SI where there is none.
     inputs : of the database: numbers, arrays of one shape, or texts with a unit (``V="20 m/s"``).
-        Those not given count as zero, and are listed in the result.
+        Those not given count as zero, a height above ground as one outside ground effect; they are
+        listed in the result.
 
     Raises InputError for a value that cannot be used, and UnknownNameError for a name that is not
     an input of the database.
@@ -152,13 +159,14 @@ def evaluate(
             f"inputs of different shapes: {shapes}", "evaluate", "give arrays of one shape"
         ) from error
     channels = {name: each.ravel() for name, each in zip(given, arrays, strict=True)}
-    settled = {state.name for state in database.states}
-    assumed = tuple(n for n in database.inputs if n not in given and n not in settled)
     zero = np.zeros(len(next(iter(channels.values()), np.zeros(1))))
-    # Rates are zero where they are not given: any airspeed gives the same.
-    taken = {name: zero + 1.0 if name == "V" else zero for name in assumed}
-    evaluation = evaluate_database(database, {**taken, **channels})
-    return EvaluatedPoints(database, channels, assumed, evaluation)
+    unstated = unstated_inputs(database, given)
+    evaluation = evaluate_database(
+        database, {**{name: zero + value for name, value in unstated.items()}, **channels}
+    )
+    other = {name: value for name, value in unstated.items() if value and name != "V"}
+    assumed = tuple(name for name in unstated if name not in other)
+    return EvaluatedPoints(database, channels, assumed, evaluation, other)
 
 
 def _number_of(name: str, value: Any, unit: str | None) -> Array:

@@ -69,6 +69,7 @@ class Evaluation(_Document):
     version: str
     at: dict[str, float]
     taken_as_zero: list[str]
+    taken_as: dict[str, float]
     coefficients: dict[str, float | None]
     standard_errors: dict[str, float | None]
     places: dict[str, str]
@@ -91,6 +92,7 @@ class Sweep(_Document):
     over: str
     at: dict[str, float]
     taken_as_zero: list[str]
+    taken_as: dict[str, float]
     values: list[float]
     axes: dict[str, Along]
     label: str

@@ -215,9 +215,8 @@ def along(
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
     factor, label = channel_scale(over)
-    values = sweep(
-        access.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at
-    )
+    reach = (value_of(over, start, by_program=True), value_of(over, end, by_program=True))
+    values = sweep(access.catalogue, row, over, reach, points, at)
     return document({**values, "label": label, "factor": factor})
 
 

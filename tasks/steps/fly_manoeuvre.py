@@ -46,7 +46,12 @@ def fly_manoeuvre(
     access = access_workspace(workspace)
     row = access.catalogue.version_of_id(version)
     stated = parse_manoeuvre(manoeuvre)
-    settings = {"manoeuvre": manoeuvre, "step": STEP, "stabilise": stabilise}
+    settings = {
+        "manoeuvre": manoeuvre,
+        "step": STEP,
+        "stabilise": stabilise,
+        "ground": "outside its effect",
+    }
     result = StoredResult(access, "fly", "simulation", {"version": version}, settings)
     path = result.stored()
     if path is None:

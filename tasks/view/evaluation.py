@@ -12,7 +12,7 @@ from aerodb.increments import with_extrapolated_slopes
 from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Place, evaluate_database
+from aerodb.tables import AeroDatabase, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import point_of
 from aerodb.tasks.workspace_access import database_from
 
@@ -21,14 +21,15 @@ MOST_LINE_POINTS: Final = 2001
 
 
 def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str, Any]:
-    """Evaluate a version at the point ``NAME=VALUE,...`` (with units or in SI; missing inputs are
-    zero).
+    """Evaluate a version at the point ``NAME=VALUE,...`` (with units or in SI). Missing inputs are
+    zero, a height above ground is outside ground effect (`unstated_inputs`).
 
-    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None if not
-    known), places, outside_tables, outside_of (names of the tables; edge values are held),
-    outside_envelope (variables that lie outside the envelope of an increment) and extrapolated
-    (axis -> the coefficient with the slopes of increments extrapolated there; None inside). Raises
-    InputError for a name that is not an input and for a value that is not a number.
+    Returns a document: version, at, taken_as_zero, taken_as (input -> value), coefficients,
+    standard_errors (None if not known), places, outside_tables, outside_of (names of the tables;
+    edge values are held), outside_envelope (variables that lie outside the envelope of an
+    increment) and extrapolated (axis -> the coefficient with the slopes of increments
+    extrapolated there; None inside). Raises InputError for a name that is not an input and for a
+    value that is not a number.
     """
     database = database_of(catalogue, version)
     point = _point(database, at)
@@ -39,7 +40,8 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     return {
         "version": version.id,
         "at": point.given,
-        "taken_as_zero": point.assumed,
+        "taken_as_zero": point.zero,
+        "taken_as": point.taken,
         "coefficients": {axis: float(evaluation.value[axis][0]) for axis in AXES},
         "standard_errors": {
             axis: _known(float(evaluation.standard_error[axis][0])) for axis in AXES
@@ -80,9 +82,9 @@ def sweep(
     over : the input. reach : from and to [SI]. at : the values of the other inputs, as in
     `evaluate_at`.
 
-    Returns a document: version, over, at, taken_as_zero, values (points,) [SI], axes (axis ->
-    value, standard_error and place, each (points,); None if not known). Raises InputError if `over`
-    is not an input, or if the range or the number of points is invalid.
+    Returns a document: version, over, at, taken_as_zero, taken_as, values (points,) [SI], axes
+    (axis -> value, standard_error and place, each (points,); None if not known). Raises InputError
+    if `over` is not an input, or if the range or the number of points is invalid.
     """
     database = database_of(catalogue, version)
     if over not in database.inputs:
@@ -113,12 +115,12 @@ def sweep(
         for axis in AXES
     }
     fixed = {name: value for name, value in point.given.items() if name != over}
-    taken = [name for name in point.assumed if name != over]
     return {
         "version": version.id,
         "over": over,
         "at": fixed,
-        "taken_as_zero": taken,
+        "taken_as_zero": [name for name in point.zero if name != over],
+        "taken_as": {name: value for name, value in point.taken.items() if name != over},
         "values": line.tolist(),
         "axes": axes,
     }
@@ -132,22 +134,22 @@ def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
 
 @dataclass(frozen=True)
 class _Point:
-    """A point of a database: its inputs as given, those left out, and the channels to evaluate."""
+    """A point of a database: its inputs as given, those left out that are zero, those that are
+    taken to be another value, and the channels to evaluate."""
 
     given: dict[str, float]
-    assumed: list[str]
+    zero: list[str]
+    taken: dict[str, float]
     channels: Mapping[str, float]
 
 
 def _point(database: AeroDatabase, at: str) -> _Point:
     """Return the point that a text gives."""
     point = point_of(at, database.inputs)
-    settled = {state.name for state in database.states}
-    assumed = [name for name in database.inputs if name not in point and name not in settled]
-    channels = {**dict.fromkeys(assumed, 0.0), **point}
-    if "V" in assumed:
-        channels["V"] = 1.0  # rates are zero where they are not given: any airspeed gives the same
-    return _Point(point, assumed, channels)
+    unstated = unstated_inputs(database, point)
+    taken = {name: unstated[name] for name in unstated if name == "height_above_ground"}
+    zero = [name for name in unstated if name not in taken]
+    return _Point(point, zero, taken, {**unstated, **point})
 
 
 def _known(value: float) -> float | None:

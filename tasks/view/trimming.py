@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +24,7 @@ from aerodb.simulation import (
     trim,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
-from aerodb.tables import AeroDatabase
+from aerodb.tables import AeroDatabase, height_outside_ground_effect
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view.evaluation import database_of
 from aerodb.vehicle import parse_vehicle
@@ -69,6 +69,9 @@ class _Flown:
         flown = flown_of(vehicle, self.database, fuel=flight.fuel, given=given)
         self.build, self.model = flown.build, flown.model
         self.inputs = {**flown.masses, **given}
+        self.ground = None if "ground_altitude" in given else self._lower_ground(flight.condition)
+        if self.ground is not None:
+            self.inputs["ground_altitude"] = self.ground
         self.condition = flight.condition
         self.options: dict[str, Any] = {
             "thrust": flown.thrust,
@@ -76,8 +79,23 @@ class _Flown:
             "controls": dict(_control(text) for text in flight.controls),
         }
 
+    def _lower_ground(self, condition: Condition) -> float | None:
+        """Return how far below sea level [m] the ground is taken to lie, so that the flight is
+        outside ground effect; None where sea level is far enough below."""
+        height = height_outside_ground_effect(self.database)
+        return (
+            None if height is None or condition.altitude >= height else condition.altitude - height
+        )
+
     def trim(self) -> Trim:
-        return trim(self.model, self.condition, self.inputs, **self.options)
+        found = trim(self.model, self.condition, self.inputs, **self.options)
+        if self.ground is None:
+            return found
+        note = (
+            f"ground taken {self.condition.altitude - self.ground:.3g} m below, outside ground"
+            " effect; --set ground_altitude=0 puts it at sea level"
+        )
+        return replace(found, notes=(*found.notes, note))
 
 
 def glides(catalogue: Catalogue, row: VersionRow) -> bool:

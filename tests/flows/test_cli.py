@@ -36,6 +36,7 @@ COMMANDS = [
     ["database", "import"],
     ["database", "inputs"],
     ["log", "inspect"],
+    ["log", "show"],
     ["flight", "ingest"],
     ["flight", "list"],
     ["flight", "show"],

@@ -29,5 +29,6 @@ if TYPE_CHECKING:
     from .sensitivity import slopes_by, slopes_by_lift
     from .slices import Slice, acts_on, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
+    from .unstated_inputs import height_outside_ground_effect, unstated_inputs
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

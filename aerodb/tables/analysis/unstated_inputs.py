@@ -1,0 +1,50 @@
+"""Values of the inputs that a user does not state: a state in which the aircraft can be."""
+
+from collections.abc import Collection
+from typing import Final
+
+import numpy as np
+
+from aerodb.tables.analysis.arguments import breakpoints_over
+from aerodb.tables.database import AeroDatabase
+
+_HEIGHT: Final = "height_above_ground"
+#: Heights [spans] that are tried, the highest first. Ground effect is gone one span above ground
+#: (McCormick, Aerodynamics, Aeronautics and Flight Mechanics, 1995, section 7.4).
+_SPANS: Final = (10.0, 5.0, 3.0, 2.0, 1.5, 1.2, 1.1, 1.0)
+
+
+def height_outside_ground_effect(database: AeroDatabase) -> float | None:
+    """Return a height above ground [m] at which a database has no ground effect: the highest of its
+    tables, else the highest of `_SPANS` at which no table is left; None where it has no such input.
+    """
+    if _HEIGHT not in database.inputs:
+        return None
+    ends = [float(points[-1]) for points in breakpoints_over(_HEIGHT, database)]
+    if ends:
+        return max(ends)
+    heights = database.reference.span * np.array(_SPANS)
+    others = {name: 0.0 for name in database.inputs if name not in ("V", _HEIGHT)}
+    left = [
+        set(database.predict({**others, "V": 1.0, _HEIGHT: height}).outside_tables)
+        for height in heights.tolist()
+    ]
+    always = set.intersection(*left)
+    inside = [h for h, names in zip(heights.tolist(), left, strict=True) if names == always]
+    return float(inside[0] if inside else heights[0])
+
+
+def unstated_inputs(database: AeroDatabase, stated: Collection[str]) -> dict[str, float]:
+    """Return input -> value [SI] of the inputs that are not stated: zero; the height above ground
+    outside ground effect.
+
+    An airspeed of 1 m/s: rates that are zero give the same at any. States that follow from the
+    others have no entry.
+    """
+    settled = {state.name for state in database.states}
+    values = {n: 0.0 for n in database.inputs if n not in stated and n not in settled}
+    if "V" in values:
+        values["V"] = 1.0
+    if _HEIGHT in values:
+        values[_HEIGHT] = height_outside_ground_effect(database) or 0.0
+    return values
