@@ -214,11 +214,7 @@ def validate_by_leaving_one_out(
     )
 
 
-def worse_axes(
-    before: Mapping[str, Comparison],
-    after: Mapping[str, Comparison],
-    believable: Mapping[str, float] | None = None,
-) -> frozenset[str]:
+def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
     """Body axes on which the error over the usable samples of all flights grew by more than the
     fraction `UNCHANGED`.
 
@@ -226,14 +222,12 @@ def worse_axes(
     is excused if a part of the flights is flown where what was added is nil, and the error about
     the means fell, on the axis or on the three forces together in units of their noise: then what
     was added is right about the changes within flights, and the level of the axis has another
-    error, such as that of a centre of gravity or of a surface's zero. So is a level of a size that
-    such errors are known to leave: `believable`, axis -> dimensionless, where the error about the
-    means fell on the axis itself.
+    error, such as that of a centre of gravity or of a surface's zero.
 
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small against each flight's constant, and a small growth there is chance.
     """
-    whole, varying, excused, known = {}, {}, {}, {}
+    whole, varying, excused = {}, {}, {}
     for axis in AXES:
         pairs = [_residuals(axis, compared, tuple(compared)) for compared in (before, after)]
         if not all(pairs):
@@ -245,8 +239,6 @@ def worse_axes(
         )
         added = np.abs(np.concatenate(pairs[1]) - np.concatenate(pairs[0]))
         excused[axis] = np.quantile(added, _NIL) <= _NIL * added.max()
-        level = float(np.mean([each.mean() for each in pairs[1]]))
-        known[axis] = believable is not None and abs(level) <= believable.get(axis, 0.0)
 
     def falls(axes: Sequence[str]) -> bool:
         first, error = (rms(np.array([varying[axis][k] for axis in axes])) for k in (0, 1))
@@ -260,7 +252,6 @@ def worse_axes(
         or (
             error > first * (1.0 + UNCHANGED)
             and not (excused[axis] and (falls([axis]) or (axis in forces and falls(forces))))
-            and not (known[axis] and falls([axis]))
         )
     )
 

@@ -5,7 +5,7 @@ trim tab, a surface's zero, the centre of gravity or a biased accelerometer. So 
 these. docs/method/tracing.md, section 14.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -97,32 +97,6 @@ def unexplained_levels(
         rivals = _rivals(axis, level, views, tests)
         found.append(UnexplainedLevel(axis, level, spread, level**2 / error**2, floor, rivals))
     return tuple(found)
-
-
-def constants_of_sensors(
-    source: FlightSource,
-    flights: Sequence[str],
-    database: AeroDatabase,
-    library: Library,
-    axes: Collection[str],
-) -> dict[str, float]:
-    """Return the constant of each of these body axes that errors of sensors and of vehicle data,
-    independent and as large as they are believed to be, leave in flights (ids): 95 %,
-    dimensionless.
-
-    Raises InputError where a flight lacks what is needed.
-    """
-    views = in_threads(lambda id: source.view(id, database, library.settings.bandwidth), flights)
-    square = dict.fromkeys(axes, 0.0)
-    for each in library.hypotheses:
-        if each.kind != "sensor":
-            continue
-        columns = [each.columns(view) for view in views]
-        for axis in axes:
-            means = [float(found[axis].mean()) for found in columns if axis in found]
-            if means:
-                square[axis] += (float(np.mean(means)) * (each.prior_sigma or 0.0)) ** 2
-    return {axis: 1.96 * float(np.sqrt(total)) for axis, total in square.items()}
 
 
 def _rivals(

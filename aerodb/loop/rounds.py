@@ -16,7 +16,6 @@ from aerodb.loop.accept import Accept
 from aerodb.loop.axis_models import AxisModel, axis_models
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.levels import constants_of_sensors
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms
@@ -377,11 +376,9 @@ def _bearable(
     kept = list(new)
     candidate = _added(source, database, library, kept, flights)
     for only_constants in (True, False):
-        before, after = compared(source, flights, database), compared(source, flights, candidate)
-        worse = worse_axes(before, after)
-        if worse:
-            believable = constants_of_sensors(source, flights, candidate, library, worse)
-            worse = worse_axes(before, after, believable)
+        worse = worse_axes(
+            compared(source, flights, database), compared(source, flights, candidate)
+        )
         if not worse:
             break
         kept = [
