@@ -8,12 +8,13 @@
 
 Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
 templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
-`decision` (five lines to decide on), `headlines` (sentences and error tables); `glossary`,
-`terms`, `numbers` (names of effects, channels and terms, numbers and units: everything that is
-shown uses these); `findings` (findings in words); `head` (where a result comes from);
-`flight_figures`, `figures`, `update_figures`, `database_figure`, `diff_figures`, `lineage_figure`
-(figures); `style` (colours, units, names as text); `decimation` (long records with fewer points);
-`flight_errors` (errors of single flights).
+`decision` (five lines to decide on), `gate_lines` (what to decide a release on), `headlines`
+(sentences and error tables); `glossary`, `terms`, `numbers` (names of effects, channels and terms,
+numbers and units: everything that is shown uses these); `findings` (findings in words); `head`
+(where a result comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`,
+`diff_figures`, `front_figure`, `lineage_figure` (figures); `reach` (where data end); `style`
+(colours, units, names as text); `decimation` (long records with fewer points); `flight_errors`
+(errors of single flights).
 """
 
 from typing import TYPE_CHECKING
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
     from .decision import Decision, decision, measurements, to_try
-    from .diff_documents import curve_document, diff_document
+    from .diff_documents import curve_document, diff_document, edits_of
     from .diff_figures import diff_figure
     from .document import (
         add_remarks,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from .findings import meaning
     from .fit_report import fit_report
     from .flight_page import FlightStory, flight_report
+    from .gate_lines import count_passed, derivative_words, gate_rows, release_lines
     from .glossary import (
         advice_words,
         channel_words,
@@ -47,12 +49,13 @@ if TYPE_CHECKING:
         rejected,
     )
     from .head import Head
-    from .headlines import error_rows, excluded_sizes, headline, shown_axes, what_stayed
-    from .lineage_figure import Relative, lineage_graph
+    from .headlines import error_rows, excluded_sizes, headline, shown_axes
+    from .lineage_figure import Graph, Relative, lineage_graph
     from .log_page import MOST_LOGS, LogStory, log_report, script_source
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .numbers import display_unit, for_people
     from .page import pdf, render
+    from .reach import beyond_data, beyond_words
     from .response_page import FlownStretch, response_report
     from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
     from .terms import derivative_unit, sensor_error_unit, term_name, term_unit

@@ -29,7 +29,7 @@ _POINTS: Final = 161
 def database_figure(database: AeroDatabase) -> Figure:
     """Draw one panel per body axis, all other inputs neutral: coefficients [-] against alpha or
     beta [deg] (`channel_scale`); dots are the tables' breakpoints."""
-    figure, panels = panel_grid((PAGE_WIDTH, 7.4), 3, 2, left=0.85, between=(0.85, 0.75))
+    figure, panels = panel_grid((PAGE_WIDTH, 6.2), 3, 2, left=0.85, between=(0.85, 0.7))
     order = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
     for panel, axis in zip(panels.ravel(), order, strict=True):
         _curve(panel, axis, _OVER[axis], database)

@@ -69,7 +69,7 @@ def decision(document: Mapping[str, Any], units: UnitSystem = SI) -> Decision:
 def to_try(document: Mapping[str, Any]) -> list[str]:
     """Options that add what is only suspected, or one of several that these flights cannot tell
     apart; not what another shape fits better, or what was tried and is worth nothing."""
-    barred = {*document["added"], *document["without_gain"]}
+    barred = {*document["added"], *document.get("without_gain", ())}  # not in older documents
     return [
         f"{OPTIONS[finding['verdict']]} {finding['hypothesis']}"
         for finding in document["findings"]

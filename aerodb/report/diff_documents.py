@@ -1,6 +1,7 @@
 """The JSON of a diff of two versions: changed terms, and changes at table nodes."""
 
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -45,6 +46,13 @@ def diff_document(difference: DatabaseDiff) -> dict[str, Any]:
         "edited_tables": list(difference.edited),
         "unchanged_tables": difference.kept,
     }
+
+
+def edits_of(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the ``terms`` of a diff's document that change, those with the largest share of their
+    axis first."""
+    changed = [term for term in document["terms"] if term["change"] != 0.0]
+    return sorted(changed, key=lambda term: -(term["share"] or 0.0))
 
 
 def _term(entry: TermChange) -> dict[str, Any]:

@@ -4,11 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import AXES
 from aerodb.report.numbers import display_unit, number
+from aerodb.report.reach import Reach, reach_of
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -50,7 +52,8 @@ def diff_figure(
 
     There is one panel per axis that changes and variable over which it changes; if nothing changes,
     one empty panel says so. The band is two standard errors of the increments in one database only;
-    the shaded range is their envelope. The panel title gives the largest change, its two standard
+    the shaded range is their envelope, dotted lines are where the data end. Above a panel stand the
+    flown range, where the change has faded (`Reach`), and the largest change with its two standard
     errors and its place, since the change may be thinner than a line.
 
     Parameters
@@ -114,15 +117,16 @@ def _figure(
     title: str,
     flown: Mapping[str, Array] | None,
 ) -> Figure:
-    rows = max(1, -(-len(panels) // _COLUMNS))
+    columns = min(_COLUMNS, max(1, len(panels)))
+    rows = max(1, -(-len(panels) // columns))
     figure, grid = panel_grid(
         (PAGE_WIDTH, 0.9 + 2.7 * rows),
         rows,
-        _COLUMNS,
+        columns,
         left=0.85,
         right=0.1,
-        top=0.75 if title else 0.3,
-        between=(0.8, 0.75),
+        top=0.85 if title else 0.4,
+        between=(0.8, 0.85),
     )
     if title:
         figure.suptitle(title)
@@ -130,7 +134,7 @@ def _figure(
     for space in spaces[len(panels) :]:
         space.set_axis_off()
     for space, cut in zip(spaces, panels, strict=False):
-        _slice(space, cut, names, [i for i in increments if acts_on(i, cut.axis)])
+        draw_slice(space, cut, names, [i for i in increments if acts_on(i, cut.axis)])
         if flown is not None and cut.variable in flown:
             _coverage(space, cut.variable, flown[cut.variable], (cut.at[0], cut.at[-1]))
     if panels:
@@ -138,7 +142,14 @@ def _figure(
     return figure
 
 
-def _slice(panel: Any, cut: Slice, names: tuple[str, str], increments: Sequence[Increment]) -> None:
+def draw_slice(
+    panel: Axes, cut: Slice, names: tuple[str, str], increments: Sequence[Increment]
+) -> None:
+    """Draw a slice [-] through two versions, with the envelopes of the increments that act on its
+    axis, in display units (`channel_scale`).
+
+    names : labels of the two versions.
+    """
     variable, at = cut.variable, cut.at
     scale, label = channel_scale(variable)
     old, new, error = cut.before, cut.after, cut.error
@@ -151,6 +162,9 @@ def _slice(panel: Any, cut: Slice, names: tuple[str, str], increments: Sequence[
     panel.fill_between(
         scale * at, new - 2.0 * error, new + 2.0 * error, color=UPDATED, alpha=0.25, lw=0
     )
+    reach = reach_of(increments, variable)
+    if reach is not None:
+        draw_ends(panel, reach)
     plain_panel(panel)
     most = int(np.argmax(np.abs(new - old)))
     change = (
@@ -168,6 +182,23 @@ def _slice(panel: Any, cut: Slice, names: tuple[str, str], increments: Sequence[
     panel.xaxis.set_major_locator(MaxNLocator(5))
     panel.set_xlabel(label)
     panel.set_ylabel(f"{cut.axis} [-]")
+
+
+def draw_ends(panel: Axes, reach: Reach) -> None:
+    """Draw where the data end, in display units, and say above the panel where the change has
+    faded."""
+    for end in (reach.low, reach.high):
+        panel.axvline(end, color="0.35", lw=0.8, ls=":", zorder=1)
+    panel.annotate(
+        reach.brief,
+        (1.0, 1.0),
+        (0.0, 13.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="right",
+        fontsize=SMALLEST,
+        color="0.35",
+    )
 
 
 def _coverage(panel: Any, variable: str, samples: Array, reach: tuple[float, float]) -> None:

@@ -72,6 +72,7 @@ def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Fi
         _channel(panel, name, measured, flight)
     for panel in panels.ravel()[len(names) :]:
         panel.set_axis_off()
+    panels[0][0].set_xlim(*_whole(flight))
     for k in range(columns):
         last = panels[(len(names) - 1 - k) // columns if len(names) > k else 0][k]
         last.set_xlabel("time [s]")
@@ -120,6 +121,9 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
         _coefficient(left, axis, comparison)
         _left(middle, axis, comparison)
         _against(right, axis, comparison, flight)
+    for row in panels:
+        for panel in row[:2]:
+            panel.set_xlim(*_whole(flight))
     for panel in panels[-1][:2]:
         panel.set_xlabel("time [s]")
     if axes:
@@ -189,7 +193,6 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
             segment.kind for segment in sorted(segments, key=lambda each: each.kind in STATES)
         )
     )
-    start, end = float(flight.time[0]), float(flight.time[-1])
     figure = Figure(figsize=(PAGE_WIDTH, 0.6 + 0.22 * max(1, len(kinds))), layout="constrained")
     panel = figure.subplots()
     for row, kind in enumerate(kinds):
@@ -203,10 +206,16 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
         )
     panel.set_yticks(range(len(kinds)), [kind.replace("_", " ") for kind in kinds])
     panel.set_ylim(max(0, len(kinds) - 1) + 0.6, -0.6)
-    panel.set_xlim(start, end if end > start else start + 1.0)
+    panel.set_xlim(*_whole(flight))
     plain_panel(panel)
     panel.set_xlabel("time [s]")
     return figure
+
+
+def _whole(flight: Flight) -> tuple[float, float]:
+    """First and last time of a flight [s]: the time axis of all its figures."""
+    start, end = float(flight.time[0]), float(flight.time[-1])
+    return start, end if end > start else start + 1.0
 
 
 def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:

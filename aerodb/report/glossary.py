@@ -140,17 +140,19 @@ def in_words(sentence: str) -> str:
 
 
 def with_true_signs(sentence: str) -> str:
-    """Numbers of a sentence as tables write them: true minus signs, raised powers of ten, three
-    digits of those with many decimals.
+    """A sentence as pages write it: true minus signs, ± and →, raised powers of ten, three digits
+    of numbers with many decimals.
 
     >>> with_true_signs("needs -3.18 (p = 5e-08) at 0.1-2 Hz, flight 2e4067391234")
     'needs −3.18 (p = 5×10⁻⁸) at 0.1-2 Hz, flight 2e4067391234'
+    >>> with_true_signs("CZ_alpha -2.24 -> -2.48 +- 0.02 1/rad")
+    'CZ_alpha −2.24 → −2.48 ± 0.02 1/rad'
     >>> with_true_signs("Kirchhoff(sharpness=199.87222782921273, lag=29.06042250254287)")
     'Kirchhoff(sharpness=200, lag=29.1)'
     """
     sentence = _LONG.sub(lambda found: f"{float(found[0]):.3g}", sentence)
     raised = _POWER.sub(lambda found: f"{found[1]}{power_of_ten(int(found[2]))}", sentence)
-    return _MINUS.sub("−", raised)
+    return _MINUS.sub("−", raised.replace("+-", "±").replace("->", "→"))
 
 
 def rejected(finding: Mapping[str, Any]) -> dict[str, str]:

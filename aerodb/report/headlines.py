@@ -1,5 +1,4 @@
-"""The result of an update or a closed loop in two sentences (what was found, what stayed bad), and
-the table of errors per axis."""
+"""The result of an update or a closed loop in one sentence, and the table of errors per axis."""
 
 import math
 from collections import Counter
@@ -8,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.increments import NEAR_FLOOR, UNCHANGED
+from aerodb.increments import UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.report.former_documents import former_within_flights
 from aerodb.report.glossary import advice_words, effect_words, listed, the
@@ -76,52 +75,6 @@ def headline(document: Mapping[str, Any]) -> str:
         f"Nothing was found that the database lacks: {count} hypotheses were tested, and the"
         " sizes that these flights exclude are listed below."
     )
-
-
-def what_stayed(document: Mapping[str, Any]) -> str:
-    """Sum up in one sentence what an update or a closed loop leaves (docs/reference/contract.md,
-    section JSON; rms errors are dimensionless): axes above their noise floor, findings that did not
-    enter, and hypotheses that these flights cannot decide."""
-    shown = shown_axes(document)
-    rows = [row for row in error_rows(document) if row["axis"] in shown and row["times_floor"]]
-    above = sorted(
-        (row for row in rows if row["times_floor"] > NEAR_FLOOR),
-        key=lambda row: -row["times_floor"],
-    )
-    clauses = []
-    if above:
-        worst = above[0]
-        first = (
-            f"{worst['axis']} {number(worst['times_floor'], 2)} times its noise floor"
-            f" ({number(worst['after'])} rms{_of_flown(worst)})"
-        )
-        rest = [f"{row['axis']} {number(row['times_floor'], 2)} times" for row in above[1:]]
-        clauses.append(listed([first, *rest]))
-    standing = [
-        finding
-        for finding in document["findings"]
-        if finding["hypothesis"] not in document.get("added", ())
-    ]
-    if standing and document.get("added"):
-        clauses.append(f"{_named(standing)} found but not added")
-    tested = document["not_found"]
-    undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
-    if undecided:
-        clauses.append(
-            f"{undecided} of {len(tested) + len(document['findings'])} hypotheses not decided by"
-            " these flights"
-        )
-    if clauses:
-        return f"What stayed bad: {'; '.join(clauses)}."
-    if not rows:
-        return "What stayed bad cannot be said: no axis has a noise floor to compare with."
-    return f"Nothing stayed bad: every axis is within {NEAR_FLOOR} times its noise floor."
-
-
-def _of_flown(row: Mapping[str, Any]) -> str:
-    """Clause on an error in per cent of what the axis varied in flight; none where it is more."""
-    share = row["of_flown"]
-    return "" if share is None else f", {100 * share:.2g} % of what was flown"
 
 
 def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem = SI) -> dict[str, Any]:

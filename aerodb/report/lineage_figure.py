@@ -43,12 +43,14 @@ class Box:
 
 @dataclass(frozen=True)
 class Graph:
-    """Boxes, lines (x, y, x, y) from parent to child, and the size of the drawing, all in px."""
+    """Boxes, lines (x, y, x, y) from parent to child, the size of the drawing, and width and height
+    of a box, all in px."""
 
     boxes: tuple[Box, ...]
     lines: tuple[tuple[int, int, int, int], ...]
     width: int
     height: int
+    box: tuple[int, int] = (WIDTH, HEIGHT)
 
 
 def lineage_graph(family: Sequence[Relative], current: str) -> Graph:

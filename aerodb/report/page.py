@@ -28,7 +28,8 @@ from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, visible
 from aerodb.report.terms import term_name, term_unit
 
-_COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "measured": MEASURED}
+#: Colours of curves on pages, by what they show.
+COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "measured": MEASURED}
 
 
 def render(template: str, head: Head | None = None, **context: Any) -> str:
@@ -73,7 +74,7 @@ def _engine() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     engine.filters |= filters()
-    engine.globals["colours"] = _COLOURS
+    engine.globals["colours"] = COLOURS
     return engine
 
 

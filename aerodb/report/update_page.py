@@ -16,19 +16,18 @@ from aerodb.report.document import excursion_text, remarks_of
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import meaning, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.glossary import advice_words, with_true_signs
+from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.headlines import (
     by_parts,
     error_rows,
     excluded_sizes,
-    headline,
     on_which,
     shown_axes,
-    what_stayed,
     written_on,
 )
 from aerodb.report.page import render
+from aerodb.report.reach import beyond_data
 from aerodb.report.style import Picture, picture
 from aerodb.report.terms import estimates_added, estimates_of
 from aerodb.report.update_figures import (
@@ -101,13 +100,7 @@ def update_report(story: UpdateStory) -> str:
             f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
             f" {story.candidate or 'nothing added'}"
         ),
-        headline=headline(document),
-        stayed=what_stayed(document),
-        lines=[
-            line
-            for line in decision({**document, "label": story.candidate}).lines
-            if line[0] != "left"
-        ],
+        decision=decision({**document, "label": story.candidate}),
         head=story.head,
         story=story,
         document=document,
@@ -245,6 +238,7 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
     if not axes or story.databases is None:
         return {}
     before, after = story.databases
+    absent = _not_drawn(story, axes)
     surfaces = sorted(
         {name for held in story.channels.values() for name in held if name.startswith("delta_")}
     )
@@ -265,7 +259,7 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
                 residual_figure(part, block, story.before, story.after, story.channels, floors),
                 f"Flight minus model on {', '.join(part)} against {', '.join(block)}, with {both}.",
                 "Flight − model. Line: median. Band: 80 % of the samples. Grey: noise floor. A"
-                " residual that still depends on a variable is not explained yet.",
+                f" residual that still depends on a variable is not explained yet.{absent}",
             )
             for block in _parts(variables, _VARIABLES_ON_A_PAGE) or [[]]
             for part in _parts(axes, _AXES_ON_A_PAGE)
@@ -281,19 +275,21 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
                 ),
                 f"Coefficients {', '.join(part)} over time: flight and {both}.",
                 "The flights one after another. Right: distribution of the residuals. "
-                + " ".join(f"{axis}: {axis_description(axis)}." for axis in part),
+                + " ".join(f"{axis}: {axis_description(axis)}." for axis in part)
+                + absent,
             )
             for part in _parts(axes, _HISTORIES_ON_A_PAGE)
         ],
     }
     if story.candidate is not None:
+        ends = " ".join(beyond_data(before, after))
         shown["slices"] = [
             picture(
                 figure,
                 f"Slices through {both} on the axes that change.",
                 "Band: two standard errors of the increments. Above: the largest change ± two"
                 " standard errors, and where. Shaded: envelope of the identification flights. Grey"
-                " bars along the lower edge: distribution of this report's flights.",
+                f" bars along the lower edge: distribution of this report's flights. {ends}",
             )
             for figure in diff_figures(
                 before, after, (story.baseline, story.candidate), _flown(story)
@@ -315,18 +311,33 @@ def _flown(story: UpdateStory) -> dict[str, Array]:
     }
 
 
+def _not_drawn(story: UpdateStory, axes: Sequence[str]) -> str:
+    """Which of the axes in which the document is told are not drawn, and why."""
+    told = [axis for axis in shown_axes(story.document) if axis not in axes]
+    usable = _usable(story)
+    near = [axis for axis in told if axis in usable]
+    without = [axis for axis in told if axis not in usable]
+    words = f" Not drawn: {listed(near)}, unchanged and near the noise floor." if near else ""
+    return words + (f" Not drawn: {listed(without)}, without usable samples." if without else "")
+
+
+def _usable(story: UpdateStory) -> set[str]:
+    """Axes with usable samples in these flights."""
+    return {
+        axis
+        for comparison in story.before.values()
+        for axis, good in comparison.usable.items()
+        if good.any()
+    }
+
+
 def _axes(story: UpdateStory) -> list[str]:
     """Axes to draw, of those in which the document is told: with increments, else with findings,
     and all that stay above their noise floor; where there are none, those farthest above it.
 
     Axes without usable samples in these flights are left out.
     """
-    usable = {
-        axis
-        for comparison in story.before.values()
-        for axis, good in comparison.usable.items()
-        if good.any()
-    }
+    usable = _usable(story)
     told = [axis for axis in shown_axes(story.document) if axis in usable]
     rows = [row for row in error_rows(story.document) if row["axis"] in told and row["times_floor"]]
     rows.sort(key=lambda row: -row["times_floor"])

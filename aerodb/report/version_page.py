@@ -3,19 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Final
+from typing import Any
 
+from aerodb.nomenclature import AXES
 from aerodb.report.database_figure import database_figure
-from aerodb.report.diff_documents import diff_document
+from aerodb.report.diff_documents import curve_document, diff_document, edits_of
 from aerodb.report.diff_figures import diff_figures
+from aerodb.report.front_figure import front_figure
+from aerodb.report.gate_lines import gate_rows, release_lines
+from aerodb.report.glossary import listed
 from aerodb.report.head import Head
-from aerodb.report.lineage_figure import HEIGHT, WIDTH, Graph
+from aerodb.report.headlines import error_rows, shown_axes
+from aerodb.report.lineage_figure import Graph
 from aerodb.report.page import render
+from aerodb.report.reach import beyond_data, beyond_words
 from aerodb.report.response_page import response_scales
-from aerodb.report.style import channel_scale, picture
+from aerodb.report.style import picture
 from aerodb.tables import AeroDatabase, diff
-
-_MOST_NODES: Final = 24
 
 
 @dataclass(frozen=True)
@@ -45,9 +49,10 @@ class UsedFlight:
 class VersionStory:
     """What there is to tell of a version.
 
-    moves : of names to it. flights : its own, not those of its ancestors. headline, stayed : the
-    two sentences of the document it was made with, empty for an imported one. head : where it
-    comes from. responses : of `summarise_responses`, if the version was flown.
+    moves : of names to it. flights : its own, not those of its ancestors. report : the document it
+    was made with; that of an imported one has no ``axes``. gate : of `judge_version`. trim : what
+    changes in trim and modes, in words. head : where it comes from. responses : of
+    `summarise_responses`, if the version was flown.
     """
 
     id: str
@@ -56,8 +61,9 @@ class VersionStory:
     content_sha256: str
     names: Sequence[str]
     stale: Sequence[str]
-    headline: str
-    stayed: str
+    report: Mapping[str, Any]
+    gate: Mapping[str, Any]
+    trim: Sequence[str]
     moves: Sequence[NameMove]
     flights: Sequence[UsedFlight]
     database: AeroDatabase
@@ -68,19 +74,33 @@ class VersionStory:
 
 
 def version_report(story: VersionStory) -> str:
-    """Render the report of a version as one HTML page, in display units (`channel_scale`)."""
-    changes, slices, curves = None, None, None
+    """Render the report of a version as one HTML page, in display units (`channel_scale`): on the
+    first page what is recommended and why, then what changes, then where it comes from."""
+    changes: Mapping[str, Any] | None = None
+    front, slices, curve, curves = None, [], None, None
+    ends = beyond_words(story.database.increments)
     if story.parent is not None:
         label, before = story.parent
+        names = (label, story.label)
         changes = diff_document(diff(before, story.database))
+        curve = curve_document(before, story.database)
+        ends = beyond_data(before, story.database)
+        rows = _rows(story.report)
+        front = picture(
+            front_figure(before, story.database, names, rows),
+            f"The curve that changes most from {label} to {story.label}, and the error per axis.",
+            "Left: the curve that changes most; grey, between dotted lines: where flights have"
+            " been. Right: error on the validation flights.",
+        )
         slices = [
             picture(
                 figure,
                 f"Slices through {label} and {story.label} on the axes that change.",
                 "Band: two standard errors of the increments. Above: the largest change ± two"
-                " standard errors, and where. Shaded: envelope of the identification flights.",
+                " standard errors, and where. Grey, between dotted lines: envelope of the"
+                f" identification flights. {_not_drawn(changes)}",
             )
-            for figure in diff_figures(before, story.database, (label, story.label))
+            for figure in diff_figures(before, story.database, names)
         ]
     else:
         curves = picture(
@@ -93,27 +113,51 @@ def version_report(story: VersionStory) -> str:
         title=f"{story.vehicle}: version {story.label}",
         story=story,
         head=story.head,
-        stayed=story.stayed,
+        recommendation=_recommendation(story),
+        summary=release_lines(story.gate, story.report, story.responses, story.trim),
+        checks=gate_rows(story.gate["checks"]),
+        errors=_rows(story.report),
+        front=front,
         changes=changes,
-        nodes=[] if changes is None else [_table(entry) for entry in changes["nodes"]],
-        slices=slices,
+        edits=[] if changes is None else edits_of(changes),
+        nodes=0 if changes is None else sum(len(entry["nodes"]) for entry in changes["nodes"]),
+        curve=curve,
+        ends=ends,
+        slices=slices if len(slices) > 1 or changes is None or _several(changes) else [],
         curves=curves,
         scales=response_scales(story.responses),
-        box=(WIDTH, HEIGHT),
     )
 
 
-def _table(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Rows of the table nodes that change most, in display units."""
-    largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
-    scales = {name: channel_scale(name) for name in entry["channels"]}
-    rows = [
-        {**node, "shown": [scales[name][0] * node["at"][name] for name in entry["channels"]]}
-        for node in largest[:_MOST_NODES]
-    ]
-    return {
-        **entry,
-        "labels": [scales[name][1] for name in entry["channels"]],
-        "rows": rows,
-        "more": len(largest) - len(rows),
-    }
+def _recommendation(story: VersionStory) -> str:
+    """What is recommended, in a few words: from the gate's answer."""
+    gate, now = story.gate, story.gate["released"]
+    if now is not None and now["version"] == story.id:
+        return f"released since {now['since'][:10]}, by {now['user']}"
+    if gate["passed"]:
+        return "recommendation: release"
+    if gate["acceptable"] is not None:
+        return "recommendation: release only if you accept what the gate refuses"
+    return "recommendation: do not release"
+
+
+def _rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of the errors per axis, of the axes in which the document is told."""
+    if "axes" not in report:
+        return []
+    shown = shown_axes(report)
+    return [row for row in error_rows(report) if row["axis"] in shown]
+
+
+def _several(changes: Mapping[str, Any]) -> bool:
+    """Whether more than one axis, or more than one edit, changes: one curve is on the first
+    page."""
+    return len(edits_of(changes)) + len(changes["edited_tables"]) > 1
+
+
+def _not_drawn(changes: Mapping[str, Any]) -> str:
+    """Which axes are not drawn, and why."""
+    changed = {term["axis"] for term in changes["terms"]}
+    changed |= {entry["axis"] for entry in changes["nodes"]}
+    same = [axis for axis in AXES if axis not in changed] if changed <= {*AXES} else []
+    return f"Not drawn, as nothing changes there: {listed(same)}." if same else ""

@@ -66,10 +66,9 @@ def _say_edits(
 ) -> None:
     """Print how many edits there are and where they hold, each in a line, and the curve that
     changes most."""
-    edits = sorted(
-        (term for term in document["terms"] if term["change"] != 0.0),
-        key=lambda term: -(term["share"] or 0.0),
-    )
+    from aerodb.report import edits_of
+
+    edits = edits_of(document)
     tables = document["edited_tables"]
     count = len(edits) + len(tables)
     if not count:

@@ -52,48 +52,42 @@ def gate(
 
 def _say_gate(session: Session, document: dict[str, Any], verbose: bool) -> None:
     """Print what the gate would say: verdict, changes, checks with their numbers and limits."""
-    now, checks = document["released"], document["checks"]
+    from aerodb.report import count_passed, derivative_words, gate_rows
+
+    now, rows = document["released"], gate_rows(document["checks"])
     which = f"{document['vehicle']}: {document['label']}"
     if now is not None and now["version"] == document["version"]:
         session.say(f"{which} is released, since {now['since'][:10]} by {now['user']}")
         return
     today = f"today {now['label']}, since {now['since'][:10]}" if now else "today none"
-    failed = [check for check in checks if not check["passed"]]
     notes = document["notes"]
     more = f" (and {len(notes) - 1} more: -v)" if len(notes) > 1 else ""
     session.headlines(
-        f"{which} {'would be refused' if failed else 'can be released'} ({today})",
+        f"{which} {'can be released' if document['passed'] else 'would be refused'} ({today})",
         [
-            ("changes", _changes(session, document["derivatives"])),
-            ("gate", f"{len(checks) - len(failed)} of {len(checks)} checks pass"),
+            ("changes", _fitting(session, derivative_words(document["derivatives"]))),
+            ("gate", count_passed(document["checks"])),
             ("open", session.fitting(notes[0], _MARGIN + len(more)) + more if notes else ""),
         ],
         _after_the_gate(document),
     )
     session.say()
-    told = [_measured(check["measures"]) for check in checks]
-    first = max(len(check["label"]) for check in checks)
-    second = max(len(found) for found, _ in told)
-    for check, (found, limit) in zip(checks, told, strict=True):
-        head = f"  {'pass' if check['passed'] else 'FAIL'}  {check['label']:<{first}}  "
-        session.say(f"{head}{found:<{second}}  {limit}".rstrip())
-        shown = check["reasons"] if verbose else check["reasons"][:1]
+    first = max(len(row.label) for row in rows)
+    second = max(len(row.found) for row in rows)
+    for row in rows:
+        head = f"  {'pass' if row.passed else 'FAIL'}  {row.label:<{first}}  "
+        session.say(f"{head}{row.found:<{second}}  {row.limit}".rstrip())
+        shown = row.reasons if verbose else row.reasons[:1]
         for reason in shown:
             session.say(f"        {reason if verbose else session.fitting(reason, 8)}")
     for note in notes if verbose else ():
         session.say(note)
 
 
-def _changes(session: Session, derivatives: list[dict[str, Any]]) -> str:
-    """Return the derivatives that change an axis most, with the change in per cent, as many as fit
-    a line."""
-    from aerodb.report import term_unit
-
+def _fitting(session: Session, changes: list[str]) -> str:
+    """Return as many changes as fit a line, and at least one."""
     line = ""
-    for each in derivatives:
-        before, after, unit = each["before"], each["after"], term_unit(each["variable"])
-        part = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
-        change = f"{each['axis']} with {each['variable']} {before:.3g} -> {after:.3g} {unit}{part}"
+    for change in changes:
         longer = f"{line}; {change}" if line else change
         if line and len(longer) > session.people.width - _MARGIN:
             break
@@ -109,31 +103,6 @@ def _after_the_gate(document: dict[str, Any]) -> str:
     names = dict.fromkeys((*document["accepted"], *document["acceptable"]))
     accept = "".join(f" --accept {name}" for name in names)
     return f'aerodb version promote {version}{accept} --reason "..."'
-
-
-def _measured(measures: list[dict[str, Any]]) -> tuple[str, str]:
-    """Return what a check found, and its limit: of several measures that are held to a limit, the
-    one that is nearest to it."""
-    plain = [each for each in measures if each["limit"] is None and each["before"] is None]
-    held = [each for each in measures if each["limit"] is not None]
-    words = [f"{each['of']} {each['value']:.3g}" for each in plain]
-    if not held:
-        return ", ".join(words), ""
-    worst = min(held, key=_room)
-    shown = f"{worst['value']:.3g} {worst['unit']}".rstrip()
-    if worst["before"] is not None:
-        shown = f"{worst['before']:.3g} -> {shown}"
-    words.append(f"{worst['of']} {shown}")
-    fall = worst["before"] is not None and worst["limit"] == worst["before"]
-    limit = "must fall" if fall else f"{worst['bound']} {worst['limit']:.3g}"
-    return ", ".join(words), limit
-
-
-def _room(measure: dict[str, Any]) -> float:
-    """Return how far a measure is from its limit, as a part of it; negative beyond it."""
-    over = measure["value"] - measure["limit"]
-    side = -1.0 if measure["bound"] != "at least" else 1.0
-    return side * float(over) / (abs(measure["limit"]) or 1.0)
 
 
 def promote(

@@ -1,4 +1,4 @@
-"""Changes: promote a version and roll back a name, with a confirmation page and the gate's
+"""Changes: promote a version and roll back a name, with a page to decide on and the gate's
 answer."""
 
 from typing import Annotated, Any, get_args
@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from aerodb.errors import GateRefusal, InputError
-from aerodb.flows.release import promote_flow, roll_back_flow
+from aerodb.flows.release import gate_flow, promote_flow, roll_back_flow
 from aerodb.flows.web.console import (
     Vehicle,
     Word,
@@ -22,11 +22,13 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import CONFLICTS
 from aerodb.flows.web.sessions import check_csrf
+from aerodb.report import beyond_data, gate_rows, release_lines
 from aerodb.storage.catalogue import NoteKind, standing_moves
 from aerodb.tasks.actors import require_role
 from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
-from aerodb.tasks.steps import dismiss, note_version
+from aerodb.tasks.steps import dismiss, known_responses, note_version
+from aerodb.tasks.view import trim_changes
 
 router = APIRouter(tags=["changes"])
 Token = Annotated[
@@ -38,14 +40,20 @@ Token = Annotated[
     ),
 ]
 _NOWHERE = "nothing"
+#: Prefix of the fields of a form that say what a person accepts.
+_ACCEPT = "accept."
+#: Most fields of a form: a version seldom has more than a few reasons to accept.
+_FIELDS = 200
 _KINDS: dict[str, NoteKind] = {kind: kind for kind in get_args(NoteKind)}
 
 
 class Promotion(BaseModel):
-    """A name to point at a version, and why."""
+    """A name to point at a version, and why; `accept`: what the gate refuses and a person
+    accepts."""
 
     reason: str = Field(max_length=2000)
     name: str = Field(default=RELEASED, max_length=63)
+    accept: list[Annotated[str, Field(max_length=300)]] = Field(default=[], max_length=100)
 
 
 class RollBack(BaseModel):
@@ -78,10 +86,8 @@ async def _form(request: Request) -> dict[str, str]:
         raise InputError("not a form", "a change", "submit it from its page")
     text = (await request.body()).decode("utf-8", "replace")
     try:
-        return {
-            name: values[-1]
-            for name, values in parse_qs(text, keep_blank_values=True, max_num_fields=20).items()
-        }
+        fields = parse_qs(text, keep_blank_values=True, max_num_fields=_FIELDS)
+        return {name: values[-1] for name, values in fields.items()}
     except ValueError as error:
         raise InputError(f"not a form: {error}", "a change", "submit it from its page") from error
 
@@ -90,14 +96,19 @@ async def _form(request: Request) -> dict[str, str]:
 def promotion_page(
     request: Request, version: str, vehicle: Vehicle = None, name: Word = None
 ) -> Response:
-    """Show what would move from where to where, and ask for the reason."""
+    """Show what to decide on: what changes, the gate with numbers and limits, responses, what is
+    open, curves; then ask for the reason."""
     access = access_of(request)
     require_role(access.workspace, access.catalogue, "release", "promoting a version")
     row = version_at(access, version, vehicle)
     moved = name or RELEASED
     event = access.catalogue.named(row.vehicle, moved)
     now = access.catalogue.version_of_id(event.version) if event is not None else None
-    stale = access.catalogue.stale(row.id)
+    guarded = moved == RELEASED and (now is None or now.id != row.id)
+    gate = console_of(request).run(gate_flow, {"version": row.id}) if guarded else None
+    report = access.catalogue.version_documents(row.id).report
+    responses = known_responses(access, row, now.id if now else None)
+    trim = trim_changes(access, now, row) if guarded and now else []
     return page_of(
         request,
         "promote.html",
@@ -105,7 +116,15 @@ def promotion_page(
         row=row,
         name=moved,
         now=now,
-        stale=stale,
+        since=event.at_utc.isoformat() if event is not None else None,
+        by=event.user if event is not None else "",
+        stale=access.catalogue.stale(row.id),
+        gate=gate,
+        rows=gate_rows(gate["checks"]) if gate else [],
+        summary=release_lines(gate, report, responses, trim),
+        responses=responses,
+        report=report,
+        beyond=beyond_data(access.database(now.id), access.database(row.id)) if now else [],
     )
 
 
@@ -121,9 +140,13 @@ def _promote(request: Request, version: str, fields: dict[str, str]) -> Response
     row = version_at(access_of(request), version, None)
     name = fields.get("name", RELEASED)
     _check_seen(request, row.vehicle, name, fields.get("seen"))
-    outcome = _moved(
-        request, promote_flow, {"version": row.id, "name": name, "reason": fields.get("reason", "")}
-    )
+    parameters = {
+        "version": row.id,
+        "name": name,
+        "reason": fields.get("reason", ""),
+        "accept": [field.removeprefix(_ACCEPT) for field in fields if field.startswith(_ACCEPT)],
+    }
+    outcome = _moved(request, promote_flow, parameters)
     return _shown(request, f"Promote {row.label} of {row.vehicle}", outcome, f"/versions/{row.id}")
 
 
@@ -173,7 +196,7 @@ def promote(
     """The document of `aerodb version promote`; 409 with the reasons if the gate refuses."""
     check_csrf(request, console_of(request).guard, token)
     row = version_at(access_of(request), version, vehicle)
-    parameters = {"version": row.id, "name": promotion.name, "reason": promotion.reason}
+    parameters = {"version": row.id, **promotion.model_dump()}
     return document(console_of(request).run(promote_flow, parameters))
 
 

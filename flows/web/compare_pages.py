@@ -8,7 +8,7 @@ from starlette.responses import Response
 
 from aerodb.flows.web.console import Vehicle, Word, access_of, document, page_of, version_at
 from aerodb.nomenclature import is_surface
-from aerodb.report import channel_scale
+from aerodb.report import beyond_data, beyond_words, channel_scale, edits_of
 from aerodb.storage.catalogue import VersionRow
 from aerodb.tables import AeroDatabase, breakpoints_over, scattered_over
 from aerodb.tasks.view import compare_versions, database_of
@@ -25,10 +25,12 @@ def compare_page(
 ) -> Response:
     """Curves of two versions over one input, with sliders for all others."""
     access, chosen, lines = access_of(request), [], dict[str, dict[str, Any]]()
+    beyond: list[str] = []
     for reference in (before, after) if before and after else ():
         row = version_at(access, reference, vehicle)
         database = database_of(access.catalogue, row)
         chosen.append({"id": row.id, "label": row.label, "inputs": list(database.inputs)})
+        beyond += [f"{row.label}, {each}" for each in beyond_words(database.increments)]
         for line in lines_of(database):
             known = lines.get(line["name"])
             lines[line["name"]] = _joined(known, line) if known else line
@@ -39,6 +41,7 @@ def compare_page(
         "compare.html",
         title,
         versions=chosen,
+        beyond=beyond,
         lines=[_with_reach(line) for line in lines.values()],
         asked=(before, after, vehicle),
     )
@@ -69,6 +72,8 @@ def diff_page(
         "before": old,
         "after": new,
         "diff": difference,
+        "edits": edits_of(difference),
+        "beyond": beyond_data(*(database_of(access.catalogue, row) for row in (old, new))),
         "labels": labels,
         "asked": _called(old, new),
     }

@@ -170,6 +170,7 @@ def _engine() -> jinja2.Environment:
     engine.globals |= {
         "address": address,
         "channel_scale": channel_scale,
+        "colours": page.COLOURS,
         "unit_of": lambda unit: for_people(unit)[1],
         "in_units": in_units,
         "sections": SECTIONS,

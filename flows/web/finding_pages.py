@@ -18,7 +18,7 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import Finding, answers
-from aerodb.report import error_rows, headline, meaning, what_stayed
+from aerodb.report import decision, error_rows, meaning
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
@@ -56,15 +56,16 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
     """One update or closed loop: the finding first, the explanation set, error before and after."""
     access = access_of(request)
     document = finding_document(access, reference, vehicle)
+    labels = labels_of(access, document)
+    label = labels.get(document["candidate"] or "", "")
     return page_of(
         request,
         "finding.html",
         f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
         found=document,
-        headline=headline(document),
-        stayed=what_stayed(document),
+        decision=decision({**document, "label": label}),
         errors=error_rows(document),
-        labels=labels_of(access, document),
+        labels=labels,
         reference=reference_of(access, reference, vehicle),
         meanings=[meaning(finding, document) for finding in document["findings"]],
     )

@@ -8,6 +8,7 @@ from starlette.responses import Response
 from aerodb.errors import InputError
 from aerodb.flows.web.console import Point, Vehicle, access_of, document, page_of, version_at
 from aerodb.storage.catalogue import VersionRow
+from aerodb.tasks.steps import lineage_of
 from aerodb.tasks.view import impact_document, lineage_document, origins_document, prov_of
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -47,6 +48,7 @@ def lineage_page(
         found=answer,
         labels=labels,
         what=what,
+        graph=None if what else lineage_of(access, row),
         node=node or "",
         at=at,
     )

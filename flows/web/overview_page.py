@@ -11,7 +11,7 @@ from aerodb.flows.web.sessions import keep_session, session_of
 from aerodb.storage.catalogue import FlightFilter
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
-from aerodb.tasks.view import findings_page, flights_document
+from aerodb.tasks.view import findings_page, flights_document, waiting
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 router = APIRouter()
@@ -20,8 +20,10 @@ _NEWEST = 5
 
 @router.get("/", include_in_schema=False)
 def overview(request: Request) -> Response:
-    """Vehicles with their released versions, and the newest findings and flights."""
+    """What waits for a decision, vehicles with their released versions, newest findings and
+    flights."""
     access = access_of(request)
+    candidates = [waiting(access.catalogue, row.name) for row in access.catalogue.vehicles()]
     entries, _ = findings_page(access, _NEWEST)
     rows = access.catalogue.flight_page(FlightFilter(), _NEWEST).rows
     flights = flights_document(access.catalogue, rows)
@@ -29,6 +31,7 @@ def overview(request: Request) -> Response:
         request,
         "overview.html",
         "Overview",
+        waiting=[row for row in candidates if row is not None],
         vehicles=_vehicles(access),
         findings=entries,
         flights=flights,

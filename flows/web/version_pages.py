@@ -29,9 +29,16 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import answers
 from aerodb.nomenclature import AXES
-from aerodb.report import channel_scale
+from aerodb.report import (
+    beyond_data,
+    beyond_words,
+    channel_scale,
+    error_rows,
+    gate_rows,
+    release_lines,
+)
 from aerodb.tasks.references import flights_to_judge, value_of, vehicle_of
-from aerodb.tasks.steps import FORMS, export_version
+from aerodb.tasks.steps import FORMS, export_version, judge_version, known_responses
 from aerodb.tasks.view import (
     MOST_LINE_POINTS,
     database_of,
@@ -45,6 +52,7 @@ from aerodb.tasks.view import (
     table_document,
     version_details,
     versions_document,
+    waiting,
 )
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -140,7 +148,8 @@ def version_page(
     at: Point = "",
     table: Word = None,
 ) -> Response:
-    """One version: its content, an evaluation at a point, one of its tables, and next steps."""
+    """One version: quality, flights, gate and findings on top; below them an evaluation at a point,
+    curves, one of its tables, and exports."""
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
     details = version_details(access.catalogue, row)
@@ -152,15 +161,25 @@ def version_page(
             evaluation = evaluate_at(access.catalogue, row, at)
         except InputError as error:
             fault = f"{error.what}. {error.remedy}"
-    parent = access.catalogue.versions_by_id([row.parent] if row.parent else [])
+    parent = access.catalogue.version_of_id(row.parent) if row.parent else None
+    gate = judge_version(row.id, workspace=str(access.workspace.root), run="", fly=False)
+    responses = known_responses(access, row, row.parent)
+    candidate = waiting(access.catalogue, row.vehicle)
     return page_of(
         request,
         "version.html",
         f"Version {row.label} of {row.vehicle}",
+        waits=candidate is not None and candidate.id == row.id,
+        summary=_summary(gate, details["report"], responses),
+        errors=error_rows(details["report"]) if "axes" in details["report"] else [],
+        rows=gate_rows(gate["checks"]),
+        responses=responses,
+        beyond=[] if parent is None else beyond_data(access.database(parent.id), database),
+        outside=beyond_words(database.increments),
         version=details,
         database=database,
         names=sorted(names),
-        parent=next(iter(parent.values()), None),
+        parent=parent,
         at=at,
         found=evaluation,
         fault=fault,
@@ -169,6 +188,21 @@ def version_page(
         axes=AXES,
         formats=sorted(FORMS),
     )
+
+
+def _summary(
+    gate: dict[str, Any], report: dict[str, Any], responses: dict[str, Any] | None
+) -> list[tuple[str, list[str]]]:
+    """What to judge a version on, with the number of its flights by role."""
+    roles = report.get("flights", {})
+    shown = [
+        f"{len(roles[role])} {role.replace('_', ' ')}"
+        for role in ("identified", "held_out", "excluded")
+        if roles.get(role)
+    ]
+    lines = release_lines(gate, report, responses)
+    flights = [("flights", [", ".join(shown)])] if shown else []
+    return [*flights, *lines]
 
 
 @router.get("/api/versions/{version}", summary="One version", responses=answers(models.Version))

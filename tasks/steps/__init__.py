@@ -65,11 +65,11 @@ if TYPE_CHECKING:
     from .notify import deliver, tell
     from .publish import publish_candidate, publish_loop
     from .release import judge_version, promote, roll_back
-    from .report import flight_page, update_page, version_page, write_update_page
+    from .report import flight_page, lineage_of, update_page, version_page, write_update_page
     from .runs import mark_ended
     from .store import trim_cache
     from .trace import find_sensor_rivals, freeze_library, trace_flight, untraced_reason
     from .update import estimate, plan_update, validate
-    from .validate_responses import response_page, summarise_responses
+    from .validate_responses import known_responses, response_page, summarise_responses
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

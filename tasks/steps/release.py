@@ -89,11 +89,12 @@ def promote(
 
 
 def judge_version(
-    version: str, *, workspace: str, run: str, accept: Sequence[str] = ()
+    version: str, *, workspace: str, run: str, accept: Sequence[str] = (), fly: bool = True
 ) -> dict[str, Any]:
     """Ask the gate whether a version (its id) could be released now; nothing is moved.
 
-    accept : as of `promote`.
+    accept : as of `promote`. fly : whether held-out flights that the settings demand and nobody
+    has flown yet are flown now; else they are a reason to refuse.
 
     Returns a document: vehicle, version, label, released (label, since and user of the version that
     is released; None before the first), passed, checks (name, passed, reasons, measures and
@@ -108,7 +109,7 @@ def judge_version(
     current = catalogue.named(row.vehicle, RELEASED)
     there = current is not None and current.version == row.id
     try:
-        verdict = GateVerdict(()) if there else _gate(access, row, current, accept, run)
+        verdict = GateVerdict(()) if there else _gate(access, row, current, accept, run, fly)
     except GateRefusal as refusal:
         verdict = GateVerdict((GateCheck("it can be judged", refusal.reasons, "content"),))
     failed = [check for check in verdict.checks if not check.passed]
@@ -178,6 +179,7 @@ def _gate(
     released: NameEvent | None,
     accept: Sequence[str],
     run: str,
+    fly: bool = True,
 ) -> GateVerdict:
     catalogue = access.catalogue
     replaced = catalogue.version_of_id(released.version) if released is not None else None
@@ -235,7 +237,7 @@ def _gate(
             judge_shapes(documents.report, accept),
             judge_contradictions(_contradictions(row, access), accept),
             *_enough_flights(row, access, gate),
-            *_responses(row, access, gate, run),
+            *_responses(row, access, gate, run, fly),
         )
     )
 
@@ -322,14 +324,18 @@ def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
 
 
 def _responses(
-    row: VersionRow, access: WorkspaceAccess, gate: GateSettings, run: str
+    row: VersionRow, access: WorkspaceAccess, gate: GateSettings, run: str, fly: bool
 ) -> tuple[GateCheck, ...]:
     """Return whether the version flies its held-out flights within tolerance; none where the
-    vehicle's settings do not demand it."""
+    vehicle's settings do not demand it.
+
+    fly : as of `judge_version`.
+    """
     if not gate.responses:
         return ()
-    from aerodb.tasks.steps.fly import fly_version, read_tolerances  # loads the simulation
-    from aerodb.tasks.steps.validate_responses import summarise_responses
+    from aerodb.simulation import parse_tolerances  # loads the simulation, as does the next line
+    from aerodb.tasks.steps.fly import default_tolerances, fly_version, read_tolerances
+    from aerodb.tasks.steps.validate_responses import known_responses, summarise_responses
 
     name = "responses on held-out flights within tolerance"
     uses = access.catalogue.version_flights(row.id)
@@ -338,12 +344,21 @@ def _responses(
         what = "not held out: no flight was, so no response can be judged"
         return (GateCheck(name, (what,), "responses"),)
     folder = str(access.workspace.root)
-    text = read_tolerances(access.workspace.root / gate.tolerances) if gate.tolerances else ""
-    flown = [
-        fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)
-        for flight in held
-    ]
-    summary = summarise_responses(flown, workspace=folder, run=run, before=(), independent=True)
+    path = access.workspace.root / gate.tolerances if gate.tolerances else None
+    text = read_tolerances(path) if path else default_tolerances()
+    if fly:
+        flown = [
+            fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)
+            for flight in held
+        ]
+        summary = summarise_responses(flown, workspace=folder, run=run, before=(), independent=True)
+    else:
+        known, limits = known_responses(access, row, None), parse_tolerances(text)
+        if known is None or known["tolerances"] != limits.name or len(known["flights"]) < len(held):
+            what = "not flown yet; to fly them: aerodb version gate"
+            reason = f"{what} {row.label} --vehicle {row.vehicle}"
+            return (GateCheck(name, (reason,), "responses"),)
+        summary = known
     reasons = [
         f"{check['check']}: within tolerance in {check['passed']} of {check['manoeuvres']}"
         " manoeuvres"

@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.report import Head, Relative, headline, lineage_graph, what_stayed
+from aerodb.report import Graph, Head, Relative, lineage_graph
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
@@ -22,6 +22,7 @@ from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning, suspicions_of
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.steps.release import judge_version
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
@@ -172,6 +173,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
     """
     from aerodb.report import NameMove, UsedFlight, VersionStory, version_report
     from aerodb.tasks.steps.validate_responses import known_responses
+    from aerodb.tasks.view import trim_changes
 
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -195,8 +197,11 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             content_sha256=row.content_sha256,
             names=sorted(name for name, id in names.items() if id == row.id),
             stale=catalogue.stale(row.id),
-            headline=headline(report) if "axes" in report else "",
-            stayed=what_stayed(report) if "axes" in report else "",
+            report=report,
+            gate=judge_version(row.id, workspace=workspace, run=run, fly=False),
+            trim=trim_changes(access, catalogue.version_of_id(row.parent), row)
+            if row.parent
+            else (),
             moves=[
                 NameMove(m.at_utc, m.name, m.user, m.reason)
                 for m in catalogue.moves_to(row.vehicle, [row.id])
@@ -212,17 +217,17 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             ],
             database=database,
             parent=parent,
-            graph=lineage_graph(_family(access, row, names), row.id),
+            graph=lineage_of(access, row),
             head=head_of_version(access, row),
-            responses=known_responses(
-                access, row.id, row.parent, [u.flight for u in roles if u.role == "held_out"]
-            ),
+            responses=known_responses(access, row, row.parent),
         )
     )
 
 
-def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> list[Relative]:
-    """Return the nearest ancestors, the version, and its children, parents first."""
+def lineage_of(access: WorkspaceAccess, row: VersionRow) -> Graph:
+    """Return the graph (places in px, `lineage_graph`) of a version, its nearest ancestors and its
+    children."""
+    names = access.catalogue.names(row.vehicle)
     line = list(reversed(access.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
     children = [
         entry for entry in access.catalogue.versions(row.vehicle) if entry.parent == row.id
@@ -241,7 +246,7 @@ def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> 
                 stale=bool(access.catalogue.stale(entry.id)),
             )
         )
-    return family
+    return lineage_graph(family, row.id)
 
 
 def _document(access: WorkspaceAccess, reference: str) -> dict[str, Any]:

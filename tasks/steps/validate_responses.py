@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.report import FlownStretch, response_report
+from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import read_results
 from aerodb.tasks.actors import user
 from aerodb.tasks.page_head import head_of_result
@@ -81,15 +82,16 @@ def summarise_responses(
 
 
 def known_responses(
-    access: WorkspaceAccess, version: str, parent: str | None, flights: Sequence[str]
+    access: WorkspaceAccess, version: VersionRow, baseline: str | None
 ) -> dict[str, Any] | None:
-    """Return the summary (rms in SI units, `summarise_responses`) of how a version (its id) last
-    flew its held-out flights as wholes, compared with its parent; None where it did not."""
-    after = _newest(access, version, flights)
+    """Return the summary (rms in SI units, `summarise_responses`) of how a version last flew its
+    held-out flights as wholes, compared with a `baseline` (its id); None where it did not."""
+    uses = access.catalogue.version_flights(version.id)
+    after = _newest(access, version.id, [use.flight for use in uses if use.role == "held_out"])
     if not after:
         return None
     flown = [document["flight"] for document in after]
-    before = _newest(access, parent, flown) if parent else []
+    before = _newest(access, baseline, flown) if baseline else []
     where = {"workspace": str(access.workspace.root), "run": ""}
     return summarise_responses(
         after, **where, before=before if len(before) == len(after) else [], independent=True

@@ -1,11 +1,11 @@
 """Read-only documents: what the commands print with ``--json`` and the console's API returns.
 
 Flights: `flights_document`, `flight_details`; `record_of` and `series_of` give channels for plots.
-Versions: `versions_document`, `version_details`, `history_document`, `table_document`;
-`evaluate_at` and `sweep` evaluate one. Lineage: `lineage_document`, `origins_document`,
-`impact_document`, `compare_versions`, `rebuilds`, `prov_of`. Findings: `findings_page`,
-`finding_document`. Logs that are not stored: `inspected_log`, `logs_page`. Operation: `status_of`.
-`as_json` writes a document as text.
+Versions: `versions_document`, `version_details`, `history_document`, `table_document`, `waiting`;
+`evaluate_at` and `sweep` evaluate one; `trim_changes` says what one changes for the pilot. Lineage:
+`lineage_document`, `origins_document`, `impact_document`, `compare_versions`, `rebuilds`,
+`prov_of`. Findings: `findings_page`, `finding_document`. Logs that are not stored: `inspected_log`,
+`logs_page`. Operation: `status_of`. `as_json` writes a document as text.
 
 Nothing here computes or stores a result.
 """
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from .online_estimates import online_estimates
     from .status import status_of
     from .table_documents import table_document
+    from .trim_changes import trim_changes
     from .trimming import (
         StatedCondition,
         expansion_document,
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
         notes_document,
         version_details,
         versions_document,
+        waiting,
     )
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

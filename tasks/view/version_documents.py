@@ -6,6 +6,7 @@ from typing import Any
 from aerodb.increments import held_out_error
 from aerodb.report import hypothesis_words
 from aerodb.storage.catalogue import Catalogue, NameEvent, NoteRow, VersionRow
+from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 
 
 def version_document(row: VersionRow) -> dict[str, Any]:
@@ -111,6 +112,19 @@ def findings_words(document: dict[str, Any]) -> str:
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     declared = f"declared: {', '.join(document['axes'])}" if document["axes"] else ""
     return f"{', '.join(found[:3])}{more}" if found else declared
+
+
+def waiting(catalogue: Catalogue, vehicle: str) -> VersionRow | None:
+    """Return the version of a vehicle that waits for a decision: its candidate, where it continues
+    the released version and was never released itself; None where there is none."""
+    names = catalogue.names(vehicle)
+    candidate, released = names.get(CANDIDATE), names.get(RELEASED)
+    if candidate is None or candidate == released:
+        return None
+    row = catalogue.version_of_id(candidate)
+    moves = catalogue.moves_to(vehicle, [candidate])
+    once = any(move.name == RELEASED for move in moves)
+    return row if row.parent == released and not once else None
 
 
 def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:

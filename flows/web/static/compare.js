@@ -67,7 +67,7 @@
     const { before, after, factor } = latest;
     const drawn = [
       { sweep: before, label: form.dataset.beforeLabel, colour: plots.colour("database"), band: band("database"), dash: [6, 3], width: 1.5 },
-      { sweep: after, label: form.dataset.afterLabel, colour: plots.colour("updated"), band: band("updated"), width: 1.75 },
+      { sweep: after, label: form.dataset.afterLabel, colour: plots.colour("updated"), band: band("updated"), width: 1.75, shade: true },
     ].filter(({ sweep }) => sweep);
     panels = sweeps.draw(place, panels, drawn, factor);
     return drawn;

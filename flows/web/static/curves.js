@@ -18,7 +18,7 @@
 
   function draw() {
     const { own, parent, factor } = latest;
-    const drawn = [{ sweep: own, label: form.dataset.label, colour: plots.colour("updated"), band: plots.colour("updated-band"), width: 1.5 }];
+    const drawn = [{ sweep: own, label: form.dataset.label, colour: plots.colour("updated"), band: plots.colour("updated-band"), width: 1.5, shade: true }];
     if (parent) drawn.push({ sweep: parent, label: form.dataset.parentLabel, colour: plots.colour("database"), dash: [6, 3], width: 1.25 });
     panels = sweeps.draw(place, panels, drawn, factor);
   }

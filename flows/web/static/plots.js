@@ -5,6 +5,12 @@ const plots = (() => {
   const font = "12px " + getComputedStyle(document.body).fontFamily;
   const shown = (value) => (value == null || !isFinite(value) ? "–" : Number(value.toPrecision(5)).toString().replace("-", "−"));
 
+  // Curves keep the colours they were drawn in: printed from a dark scheme, panels stay dark (console.css).
+  const scheme = matchMedia("(prefers-color-scheme: dark)");
+  const mark = () => document.documentElement.classList.toggle("dark", scheme.matches);
+  scheme.addEventListener("change", mark);
+  mark();
+
   const HEIGHT = 170;
   const ticked = (_, ticks) => ticks.map((tick) => (tick == null ? "" : shown(tick)));
 

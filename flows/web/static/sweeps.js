@@ -13,10 +13,26 @@ const sweeps = (() => {
   const edge = (found, side) => found.value.map((value, k) => (
     value == null || found.standard_error[k] == null ? null : value + side * 2 * found.standard_error[k]));
 
-  // Draws into `place` the versions in `drawn`: [{sweep, label, colour, band, dash, width}]; the last is on top. Panels that
+  // Stretches of x where no flight has been; none on an axis that no increment changes.
+  function unflown(x, places) {
+    const inside = places.map((place) => place === "inside data");
+    if (!inside.includes(true)) return [];
+    const stretches = [];
+    for (let k = 0; k + 1 < x.length; k++) {
+      if (inside[k] && inside[k + 1]) continue;
+      const last = stretches[stretches.length - 1];
+      if (last && last[1] === x[k]) last[1] = x[k + 1];
+      else stretches.push([x[k], x[k + 1]]);
+    }
+    return stretches;
+  }
+
+  // Draws into `place` the versions in `drawn`: [{sweep, label, colour, band, dash, width, shade}]; the last is
+  // on top. Shaded: where no flight of the one with `shade` has been. Panels that
   // are there are used again.
   function draw(place, panels, drawn, factor) {
     const [first] = drawn;
+    const shaded = drawn.find((each) => each.shade) || first;
     const x = first.sweep.values.map((value) => value * factor);
     const made = {};
     for (const axis of Object.keys(first.sweep.axes)) {
@@ -36,7 +52,7 @@ const sweeps = (() => {
       if (old && old.key !== key) old.panel.remove();
       made[axis] = old && old.key === key
         ? old : { key, panel: plots.panel(place, `${axis} [-]`, first.sweep.label, styles, { key: "curves", bands }) };
-      made[axis].panel.show(data, x[0], x[x.length - 1]);
+      made[axis].panel.show(data, x[0], x[x.length - 1], unflown(x, shaded.sweep.axes[axis].place));
     }
     return made;
   }

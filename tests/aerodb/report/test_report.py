@@ -20,7 +20,8 @@ from aerodb.flows.report import report_flow
 from aerodb.flows.run import run_flow
 from aerodb.increments.validation import AxisValidation, HoldOut
 from aerodb.remarks import SAID, Remark
-from aerodb.report.headlines import error_rows, headline, what_stayed
+from aerodb.report.decision import decision
+from aerodb.report.headlines import error_rows, headline
 from aerodb.report.loop_documents import loop_document
 from aerodb.report.numbers import number
 from aerodb.report.page import pdf
@@ -168,8 +169,10 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     workspace, update = made
     tree = checked(written(workspace, "update", "candidate"))
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
-    assert lead == headline(update)
-    assert tree.xpath("//p[@class='lead second']")[0].text_content() == what_stayed(update)
+    shown = decision({**update, "label": "v0002"})
+    assert lead == shown.verdict, "the result is said once"
+    lines = tree.xpath("//dl[contains(@class, 'decision')]/dt")
+    assert [line.text_content() for line in lines] == [label for label, _ in shown.lines]
     facts = {
         term.text_content(): term.getnext().text_content()
         for term in tree.xpath("(//dl[@class='facts'])[1]/dt")
@@ -178,9 +181,10 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     assert facts["Date"] == f"{made_by.created_utc:%Y-%m-%d %H:%M} UTC"
     assert (facts["Author"], facts["Workspace"]) == (user(), str(workspace))
     assert facts["Program"] == f"aerodb {code_version()}"
-    assert re.search(
-        r"on 2 held-out flights the error of C[XZ] falls from [\d.]+ to [\d.]+ rms", lead
-    )
+    proved = words_of(tree)
+    assert re.search(r"on 2 flights not used: error of C[XZ] [\d.]+ → [\d.]+ \(", proved)
+    assert "+-" not in proved
+    assert "->" not in proved
     rows = {row[0]: row for row in table(tree, "Error before and after") if len(row) > 1}
     assert set(rows) == set(update["axes"])
     for axis, entry in update["axes"].items():
@@ -231,16 +235,24 @@ def test_the_page_of_a_version(made: tuple[Path, dict[str, Any]]) -> None:
     boxes = [text.text_content() for text in tree.xpath("//svg//text")]
     assert boxes[0] == "v0001"
     assert "4 identified, 2 held out" in boxes
-    changed = {(row[1], row[2]) for row in table(tree, "Changes from v0001")}
+    lead = tree.xpath("//p[@class='lead']")[0].text_content()
+    assert lead.startswith("v0002, recommendation: ")
+    labels = [term.text_content() for term in tree.xpath("(//dl)[1]/dt")]
+    assert labels[0] == "changes"
+    assert {"proved", "gate", "open"} <= set(labels)
+    ends = next(words for words in words_of(tree).split(": ") if "flown range" in words)
+    assert re.search(r"the change fades to nothing at −?[\d.]+ and [\d.]+ deg", ends)
+    edits = table(tree, "Changes from v0001")
+    changed = {(row[0], row[1].removeprefix("slope with ")) for row in edits}
     assert changed == {
         (entry["axis"], "constant" if term["term"] == "1" else term["term"])
         for entry in update["increments"]
         for term in entry["terms"]
     }
     imported = checked(written(workspace, "version", "v0001"))
-    assert (
-        imported.xpath("//p[@class='lead']")[0].text_content() == "An imported database: handbook."
-    )
+    first = imported.xpath("//p[@class='lead']")[0].text_content()
+    assert first.startswith("An imported database, released since ")
+    assert "handbook: " in words_of(imported)
     assert not imported.xpath("//h2[starts-with(., 'Changes from')]"), (
         "nothing differs from what is not there"
     )
@@ -403,7 +415,8 @@ def test_the_page_of_a_loop_that_finds_nothing() -> None:
     assert headline(document).startswith(
         "Nothing was found that the database lacks: 2 hypotheses were tested, and the sizes"
     )
-    assert tree.xpath("//p[@class='lead']")[0].text_content() == headline(document)
+    lead = tree.xpath("//p[@class='lead']")[0].text_content()
+    assert lead == decision({**document, "label": None}).verdict
     assert len(tree.xpath("//img")) == 1
     assert table(tree, "What these flights cannot decide") == [
         ["effectiveness of the flap on CZ", "not excited", "none", "–", "1/rad"]
@@ -547,5 +560,6 @@ def test_a_closed_loop_writes_its_report_whatever_it_finds(
 ) -> None:
     answer = asked(made[0], "close-loop", "--vehicle", NAME, "--baseline", "v0001", "--direct")
     page = Path(answer["page"]).read_text(encoding="utf-8")
-    assert checked(page).xpath("//p[@class='lead']")[0].text_content() == headline(answer)
+    lead = checked(page).xpath("//p[@class='lead']")[0].text_content()
+    assert lead == decision(answer).verdict
     assert page == written(made[0], "update", answer["report"]), "from what is stored, by its key"

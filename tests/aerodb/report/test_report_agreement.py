@@ -18,7 +18,7 @@ from aerodb.nomenclature import AXES
 from aerodb.report.estimates_page import estimates_report
 from aerodb.report.glossary import EFFECTS, advice_words, hypothesis_words, in_words
 from aerodb.report.head import Head
-from aerodb.report.headlines import excluded_sizes, headline, shown_axes, what_stayed
+from aerodb.report.headlines import excluded_sizes, headline, shown_axes
 from aerodb.report.response_page import response_report
 from aerodb.report.style import SMALLEST
 from aerodb.report.update_page import update_report
@@ -99,19 +99,6 @@ def test_a_bound_beyond_every_believable_size_is_none() -> None:
     assert excluded_sizes(older)["upper_bound"] is None
     degrees = excluded_sizes({**older, "unit": "rad", "verdict": "not_detected"})
     assert degrees["minimum_detectable"] == pytest.approx(np.rad2deg(1.5))
-
-
-def test_what_stayed_bad_is_named() -> None:
-    better = [proof("CX", 0.02, 0.0011, noise_floor=0.001), proof("Cm", 0.02, 0.02)]
-    lag = found("alpha_delay@all", verdict="ambiguous_sensor")
-    said = what_stayed(loop([found(), lag], [found()], better))
-    assert said == (
-        "What stayed bad: Cm 20 times its noise floor (0.02 rms, 32 % of what was flown); the delay"
-        " of angle of attack (ambiguous sensor) found but not added; 1 of 4 hypotheses not decided by these flights."
-    )
-    clean = loop([found()], [found()], better[:1])
-    clean["not_found"] = clean["not_found"][:1]
-    assert what_stayed(clean).startswith("Nothing stayed bad: every axis is within 1.25 times")
 
 
 def test_where_nothing_could_have_been_found_the_headline_says_so() -> None:

@@ -1,0 +1,155 @@
+"""What to decide a release on, in rows and words: what changes, proof, gate, responses, what is
+open. The terminal, the console and the report of a version show the same.
+
+Everything is taken from documents: of `aerodb.tasks.steps.judge_version`, of the version's report,
+and of `aerodb.tasks.steps.summarise_responses`.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from aerodb.increments import AT_LEAST
+from aerodb.report.decision import decision
+from aerodb.report.terms import term_unit
+
+#: Most changes and open points that a line names.
+_MOST: Final = 4
+
+
+@dataclass(frozen=True)
+class GateRow:
+    """One check of the gate: what it found and the limit, as text; empty where it has no number.
+
+    label : its name in one or two words; name : in full. reasons : why it failed, in sentences.
+    """
+
+    label: str
+    name: str
+    passed: bool
+    found: str
+    limit: str
+    reasons: tuple[str, ...]
+
+
+def gate_rows(checks: Iterable[Mapping[str, Any]]) -> list[GateRow]:
+    """Return a row per check of the gate's document, in its order; of several numbers that are held
+    to a limit, a row has the one that is nearest to it."""
+    return [
+        GateRow(
+            check["label"],
+            check["name"],
+            check["passed"],
+            *_measured(check["measures"]),
+            tuple(check["reasons"]),
+        )
+        for check in checks
+    ]
+
+
+def count_passed(checks: Sequence[Mapping[str, Any]]) -> str:
+    """Return how many checks of the gate pass.
+
+    >>> count_passed([{"passed": True}, {"passed": False}])
+    '1 of 2 checks pass'
+    """
+    passed = sum(check["passed"] for check in checks)
+    return f"{passed} of {len(checks)} check{'' if len(checks) == 1 else 's'} pass"
+
+
+def derivative_words(derivatives: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return each change of a derivative in words, with its unit and the change in per cent.
+
+    derivatives : of the gate's document or of a version's report, per SI unit of the variable.
+
+    >>> derivative_words([{"axis": "CZ", "variable": "alpha", "before": -2.24, "after": -2.48}])
+    ['CZ with alpha -2.24 -> -2.48 1/rad (+11 %)']
+    """
+    changes = []
+    for each in derivatives:
+        before, after, unit = each["before"], each["after"], term_unit(each["variable"])
+        part = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
+        changes.append(
+            f"{each['axis']} with {each['variable']} {before:.3g} -> {after:.3g} {unit}{part}"
+        )
+    return changes
+
+
+def release_lines(
+    gate: Mapping[str, Any] | None,
+    report: Mapping[str, Any],
+    responses: Mapping[str, Any] | None,
+    trim: Sequence[str] = (),
+) -> list[tuple[str, list[str]]]:
+    """Return label and texts of what to decide a release on; labels without a text are absent.
+
+    gate : of `judge_version`; None for a name that it does not guard. report : of the version (that
+    of an import has no ``axes``). responses : of `summarise_responses`; None where nobody has flown
+    the version. trim : what changes in trim and modes, in words.
+    """
+    told = {}
+    if "axes" in report and gate is not None:
+        told = dict(decision({**report, "label": gate["label"]}).lines)
+    changes = derivative_words(report.get("derivatives") or ())
+    checks = [] if gate is None else gate["checks"]
+    lines = [
+        ("changes", _first(changes, "smaller")),
+        ("found", [*told.get("found", ())] if "library" in report or not changes else []),
+        ("trim", [*trim]),
+        ("proved", [*told.get("proved", ())]),
+        ("gate", [count_passed(checks)] if checks else []),
+        ("refused", [reason for check in checks for reason in check["reasons"]]),
+        ("responses", [_within(responses)] if responses else []),
+        ("open", [*told.get("left", ()), *_first([] if gate is None else gate["notes"], "more")]),
+    ]
+    return [(label, texts) for label, texts in lines if texts]
+
+
+def _first(texts: Sequence[str], rest: str) -> list[str]:
+    """Return the first texts, and how many more there are."""
+    over = len(texts) - _MOST
+    return [*texts[:_MOST], *([f"{over} {rest}"] if over > 0 else [])]
+
+
+def _within(responses: Mapping[str, Any]) -> str:
+    """Return how many checks of responses are within tolerance, those of the baseline beside them,
+    and how many manoeuvres were flown with the feedback closed."""
+    checks = responses["checks"]
+    before = [check["before"] for check in checks if check["before"]]
+    words = _sum(checks)
+    if before:
+        words += f" (baseline: {_sum(before)})"
+    return (
+        f"{words} within tolerance; feedback closed in {responses['stabilised']} of"
+        f" {responses['manoeuvres']} manoeuvres"
+    )
+
+
+def _sum(checks: Iterable[Mapping[str, Any]]) -> str:
+    held = list(checks)
+    return f"{sum(c['passed'] for c in held)} of {sum(c['manoeuvres'] for c in held)}"
+
+
+def _measured(measures: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Return what a check found, and its limit: of several measures that are held to a limit, the
+    one that is nearest to it."""
+    plain = [each for each in measures if each["limit"] is None and each["before"] is None]
+    held = [each for each in measures if each["limit"] is not None]
+    words = [f"{each['of']} {each['value']:.3g}" for each in plain]
+    if not held:
+        return ", ".join(words), ""
+    worst = min(held, key=_room)
+    shown = f"{worst['value']:.3g} {worst['unit']}".rstrip()
+    if worst["before"] is not None:
+        shown = f"{worst['before']:.3g} -> {shown}"
+    words.append(f"{worst['of']} {shown}")
+    fall = worst["before"] is not None and worst["limit"] == worst["before"]
+    limit = "must fall" if fall else f"{worst['bound']} {worst['limit']:.3g}"
+    return ", ".join(words), limit
+
+
+def _room(measure: Mapping[str, Any]) -> float:
+    """Return how far a measure is from its limit, as a part of it; negative beyond it."""
+    over = measure["value"] - measure["limit"]
+    side = -1.0 if measure["bound"] != AT_LEAST else 1.0
+    return side * float(over) / (abs(measure["limit"]) or 1.0)
