@@ -82,23 +82,29 @@ def summarise_responses(
 
 
 def known_responses(
-    access: WorkspaceAccess, version: VersionRow, baseline: str | None
+    access: WorkspaceAccess, version: VersionRow, baseline: str | None, tolerances: str = ""
 ) -> dict[str, Any] | None:
     """Return the summary (rms in SI units, `summarise_responses`) of how a version last flew its
-    held-out flights as wholes, compared with a `baseline` (its id); None where it did not."""
+    held-out flights as wholes, compared with a `baseline` (its id); None where it did not.
+
+    tolerances : name of those that it is judged by; empty: any.
+    """
     uses = access.catalogue.version_flights(version.id)
-    after = _newest(access, version.id, [use.flight for use in uses if use.role == "held_out"])
+    held = [use.flight for use in uses if use.role == "held_out"]
+    after = _newest(access, version.id, held, tolerances)
     if not after:
         return None
     flown = [document["flight"] for document in after]
-    before = _newest(access, baseline, flown) if baseline else []
+    before = _newest(access, baseline, flown, after[0]["tolerances"]) if baseline else []
     where = {"workspace": str(access.workspace.root), "run": ""}
     return summarise_responses(
         after, **where, before=before if len(before) == len(after) else [], independent=True
     )
 
 
-def _newest(access: WorkspaceAccess, version: str, flights: Sequence[str]) -> list[dict[str, Any]]:
+def _newest(
+    access: WorkspaceAccess, version: str, flights: Sequence[str], tolerances: str
+) -> list[dict[str, Any]]:
     """Return of each flight the newest document with the most manoeuvres flown: a part of a flight
     that somebody flew later says less than the whole."""
     chosen = []
@@ -106,6 +112,7 @@ def _newest(access: WorkspaceAccess, version: str, flights: Sequence[str]) -> li
         rows = [row for row in access.catalogue.results_of(flight, "fly") if version in row.inputs]
         paths = [path for row in reversed(rows) if (path := access.path_of(row.key)) is not None]
         documents = [dict(read_results(path, ("time",))[1]["document"]) for path in paths]
+        documents = [each for each in documents if tolerances in ("", each["tolerances"])]
         if documents:
             chosen.append(
                 max(documents, key=lambda d: sum("reason" not in s for s in d["stretches"]))

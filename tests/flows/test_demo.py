@@ -16,6 +16,7 @@ from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.steps.release import judge_version
 from tests.support.command import aerodb
 
 AERODB = Path(sys.executable).parent / "aerodb"
@@ -229,10 +230,15 @@ def test_the_gate_demands_responses_where_the_settings_do(phoenix, tmp_path):
     (root / "strict.toml").write_text(strict, encoding="utf-8")
     demanded = "[vehicles.phoenix.gate]\nresponses = true\nlargest_change = 10.0\n"
     (root / "settings.toml").write_text(f'{demanded}tolerances = "strict.toml"\n', encoding="utf-8")
+    candidate = json.loads(aerodb(root, "version", "show", "candidate", "--json").stdout)["version"]
+    asked = judge_version(candidate, workspace=str(root), run="", fly=False)
+    (responses,) = [check for check in asked["checks"] if check["label"] == "responses"]
+    assert responses["reasons"][0].startswith("not flown yet; to fly them: aerodb version gate")
     refused = promote_command(root)
     assert refused.returncode == 4
     assert "alpha to 1e-9: within tolerance in 0 of" in refused.stderr + refused.stdout
     (root / "settings.toml").write_text(demanded, encoding="utf-8")
+    assert judge_version(candidate, workspace=str(root), run="", fly=False)["passed"]
     passed = promote_command(root)
     assert passed.returncode == 0, passed.stderr
 
@@ -283,4 +289,7 @@ def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
     text = page.read_text()
     assert "<h2>Responses</h2>" in text
     assert "short period: normal acceleration" in text
-    assert f"{document['responses']['manoeuvres']} manoeuvres of 2 flights flown" in text
+    flown = document["responses"]
+    within, made = (sum(c[key] for c in flown["checks"]) for key in ("passed", "manoeuvres"))
+    assert f"{within} of {made} (baseline: " in text
+    assert f"feedback closed in {flown['stabilised']} of {flown['manoeuvres']} manoeuvres" in text
