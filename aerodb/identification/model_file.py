@@ -30,6 +30,7 @@ Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -170,13 +171,13 @@ class StateSpaceFile(Strict):
         return with_delays(model, table.late_inputs, table.late_outputs) if delays else model
 
 
-def declares_state_space(text: str, where: str = "model file") -> bool:
+def declares_state_space(text: str | Mapping[str, Any], where: str = "model file") -> bool:
     """Return whether a model file (TOML) declares a linear model, not increments.
 
     Raises InputError for a text that is no TOML, and for one that declares neither. See
     docs/reference/conventions.md, section Linear model file.
     """
-    found = parsed_toml(text, where)
+    found = parsed_toml(text, where) if isinstance(text, str) else text
     if not _DECLARED & found.keys():
         raise InputError(
             "it declares neither a linear model ([state_space]) nor increments ([[increment]])",
@@ -186,13 +187,14 @@ def declares_state_space(text: str, where: str = "model file") -> bool:
     return "state_space" in found
 
 
-def parse_state_space(text: str, where: str = "model file") -> StateSpaceFile:
+def parse_state_space(text: str | Mapping[str, Any], where: str = "model file") -> StateSpaceFile:
     """Return the linear model that a file (TOML) declares.
 
     Raises InputError for unknown keys, wrong matrices and names that are nowhere. See
     docs/reference/conventions.md, section Linear model file; entries are in SI units.
     """
-    file = validated(StateSpaceFile, parsed_toml(text, where), where)
+    data = parsed_toml(text, where) if isinstance(text, str) else text
+    file = validated(StateSpaceFile, data, where)
     file.model([_ANY])
     return file
 

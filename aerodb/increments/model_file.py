@@ -23,7 +23,7 @@ With one constant for all flights, differences between flights (trim, CG, loadin
 `own_constants` prevents that.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -38,7 +38,7 @@ from aerodb.increments.spline_terms import (
     spline_expressions,
     split_key,
 )
-from aerodb.support import Strict, validated_toml
+from aerodb.support import Strict, parsed_toml, validated
 from aerodb.tables import INCREMENT_AXES, Expression, parse
 
 #: The term that is a constant.
@@ -185,13 +185,14 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
     return tuple(regressors)
 
 
-def parse_model_file(text: str, where: str = "model file") -> ModelFile:
-    """Parse a model file from TOML text.
+def parse_model_file(text: str | Mapping[str, Any], where: str = "model file") -> ModelFile:
+    """Parse a model file from TOML text, or from what such a text holds.
 
     Raises InputError naming the wrong key, with the nearest known one. Angles with a unit become
     rad; schema: docs/reference/conventions.md, section Model file.
     """
-    return validated_toml(ModelFile, text, where)
+    data = parsed_toml(text, where) if isinstance(text, str) else text
+    return validated(ModelFile, data, where)
 
 
 def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:

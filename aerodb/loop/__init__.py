@@ -17,7 +17,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    `dependences_between_flights` which effects change with the conditions of the flights.
 5. `with_model_error(source, flights, loop, library)` gives the candidate with bands that contain
    what the shapes of the additions miss.
-6. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
+6. `estimate_declared` and `validate_declared` are an update by declared increments;
+   `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
    open, for declared increments; `sensor_rivals` the errors of sensors that the loop finds where
    they are declared.
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .angle_errors import with_attenuation
     from .between_flights import dependences_between_flights
     from .consider import consider_parameters, noisier_flights
+    from .declared import ByMethod, estimate_declared, outside_envelopes, validate_declared
     from .evidence import evidence_beside
     from .flight_source import FlightSource, ReconstructionErrors
     from .freezing import freeze_library

@@ -42,10 +42,11 @@ class Decision:
     lines: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-def decision(document: Mapping[str, Any], units: UnitSystem = SI) -> Decision:
+def decision(document: Mapping[str, Any], units: UnitSystem = SI, rest: str = "-v") -> Decision:
     """Return what to decide on, from the document of an update or a closed loop.
 
-    Errors are rms of dimensionless coefficients; shares are of what an axis varied in flight.
+    rest : where the rest is told. Errors are rms of dimensionless coefficients; shares are of what
+    an axis varied in flight.
     Raises KeyError for any other document.
     """
     loop = "library" in document
@@ -53,11 +54,11 @@ def decision(document: Mapping[str, Any], units: UnitSystem = SI) -> Decision:
     lines = [
         (
             "found" if made else "strongest",
-            _changes(document, units) if made else _suspicions(document, units),
+            _changes(document, units, rest) if made else _suspicions(document, units, rest),
         ),
         ("proved", [_proof(document)] if made else []),
         ("gate", [_gate(document)] if made else []),
-        ("left", [_left(document)]),
+        ("left", [_left(document, rest)]),
         ("next", [_next(document)] if loop or made else []),
     ]
     return Decision(
@@ -130,7 +131,7 @@ def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def _changes(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
+def _changes(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[str]:
     """What was added, with its size; the declared terms that are known best, of an update."""
     if "library" not in document:
         terms = sorted(
@@ -147,7 +148,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
             f" {number(2.0 * term['standard_error'], 2)}"
             for _, axis, term in terms[:_MOST]
         ]
-        return [*shown, *_more(len(terms))]
+        return [*shown, *_more(len(terms), rest)]
     added = [entry for entry in document["findings"] if entry["hypothesis"] in document["added"]]
     own = [entry for entry in added if entry["verdict"] in ADDED]
     asked = [entry for entry in added if entry["hypothesis"] in document.get("asked_for", ())]
@@ -158,11 +159,11 @@ def _changes(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
         if d["variable"] not in RATES  # those are of the rate, the parameter of its hat rate
     }
     shown = [_sized(entry, units, slopes.get(entry["parameter"])) for entry in named[:_MOST]]
-    return [*shown, *_more(len(document["added"]) - len(shown) + _MOST)]
+    return [*shown, *_more(len(document["added"]) - len(shown) + _MOST, rest)]
 
 
-def _more(n: int) -> list[str]:
-    return [f"{n - _MOST} more: -v"] if n > _MOST else []
+def _more(n: int, rest: str) -> list[str]:
+    return [f"{n - _MOST} more: {rest}"] if n > _MOST else []
 
 
 def _sized(
@@ -185,9 +186,9 @@ def _sized(
     return f"{name}: {size}"
 
 
-def _suspicions(document: Mapping[str, Any], units: UnitSystem) -> list[str]:
+def _suspicions(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[str]:
     findings = document["findings"]
-    return [*(_sized(each, units) for each in findings[:_MOST]), *_more(len(findings))]
+    return [*(_sized(each, units) for each in findings[:_MOST]), *_more(len(findings), rest)]
 
 
 def _proof(document: Mapping[str, Any]) -> str:
@@ -230,7 +231,7 @@ def _gate(document: Mapping[str, Any]) -> str:
     return f"{refused[0].rstrip('.')}{more}"
 
 
-def _left(document: Mapping[str, Any]) -> str:
+def _left(document: Mapping[str, Any], rest: str) -> str:
     """The axes that are worst beside their noise floor, in per cent of what was flown, and how many
     causes stay open."""
     shown = shown_axes(document)
@@ -245,7 +246,9 @@ def _left(document: Mapping[str, Any]) -> str:
         f" {number(row['times_floor'], 2)} noise floors"
         for row in rows[:_MOST]
     ]
-    clauses = ["; ".join([*axes, *_more(len(rows))])] if axes else ["every axis at its noise floor"]
+    clauses = (
+        ["; ".join([*axes, *_more(len(rows), rest)])] if axes else ["every axis at its noise floor"]
+    )
     tested = document["not_found"] if "library" in document else ()
     undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
     if undecided:

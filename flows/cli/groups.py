@@ -10,7 +10,7 @@ SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "First steps": ("demo", "vehicle", "mapping", "log"),
     "Flights": ("flight", "calibration", "recalibrate", "estimate", "estimate-online"),
     "Databases and versions": ("database", "version", "update", "close-loop", "derivatives"),
-    "Reports and console": ("report", "web", "status"),
+    "Reports and console": ("report", "web", "status", "schema"),
     "Service": ("serve", "nightly", "retry", "dismiss", "store", "user"),
     "Upkeep": ("verify", "backup", "restore"),
 }

@@ -31,6 +31,7 @@ from aerodb.flows.cli import (
     releases,
     reports,
     responses,
+    schemas,
     serving,
     store,
     trimming,
@@ -104,6 +105,7 @@ app.command("recalibrate")(calibrations.recalibrate)
 for command in (serving.serve, serving.nightly, serving.status, serving.retry, serving.dismiss):
     app.command(command.__name__)(command)
 app.command("web")(web.web)
+app.command("schema")(schemas.schema)
 app.command("demo")(demonstration.demo)
 app.command("verify")(keeping.verify)
 app.command("backup")(keeping.backup)

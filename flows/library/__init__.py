@@ -7,16 +7,20 @@ The way through, without a workspace:
 3. `total_coefficients` gives `MeasuredCoefficients`; `compare` puts them beside a database, which
    `load_database` reads: a `ComparedFlight`.
 4. `trace` names what the residuals of several flights have in common: `TracedFlights`, with a
-   candidate database. `fit` estimates a declared model by any method: a `FittedModel`.
+   candidate database. `update` adds declared increments: an `UpdatedDatabase`. `validate` flies a
+   database over their manoeuvres: a `ValidatedDatabase`. `fit` estimates a declared model by any
+   method: a `FittedModel`.
 5. `evaluate` gives the coefficients of a database at points: `EvaluatedPoints`.
 
 `open_workspace` reads what the commands have stored, and `Client` what a console serves.
 
-Every result has `report` (text), `to_pandas`, `to_xarray`, and is shown as a table in a notebook.
+Every result says its verdict when it is printed, and has `report` (text), `plot`, `to_pandas`,
+`to_xarray`, `save` (`load_result` reads it back), and is shown as a table in a notebook. The errors
+that are raised (`AeroError` and those below it) are names of `aerodb` too.
 They call the functions of the science packages that the commands call; nothing is computed here.
 
-Modules: `views` (text, HTML, pandas, xarray), `logs`, `flights`, `tracing`, `fitting`,
-`evaluation`, `workspaces`, `client`.
+Modules: `views` (text, HTML, pandas, xarray), `plots`, `saving`, `logs`, `flights`, `tracing`,
+`updating`, `validating`, `fitting`, `evaluation`, `workspaces`, `client`.
 """
 
 from typing import TYPE_CHECKING
@@ -36,7 +40,10 @@ if TYPE_CHECKING:
         total_coefficients,
     )
     from .logs import Log, load, load_database, load_vehicle
+    from .saving import SavedResult, load_result
     from .tracing import TracedFlights, trace
+    from .updating import UpdatedDatabase, update
+    from .validating import ValidatedDatabase, validate
     from .workspaces import Version, Workspace, open_workspace
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

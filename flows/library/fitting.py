@@ -1,8 +1,9 @@
 """Declared models estimated from flights in memory, by any method."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,14 @@ from aerodb.increments import parse_model_file
 from aerodb.report import derivative_unit, fit_report
 from aerodb.tasks.steps import manoeuvre_windows
 
+#: What a model file holds, as Python reads it.
+Model = Mapping[str, Any]
+#: What is said of intervals of methods that take every sample's errors as its own.
+_NARROWER = (
+    "the intervals leave out the sensor errors that reconstruction is not sure of;"
+    " those of update include them, and are wider"
+)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FittedModel(Result):
@@ -32,6 +41,7 @@ class FittedModel(Result):
 
     method: str
     fits: tuple[Fit, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def estimates(self) -> tuple[ParameterEstimate, ...]:
@@ -45,7 +55,21 @@ class FittedModel(Result):
     def report(self) -> str:
         """Return estimates with standard errors, intervals, correlations and whiteness of the
         residuals as text, in the unit of each parameter; see `fit_report`."""
-        return "\n".join(fit_report(fit) for fit in self.fits)
+        return "\n".join([*(fit_report(fit) for fit in self.fits), *self.warnings])
+
+    def headlines(self) -> list[str]:
+        """Return the estimates that are known best, in the unit of each, and what to know of
+        them."""
+        found = [e for e in self.estimates if e.standing == "estimated" and e.standard_error > 0.0]
+        found.sort(key=lambda e: -abs(e.value) / e.standard_error)
+        converged = all(fit.converged for fit in self.fits)
+        lines = [f"fit by {self.method}: {'converged' if converged else 'NOT CONVERGED'}"]
+        lines += [
+            f"  {e.name}  {number(e.value)} +- {number(e.standard_error, 2)} {shown_unit(_unit(e))}"
+            for e in found[:3]
+        ]
+        lines += [f"  {text}" for text in self.warnings]
+        return lines
 
     def summary(self) -> Summary:
         """Return the estimates with their standard errors, scalars in the unit of each."""
@@ -66,7 +90,7 @@ class FittedModel(Result):
             [("converged", converged)],
             ("parameter", "value", "+-", "unit", "standing"),
             rows,
-            list(dict.fromkeys(said)),
+            [*self.warnings, *dict.fromkeys(said)],
         )
 
     def data(self) -> Data:
@@ -91,7 +115,7 @@ class FittedModel(Result):
 
 def fit(
     flights: Sequence[ComparedFlight] | Sequence[MeasuredCoefficients],
-    model: str | Path,
+    model: str | Path | Model,
     method: str = "regression",
 ) -> FittedModel:
     """Estimate a declared model from flights of one vehicle.
@@ -100,22 +124,39 @@ def fit(
     ----------
     flights : compared with one database, on which increments are estimated; or coefficients alone,
         which give whole derivatives.
-    model : a model file (TOML) of increments or of a linear model, or its text.
+    model : a model file (TOML) of increments or of a linear model, its text, or what it holds as a
+        dict.
     method : by its name in ``aerodb estimate``, such as ``regression`` or ``output-error``.
 
     Raises InputError for an unknown method, and where the method cannot give an estimate.
     """
     chosen = chosen_methods([method])[0]
-    text = model if isinstance(model, str) and "\n" in model else read_text(model)
+    text = model_of(model)
     source = flights_in_memory([_compared(each, flights[0]) for each in flights])
-    given = [_as_identification(each) for each in source.flown.values()]
+    given = identification_flights(list(source.flown.values()))
     if declares_state_space(text):
         file = parse_state_space(text)
         return FittedModel(
             chosen.name, (state_space_fit(chosen, flight_records(given, file), file),)
         )
     database = next(iter(source.flown.values())).database
-    return FittedModel(chosen.name, tuple(fits_of(chosen, given, parse_model_file(text), database)))
+    fits = tuple(fits_of(chosen, given, parse_model_file(text), database))
+    narrower = (_NARROWER,) if chosen.kind == "equation error" else ()
+    return FittedModel(chosen.name, fits, narrower)
+
+
+def model_of(model: str | Path | Model) -> str | Model:
+    """Return a model as the text of its file (TOML), or as the dict that it is; InputError where
+    the file cannot be read. Quantities are in SI units, or texts with a unit."""
+    if isinstance(model, Mapping) or (isinstance(model, str) and "\n" in model):
+        return model
+    return read_text(model)
+
+
+def identification_flights(flights: Sequence[ComparedFlight]) -> list[IdentificationFlight]:
+    """Return compared flights, channels (n,) in SI units, with the manoeuvres to fly; see
+    `IdentificationFlight`."""
+    return [_as_identification(each) for each in flights]
 
 
 def _unit(estimate: ParameterEstimate) -> str:

@@ -30,6 +30,9 @@ from aerodb.suspicions import limited_document, limits_flight
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, with_mass_channels
 
+#: Most sensor errors, and axes, that headlines name.
+_FEW = 3
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReconstructedFlight(Result):
@@ -60,6 +63,15 @@ class ReconstructedFlight(Result):
     def reasons(self) -> tuple[str, ...]:
         """Why the flight is not good, one sentence each."""
         return tuple(self.document["reasons"])
+
+    def headlines(self) -> list[str]:
+        """Return the verdict, its first reason, and the sensor errors known best, in the SI unit of
+        each."""
+        said = self.summary()
+        lines = [f"{said.title}: {self.verdict}", *(f"  because  {r}" for r in self.reasons[:1])]
+        applied = [row for row in said.rows if row[-1] == "yes"][:_FEW]
+        lines += [f"  {name}  {value} +- {error} {unit}" for name, value, error, unit, _ in applied]
+        return lines
 
     def summary(self) -> Summary:
         """Return verdict and sensor errors, scalars in the SI unit of each."""
@@ -163,6 +175,20 @@ class ComparedFlight(Result):
         """Return measured - predicted on an axis (CX CY CZ Cl Cm Cn C_lift C_drag C_side), (n,),
         dimensionless."""
         return self.comparison.residual(axis)
+
+    def headlines(self) -> list[str]:
+        """Return the axes whose residual is largest beside what was measured (dimensionless
+        rms)."""
+        found = self.comparison
+        rows = [(axis, found.summary(axis)) for axis in found.measured]
+        rows = [(axis, each) for axis, each in rows if each["rms_measured"] > 0.0]
+        rows.sort(key=lambda row: -row[1]["rms_residual"] / row[1]["rms_measured"])
+        lines = [
+            f"  {axis}  flight - database {number(each['rms_residual'], 3)} of"
+            f" {number(each['rms_measured'], 3)} rms, noise floor {number(each['noise_floor'], 2)}"
+            for axis, each in rows[:_FEW]
+        ]
+        return [self.summary().title, *lines]
 
     def summary(self) -> Summary:
         """Return the rms of each axis, measured, residual and noise floor: dimensionless

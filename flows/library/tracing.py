@@ -1,8 +1,9 @@
 """Tracing flights in memory: what their residuals have in common, and a candidate database."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from aerodb.flight import Flight
 from aerodb.flows.library.flights import ComparedFlight
 from aerodb.flows.library.logs import read_text
 from aerodb.flows.library.views import Data, Result, Summary, Values, number
-from aerodb.increments import AxisValidation, choose_hold_out
+from aerodb.increments import AxisValidation, HoldOut, choose_hold_out
 from aerodb.loop import (
     Accept,
     LoopResult,
@@ -27,10 +28,14 @@ from aerodb.loop import (
     validate_loop,
     with_model_error,
 )
+from aerodb.report import decision, loop_document
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import reconstruction_of
 from aerodb.tracing import Finding, UnexplainedResidual
 from aerodb.vehicle import Vehicle
+
+#: Lines of a decision that need no store.
+_TOLD: Final = ("found", "strongest", "proved", "left")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +45,8 @@ class TracedFlights(Result):
     loop : findings of all rounds, those added, and the candidate. validation : error of each axis
     before and after on flights that did not identify. unexplained : what stays predictable and has
     no name. names : flight -> name of its log. library_sha256 : of the hypotheses, which were fixed
-    before any residual was read.
+    before any residual was read. hold_out : ids of the flights that identified and of those held
+    out.
     """
 
     loop: LoopResult
@@ -48,6 +54,8 @@ class TracedFlights(Result):
     unexplained: tuple[UnexplainedResidual, ...]
     names: Mapping[str, str]
     library_sha256: str
+    hold_out: HoldOut
+    vehicle: str
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -60,6 +68,34 @@ class TracedFlights(Result):
         """The database with what was added; the baseline where nothing was. Values are in SI units,
         covariances (k, k)."""
         return self.loop.candidate
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The document of ``aerodb close-loop`` as far as it needs no store
+        (docs/reference/contract.md, section "update and close-loop"), in SI units."""
+        loop = self.loop
+        return loop_document(
+            vehicle=self.vehicle,
+            baseline=loop.baseline.name,
+            hold_out=self.hold_out,
+            excluded=(),
+            looks={},
+            library=self.library_sha256,
+            rounds=loop.rounds,
+            traced=loop.traced,
+            findings=loop.findings,
+            added=loop.added,
+            left=self.unexplained,
+            without_gain=loop.without_gain,
+            axis_models=[asdict(model) for model in loop.axis_models],
+            proof=self.validation,
+            remarks=loop.remarks,
+            within_flights=self.hold_out.kind == "cross-validated" and not loop.separates,
+        )
+
+    def headlines(self) -> list[str]:
+        """Return the lines that the command prints first, values with their units."""
+        return verdict_of(self.document, made=bool(self.loop.added))
 
     def summary(self) -> Summary:
         """Return the findings, values and intervals (low, high) in the unit of each, with the rms
@@ -152,7 +188,30 @@ def trace(
     )
     loop = replace(loop, candidate=with_model_error(source, split.identified, loop, library))
     names = {each.measured.flight.id: each.measured.reconstructed.log.name for each in flights}
-    return TracedFlights(loop, tuple(validation), tuple(left), names, library.sha256)
+    return TracedFlights(
+        loop,
+        tuple(validation),
+        tuple(left),
+        names,
+        library.sha256,
+        split,
+        source.vehicle.name,
+    )
+
+
+def verdict_of(document: Mapping[str, Any], made: bool) -> list[str]:
+    """Return the lines to decide on of a document that is not stored, values with their units;
+    see `aerodb.report.decision`. made : whether there is a candidate."""
+    given = {**document, "candidate": "candidate" if made else None, "label": "candidate"}
+    told = decision(given, rest="report()")
+    lines = [
+        (label if k == 0 else "", text)
+        for label, texts in told.lines
+        for k, text in enumerate(texts)
+        if label in _TOLD
+    ]
+    width = max((len(label) for label, _ in lines), default=0)
+    return [told.verdict, *(f"  {label:<{width}}  {text}" for label, text in lines)]
 
 
 def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":

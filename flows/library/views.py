@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,11 @@ from aerodb.nomenclature import axis_description, channel
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.axes import Axes
+
+
+#: Most facts of a verdict.
+_FACTS = 4
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,8 @@ class Data:
 
 
 class Result:
-    """What all results share: `report`, `to_pandas`, `to_xarray`, and how a notebook shows them."""
+    """What all results share: `headlines` (what ``print`` shows), `report`, `plot`, `save`,
+    `to_pandas`, `to_xarray`, and how a notebook shows them."""
 
     @abstractmethod
     def summary(self) -> Summary:
@@ -75,8 +82,37 @@ class Result:
             ]
         return "\n".join([*lines, *(f"    - {_line(remark)}" for remark in said.remarks)])
 
+    def headlines(self) -> list[str]:
+        """Return what to decide on, in a few lines; `report` has the rest, with units."""
+        said = self.summary()
+        width = max((len(name) for name, _ in said.facts), default=0)
+        return [said.title, *(f"  {name:<{width}}  {text}" for name, text in said.facts[:_FACTS])]
+
     def __str__(self) -> str:
-        return self.report()
+        lines = self.headlines()
+        return "\n".join([*map(_line, lines), "  all of it: report(), plot(), to_pandas()"])
+
+    def plot(self, *names: str, ax: "Axes | None" = None) -> "Axes":
+        """Draw quantities into matplotlib's axes, and return them, in display units (degrees for
+        radians).
+
+        Over time or an input: `names` are channels or coefficient axes (``"CZ"``), the first one
+        where none is named. Of estimates: those named, or all, each with its 95 % interval. ax :
+        the axes; None: new ones of pyplot. UnknownNameError for a name that is not there.
+        """
+        from aerodb.flows.library.plots import draw  # imports matplotlib, which is slow
+
+        return draw(self.data(), self.summary().title, names, ax)
+
+    def save(self, path: str | Path) -> Path:
+        """Write what the result says and its arrays to a file that `load_result` reads, and a
+        candidate database with them; returns its path.
+
+        Units are kept. Raises StoreError where the file cannot be written.
+        """
+        from aerodb.flows.library.saving import save_result
+
+        return save_result(self, Path(path))
 
     def _repr_html_(self) -> str:
         """Return the result as a notebook shows it."""

@@ -1,6 +1,6 @@
 """A workspace as the commands have filled it: flights, versions, evaluation. It is only read."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,7 +17,10 @@ from aerodb.tasks.references import vehicle_of, version_of
 from aerodb.tasks.steps import mapping_of
 from aerodb.tasks.view import (
     database_of,
+    finding_document,
+    findings_page,
     findings_words,
+    flight_details,
     flights_document,
     flights_words,
     held_out_words,
@@ -107,6 +110,38 @@ class Workspace:
             row.label,
             None if bound is None else from_document(bound.content),
         )
+
+    def flight(self, flight: str, vehicle: str | None = None) -> dict[str, Any]:
+        """Return the document of a flight, as `Client.flight` does: times [s], figures in SI units.
+        UnknownNameError where there is none."""
+        access = self._access
+        return flight_details(access, access.catalogue.flight(flight, vehicle))
+
+    def findings(self) -> Iterator[dict[str, Any]]:
+        """Yield updates and closed loops, newest first, each in one sentence, as `Client.findings`
+        does. StoreError where the catalogue cannot be read."""
+        place = ""
+        while True:
+            entries, place = findings_page(self._access, _NEWEST, place)
+            yield from entries
+            if not place:
+                return
+
+    def finding(self, reference: str, vehicle: str | None = None) -> dict[str, Any]:
+        """Return the document of an update or a closed loop, as `Client.finding` does, in SI units;
+        UnknownNameError where there is none."""
+        return finding_document(self._access, reference, vehicle)
+
+    def evaluate(
+        self,
+        version: str = "released",
+        vehicle: str | None = None,
+        units: dict[str, str] | None = None,
+        **inputs: Any,
+    ) -> EvaluatedPoints:
+        """Evaluate a version at points, as `Client.evaluate` does at one: coefficients (n,),
+        dimensionless; InputError for an unknown input or unit."""
+        return self.version(version, vehicle).evaluate(units, **inputs)
 
     def versions(self, vehicle: str | None = None) -> "pd.DataFrame":
         """Return the versions of a vehicle, one row each; the index is the label. A notebook shows

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .estimates_page import estimates_page
     from .expand import expand_flight
     from .export import FORMS, export_version
-    from .fly import default_tolerances, fly_version, manoeuvre_windows, read_tolerances
+    from .fly import default_tolerances, fly_version, fly_window, manoeuvre_windows, read_tolerances
     from .fly_manoeuvre import fly_manoeuvre
     from .frequency_response import respond
     from .importing import import_database, read_database
@@ -70,6 +70,11 @@ if TYPE_CHECKING:
     from .store import trim_cache
     from .trace import find_sensor_rivals, freeze_library, trace_flight, untraced_reason
     from .update import estimate, plan_update, validate
-    from .validate_responses import known_responses, response_page, summarise_responses
+    from .validate_responses import (
+        known_responses,
+        response_page,
+        responses_summary,
+        summarise_responses,
+    )
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,7 @@ from aerodb.loop import (
     StallWindow,
     UnexplainedLevel,
     dependences_between_flights,
+    outside_envelopes,
     stall_windows,
     unexplained_levels,
     unexplained_residuals,
@@ -20,7 +21,7 @@ from aerodb.loop import (
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.loop_flights import flights_of
-from aerodb.tasks.steps.update import UpdatePlan, outside_envelopes
+from aerodb.tasks.steps.update import UpdatePlan
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
 
@@ -64,7 +65,7 @@ def prove_loop(
     source = flights_of(workspace, plan.vehicle, run)
     predictors: dict[str, AeroDatabase] = {}
     proof = validate_loop(source, plan.hold_out, library, loop, accept, predictors)
-    beyond = outside_envelopes(access_workspace(workspace), predictors, run)
+    beyond = outside_envelopes(source, predictors)
     from_others = predictors if loop.separates and plan.hold_out.kind == "cross-validated" else {}
     stalled = {flight: predictors[flight] for flight in library.stall if flight in from_others}
     return proof, beyond, stall_windows(source, loop.baseline, stalled)

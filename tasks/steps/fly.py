@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from aerodb.coefficients import Coefficients
 from aerodb.conditioning import STATES, Segment
 from aerodb.errors import InputError
 from aerodb.flight import Flight
@@ -35,7 +36,7 @@ from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
+from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.segments import segments_of
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -120,9 +121,10 @@ def fly_version(
     vehicle, _ = access.vehicle(row.vehicle)
     gains = {_gain_name(name): value for name, value in (feedback or {}).items()}
     pieces = [
-        _fly(
+        fly_window(
             access.database(version),
-            loaded,
+            loaded.flight,
+            loaded.coefficients,
             vehicle,
             window,
             wind,
@@ -226,9 +228,10 @@ def manoeuvre_windows(
     return [(float(a), float(b), "stretch") for a, b in pairwise(edges)]
 
 
-def _fly(
+def fly_window(
     database: AeroDatabase,
-    loaded: FlightCoefficients,
+    flight: Flight,
+    coefficients: Coefficients,
     vehicle: Vehicle,
     window: Window,
     wind: str,
@@ -237,8 +240,12 @@ def _fly(
     trimmed: bool,
     limits: Tolerances,
 ) -> tuple[dict[str, Any], dict[str, tuple[Array, Array, Array]]]:
-    """One stretch: its document, and its responses."""
-    flight, first = loaded.flight, float(loaded.flight.time[0])
+    """Fly a database over one stretch of a flight; parameters as in `fly_version`, of which the
+    document has the stretch. Returns it, and response -> time [s], simulated and flown (n,), SI.
+
+    What cannot be flown has its reason in the document. InputError for an unknown kind of wind.
+    """
+    first = float(flight.time[0])
     document: dict[str, Any] = {"since": window[0], "until": window[1], "kind": window[2]}
     if wind not in ("mean", "measured"):
         raise InputError(f"wind '{wind}' is not known", remedy="mean or measured")
@@ -248,7 +255,7 @@ def _fly(
         return model, stretch_of(
             model,
             flight,
-            loaded.coefficients,
+            coefficients,
             vehicle,
             first + window[0],
             first + window[1],

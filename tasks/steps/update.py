@@ -2,14 +2,12 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any, Final
 
-from aerodb.coefficients import Comparison
 from aerodb.errors import InputError
-from aerodb.flight import Flight
 from aerodb.identification import REGRESSION
 from aerodb.increments import (
     AxisValidation,
@@ -18,24 +16,15 @@ from aerodb.increments import (
     HoldOut,
     ModelFile,
     Update,
-    beyond_envelopes,
     choose_hold_out,
-    estimate_increments,
-    keep_slope_signs,
     parse_model_file,
-    validate_by_leaving_one_out,
-    validate_on_held_out,
-    with_extrapolated_slopes,
 )
-from aerodb.loop import consider_parameters, noise_floors, noisier_flights, with_attenuation
+from aerodb.loop import ByMethod, estimate_declared, validate_declared
 from aerodb.remarks import UNUSABLE, Remark, sentences
 from aerodb.storage.catalogue import FlightRow
-from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import TracingSettings
 
 #: Number of reasons that an error names.
 _SHOWN: Final = 3
@@ -206,47 +195,17 @@ def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
 
 
 def estimate(plan: UpdatePlan, *, workspace: str, run: str) -> Update:
-    """Estimate the plan's declared increments on its identification flights, by its method: values
-    in SI units, covariance (k, k) (docs/method/updates.md, section "Estimation"). Raises InputError
+    """Estimate the plan's declared increments on its identification flights, by its method
+    (`aerodb.loop.estimate_declared`): values in SI units, covariance (k, k). Raises InputError
     where no declared term is excited."""
     access = access_workspace(workspace)
-    flights, comparisons = _loaded(access, plan, plan.hold_out.identified, run)
-    database = access.database(plan.baseline)
-    model, vehicle = parse_model_file(plan.model), access.vehicle(plan.vehicle)[0]
-    source = StoredFlights(access, plan.vehicle, run)
-    reconstructions = {flight.id: source.reconstruction(flight.id) for flight in flights}
-    doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
-    update = estimate_increments(flights, comparisons, model, database, doubtful)
-    if plan.method != REGRESSION:
-        ids = plan.hold_out.identified
-        return keep_slope_signs(
-            _by_method(access, plan.method, ids, model, database, run, doubtful), database
-        )
-    again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
-    noisier = [
-        estimate_increments([f for f, _ in each], [c for _, c in each], model, database)
-        for each in again
-    ]
-    return keep_slope_signs(
-        with_attenuation(update, noisier, TracingSettings().shift_factor), database
+    return estimate_declared(
+        StoredFlights(access, plan.vehicle, run),
+        plan.hold_out.identified,
+        parse_model_file(plan.model),
+        access.database(plan.baseline),
+        _by_method(access, plan, run),
     )
-
-
-def _by_method(
-    access: WorkspaceAccess,
-    method: str,
-    flights: Sequence[str],
-    model: ModelFile,
-    database: AeroDatabase,
-    run: str,
-    consider: Mapping[str, Sequence[ConsiderParameter]] | None = None,
-) -> Update:
-    """The declared increments from flights (ids) by a method that is not the plain regression."""
-    from aerodb.identification import METHODS, update_by  # loads the simulation
-    from aerodb.tasks.steps.methods import identification_flights
-
-    given = identification_flights(access, flights, database, run)
-    return update_by(METHODS[method], given, model, database, consider)
 
 
 def validate(
@@ -255,78 +214,31 @@ def validate(
     """Return the rms error (dimensionless) before and after the update, on flights that did not
     identify it if there are any, and both errors of those of them that leave the envelope."""
     access = access_workspace(workspace)
-    flights, comparisons = _loaded(access, plan, plan.flights, run)
-    before = {c.flight: c for c in comparisons}
-    after = {
-        flight: compare_with_database(access, flight, update.candidate, run).comparison
-        for flight in plan.flights
-    }
-    source = StoredFlights(access, plan.vehicle, run)
-    if plan.hold_out.kind != "cross-validated":
-        held_out = dict.fromkeys(plan.hold_out.held_out, update.candidate)
-        floors = noise_floors(source, plan.hold_out.held_out or plan.flights, update.candidate)
-        proof = validate_on_held_out(before, after, plan.hold_out, floors)
-        return proof, outside_envelopes(access, held_out, run)
-    predictors: dict[str, AeroDatabase] = {}
-    model, baseline = parse_model_file(plan.model), access.database(plan.baseline)
-
-    def without(left_out: str) -> Comparison:
-        others = [k for k, flight in enumerate(flights) if flight.id != left_out]
-
-        def estimated(declared: ModelFile) -> Update:
-            if plan.method != REGRESSION:
-                ids = [flights[k].id for k in others]
-                return _by_method(access, plan.method, ids, declared, baseline, run)
-            return estimate_increments(
-                [flights[k] for k in others], [comparisons[k] for k in others], declared, baseline
-            )
-
-        candidate = _estimated_where_possible(estimated, model, baseline)
-        predictors[left_out] = candidate
-        return compare_with_database(access, left_out, candidate, run).comparison
-
-    floors = noise_floors(source, plan.flights, update.candidate)
-    proof = validate_by_leaving_one_out(before, after, without, floors)
-    return proof, outside_envelopes(access, predictors, run)
+    return validate_declared(
+        StoredFlights(access, plan.vehicle, run),
+        plan.hold_out,
+        update,
+        parse_model_file(plan.model),
+        access.database(plan.baseline),
+        _by_method(access, plan, run),
+    )
 
 
-def outside_envelopes(
-    access: WorkspaceAccess, predictors: Mapping[str, AeroDatabase], run: str
-) -> tuple[Beyond, ...]:
-    """Return both errors (dimensionless rms), held and extrapolated, of the flights that leave the
-    envelope.
+def _by_method(access: WorkspaceAccess, plan: UpdatePlan, run: str) -> ByMethod | None:
+    """Estimates of declared increments by the plan's method; None for the plain regression."""
+    if plan.method == REGRESSION:
+        return None
 
-    predictors : flight (its id) -> the database that predicted it. See docs/method/updates.md,
-    section "Envelope".
-    """
-    found: list[Beyond] = []
-    for flight, database in predictors.items():
-        held = compare_with_database(access, flight, database, run)
-        free = compare_with_database(access, flight, with_extrapolated_slopes(database), run)
-        found += beyond_envelopes(held.flight, database, held.comparison, free.comparison)
-    return tuple(found)
+    def estimated(
+        flights: Sequence[str],
+        model: ModelFile,
+        consider: Mapping[str, Sequence[ConsiderParameter]] | None,
+    ) -> Update:
+        from aerodb.identification import METHODS, update_by  # loads the simulation
+        from aerodb.tasks.steps.methods import identification_flights
 
+        database = access.database(plan.baseline)
+        given = identification_flights(access, flights, database, run)
+        return update_by(METHODS[plan.method], given, model, database, consider)
 
-def _estimated_where_possible(
-    estimated: Callable[[ModelFile], Update], model: ModelFile, baseline: AeroDatabase
-) -> AeroDatabase:
-    """Return the candidate with increments on the axes that flights can identify.
-
-    An axis that they cannot identify stays as in the baseline.
-    """
-    candidate = baseline
-    for declared in model.increment:
-        try:
-            one = estimated(ModelFile(increment=(declared,)))
-        except InputError:
-            continue
-        added = one.candidate.increments[len(baseline.increments) :]
-        candidate = replace(candidate, increments=(*candidate.increments, *added))
-    return candidate
-
-
-def _loaded(
-    access: WorkspaceAccess, plan: UpdatePlan, ids: tuple[str, ...], run: str
-) -> tuple[list[Flight], list[Comparison]]:
-    loaded = [load_comparison(access, flight, plan.baseline, run) for flight in ids]
-    return [entry.flight for entry in loaded], [entry.comparison for entry in loaded]
+    return estimated

@@ -33,6 +33,16 @@ def summarise_responses(
     """
     access = access_workspace(workspace)
     labels = access.catalogue.flight_labels(d["flight"] for d in after)
+    return responses_summary(after, before, labels, independent)
+
+
+def responses_summary(
+    after: Sequence[Document],
+    before: Sequence[Document],
+    labels: Mapping[str, str],
+    independent: bool,
+) -> dict[str, Any]:
+    """Return what `summarise_responses` does, without a store; labels : flight (id) -> its name."""
     stretches = [(d["flight"], s) for d in after for s in d["stretches"]]
     flown = [(flight, s) for flight, s in stretches if "reason" not in s]
     earlier = [s for d in before for s in d["stretches"] if "reason" not in s]

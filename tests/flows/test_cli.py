@@ -37,6 +37,7 @@ COMMANDS = [
     ["database", "inputs"],
     ["log", "inspect"],
     ["log", "show"],
+    ["schema"],
     ["flight", "ingest"],
     ["flight", "list"],
     ["flight", "show"],

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import aerodb as library
 from aerodb.examples.phoenix import read_example
 from aerodb.flows.demo import floors as floors_of
 from aerodb.flows.demo import open_envelope
@@ -293,3 +294,22 @@ def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
     within, made = (sum(c[key] for c in flown["checks"]) for key in ("passed", "manoeuvres"))
     assert f"{within} of {made} (baseline: " in text
     assert f"feedback closed in {flown['stabilised']} of {flown['manoeuvres']} manoeuvres" in text
+
+
+def test_in_memory_a_version_flies_as_the_command_flies_it(phoenix):
+    """`aerodb.validate` beside `aerodb version validate`, on one held-out flight."""
+    root, document = phoenix
+    flight = document["flights"]["held_out"][0]
+    given = ["--json", "version", "validate", "candidate", "--flight", flight, "--against", "none"]
+    command = json.loads(aerodb(root, *given).stdout)
+    opened = library.open_workspace(root)
+    database = opened.version("candidate").database
+    measured = library.total_coefficients(library.reconstruct(opened.log(flight)))
+    flown = library.validate([library.compare(measured, database)], database)
+    assert flown.passed == command["passed"]
+    for ours, theirs in zip(flown.document["responses"], command["responses"], strict=True):
+        assert ours["channel"] == theirs["channel"]
+        assert ours["rms_error"] == pytest.approx(theirs["rms_error"], rel=1e-6), ours["channel"]
+    assert [(c["check"], c["passed"]) for c in flown.document["checks"]] == [
+        (c["check"], c["passed"]) for c in command["checks"]
+    ]

@@ -257,6 +257,7 @@ COMMANDS: Final[dict[str, Command]] = {
 #: watches that.
 READS: Final[dict[str, tuple[str, ...]]] = {
     "status": (),
+    "schema": (),
     "vehicle list": (),
     "vehicle show": (NAME,),
     "log inspect": ("{files}/flight1.csv",),

@@ -45,7 +45,7 @@ def test_import_waits_for_nothing_and_the_module_is_the_command() -> None:
     said = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
-    assert said[1:] == ["False", "trace"]
+    assert said[1:] == ["False", "validate"]
     module = subprocess.run(
         [sys.executable, "-m", "aerodb", "--version"], cwd=ROOT, capture_output=True, text=True
     )
