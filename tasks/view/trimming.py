@@ -92,7 +92,7 @@ class _Flown:
         if self.ground is None:
             return found
         note = (
-            f"ground taken {self.condition.altitude - self.ground:.3g} m below, outside ground"
+            f"ground taken {self.condition.altitude - self.ground:.4g} m below, outside ground"
             " effect; --set ground_altitude=0 puts it at sea level"
         )
         return replace(found, notes=(*found.notes, note))

@@ -270,7 +270,8 @@ def test_a_described_manoeuvre_is_flown_from_trim(phoenix, tmp_path):
     document = json.loads(done.stdout)
     assert document["responses"]["q"][0] == 0.0
     assert 0.01 < document["responses"]["q"][2] < 0.1
-    assert document["notes"] == []
+    (note,) = document["notes"]
+    assert "outside ground effect" in note  # where the ground lies was not said
     loose = json.loads(
         fly_command(root, "candidate", "--manoeuvre", str(file), "--no-stabilise").stdout
     )
