@@ -36,6 +36,7 @@ from aerodb.report.style import (
     visible,
 )
 from aerodb.support import Array
+from aerodb.units import SI, UnitSystem
 
 #: Colours of lines, in order: Okabe & Ito's that are dark enough on white.
 _COLOURS: Final = (FLIGHT, UPDATED, DATABASE, "#009E73", "#CC79A7", "#56B4E9", MEASURED)
@@ -73,16 +74,16 @@ class LogStory:
     start_utc: datetime | None
 
 
-def log_report(stories: Sequence[LogStory]) -> str:
-    """Render logs as one HTML page: a panel for each of their common panels, in display units
-    (`for_people`: degrees for radians); it fetches nothing.
+def log_report(stories: Sequence[LogStory], units: UnitSystem = SI) -> str:
+    """Render logs as one HTML page: a panel for each of their common panels, in the units of a
+    system, angles in degrees (`UnitSystem`); it fetches nothing.
 
     Raises InputError for more than `MOST_LOGS` logs, and for a panel of more than two units.
     """
     if len(stories) > MOST_LOGS:
         raise InputError(f"{len(stories)} logs", "log show", f"give at most {MOST_LOGS} at once")
     panels = [
-        _Panel.of([(story.name, story.panels[k]) for story in stories])
+        _Panel.of([(story.name, story.panels[k]) for story in stories], units)
         for k in range(len(stories[0].panels))
     ]
     right = _SECOND if any(len(panel.units) > 1 for panel in panels) else _RIGHT
@@ -90,7 +91,7 @@ def log_report(stories: Sequence[LogStory]) -> str:
     limits = (float(np.min(ends)), float(np.max(ends))) if ends else (0.0, 1.0)
     if limits[1] <= limits[0]:
         limits = (limits[0], limits[0] + 1.0)
-    track = _track(stories)
+    track = _track(stories, units)
     code = script()
     return render(
         "log.html",
@@ -143,7 +144,7 @@ class _Panel:
     lines: tuple[_Line, ...]
 
     @classmethod
-    def of(cls, logs: Sequence[tuple[str, Sequence[Signal]]]) -> "_Panel":
+    def of(cls, logs: Sequence[tuple[str, Sequence[Signal]]], system: UnitSystem) -> "_Panel":
         lines, units = [], dict[str, None]()
         several = len(logs) > 1
         every = [signal for _, signals in logs for signal in signals]
@@ -151,7 +152,7 @@ class _Panel:
         of = f"{topics.pop()}:" if len(topics) == 1 and len(logs[0][1]) > 1 else ""
         for k, (log, signals) in enumerate(logs):
             for j, signal in enumerate(signals):
-                factor, unit = for_people(signal.unit) if signal.unit else (1.0, "")
+                factor, unit = for_people(signal.unit, system) if signal.unit else (1.0, "")
                 units[unit] = None
                 short = signal.name.removeprefix(of)
                 label = f"{log}: {short}" if several and len(signals) > 1 else short
@@ -230,22 +231,23 @@ def _digits(value: float) -> float | None:
     return float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None
 
 
-def _track(stories: Sequence[LogStory]) -> Picture | None:
-    """The ground tracks, north over east [m], a dot where each begins."""
+def _track(stories: Sequence[LogStory], units: UnitSystem) -> Picture | None:
+    """The ground tracks, north over east, a dot where each begins."""
     if all(story.track is None for story in stories):
         return None
     figure = Figure(figsize=(_SIZE[0], 4.2), layout="constrained")
     panel = figure.subplots()
+    factor, unit = for_people("m", units)
     for story, colour in zip(stories, _COLOURS, strict=False):
         if story.track is None:
             continue
-        _, north, east = story.track
+        north, east = factor * story.track[1:]
         panel.plot(east, north, color=colour, lw=0.9, label=in_figure(story.name))
         panel.plot(east[:1], north[:1], "o", color=colour, ms=5)
     plain_panel(panel)
     panel.set_aspect("equal", adjustable="datalim")
-    panel.set_xlabel("east [m]")
-    panel.set_ylabel("north [m]")
+    panel.set_xlabel(f"east [{unit}]")
+    panel.set_ylabel(f"north [{unit}]")
     if len(stories) > 1:
         panel.legend(fontsize=SMALLEST, frameon=False)
     return picture(figure, "Path over the ground, north over east.", "Dot: first sample.")

@@ -94,7 +94,7 @@ def show(
 
     session: Session = context.obj
     target = output or Path(f"{logs[0].stem}-log.html")
-    page = logs_page(logs, session.root, mapping, signal or (), formula or ())
+    page = logs_page(logs, session.root, mapping, signal or (), formula or (), units=session.units)
     data = page.html.encode("utf-8", "replace")
     inside = Workspace.open(session.root, create=False) if session.root.is_dir() else None
     written = write_for_user(inside, target, data)

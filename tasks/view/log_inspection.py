@@ -39,6 +39,7 @@ from aerodb.tasks.view.channels import FIRST, PANELS
 from aerodb.tasks.view.flight_documents import damage_document
 from aerodb.tasks.view.log_documents import recording_document
 from aerodb.tasks.workers import Parsed, parsed_log, start_workers
+from aerodb.units import SI, UnitSystem
 
 #: Largest number of suspicions, and of kinds of manoeuvres, that are named in words.
 _FEW: Final = 2
@@ -191,6 +192,7 @@ def logs_page(
     signals: Sequence[str] = (),
     formulas: Sequence[str] = (),
     names: Sequence[str] = (),
+    units: UnitSystem = SI,
 ) -> LogsPage:
     """Return the page of logs, without a vehicle (`aerodb.report.log_report`); nothing is stored.
 
@@ -200,7 +202,7 @@ def logs_page(
     signals : a panel each; signals of one panel with commas between them. Where none is named: what
         the first log offers, and each formula.
     formulas : as `aerodb.logs.parse_formula` takes them; times are in [s].
-    names : of the logs on the page; empty: those of the files.
+    names : of the logs on the page; empty: those of the files. units : of the plots.
 
     Raises InputError for a log that cannot be read, and UnknownNameError for a name that one lacks.
     """
@@ -227,7 +229,10 @@ def logs_page(
     )
     contents = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts if n)
     return LogsPage(
-        log_report(stories), tuple(documents), tuple(map(tuple, panels)), contents or "no plot"
+        log_report(stories, units),
+        tuple(documents),
+        tuple(map(tuple, panels)),
+        contents or "no plot",
     )
 
 

@@ -81,6 +81,11 @@ def test_signals_share_panels_and_logs_share_axes(logs: list[Path], tmp_path: Pa
     ]
     assert {line["unit"] for line in second} == {"m/s", "deg"}
     assert {line["unit"] for line in first} == {"deg", "deg/s"}
+    si = second[0]["values"][0]
+    asked(tmp_path / "none", "log", "show", *map(str, logs), *given, "--units", "aero")
+    knots = samples_of(page)["panels"][1][0]
+    assert knots["unit"] == "kt"
+    assert knots["values"][0] == pytest.approx(si * 3600 / 1852, rel=1e-6)
     assert samples_of(page)["limits"][1] == pytest.approx(22.0, abs=0.1)
 
 
