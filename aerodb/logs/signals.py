@@ -93,8 +93,9 @@ class Signals:
         self._recording, self._flight, self._units = recording, flight, units
         self._formulas = {each.name: each for each in formulas}
         self._known: dict[str, Signal] = {}
-        first = [t.time[0] for t in recording.topics.values() if len(t.time)]
-        self.start = float(flight.time[0] if flight else min(first, default=0.0))
+        first = (float(t.time[0]) for t in recording.topics.values() if len(t.time))
+        begun = min(filter(np.isfinite, first), default=0.0)
+        self.start = float(flight.time[0]) if flight is not None else begun
 
     def __getitem__(self, name: str) -> Signal:
         """Return the signal of a name; UnknownNameError with the nearest, InputError for a formula

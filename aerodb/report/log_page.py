@@ -61,6 +61,7 @@ class LogStory:
     panels : its signals, by panel; times count from its first sample. track : time [s], north and
     east [m] (3, n). lines : label and text of what can be learnt from it. said : parameters and
     messages, as ``/api/flights/F/log`` gives them. start : [s] of the first sample on its clock.
+    timed : false for a table whose time nothing names; its samples are counted instead.
     """
 
     name: str
@@ -72,6 +73,7 @@ class LogStory:
     said: Mapping[str, Any]
     start: float
     start_utc: datetime | None
+    timed: bool = True
 
 
 def log_report(stories: Sequence[LogStory], units: UnitSystem = SI) -> str:
@@ -92,15 +94,16 @@ def log_report(stories: Sequence[LogStory], units: UnitSystem = SI) -> str:
     if limits[1] <= limits[0]:
         limits = (limits[0], limits[0] + 1.0)
     track = _track(stories, units)
-    code = script()
+    code, timed = script(), all(story.timed for story in stories)
     return render(
         "log.html",
         title=", ".join(story.name for story in stories),
         stories=stories,
-        panels=[(panel, panel.drawn(limits, right)) for panel in panels],
+        panels=[(panel, panel.drawn(limits, right, timed)) for panel in panels],
         track=track,
         data={
             "limits": limits,
+            "unit": "s" if timed else "samples",
             "left": _LEFT / _SIZE[0],
             "right": 1.0 - right / _SIZE[0],
             "panels": [panel.data for panel in panels],
@@ -192,8 +195,9 @@ class _Panel:
             for line in self.lines
         ]
 
-    def drawn(self, limits: tuple[float, float], right: float) -> Picture:
-        """The panel as a picture, its time axis [s] between the same places on each."""
+    def drawn(self, limits: tuple[float, float], right: float, timed: bool) -> Picture:
+        """The panel as a picture, its axis of time [s], or of samples, between the same places on
+        each."""
         figure, panels = panel_grid(_SIZE, 1, 1, left=_LEFT, right=right, top=0.12, bottom=0.42)
         first = panels[0][0]
         second = first.twinx() if len(self.units) > 1 else None
@@ -203,7 +207,7 @@ class _Panel:
             panel.plot(line.time, line.values, **look)
         plain_panel(first)
         first.set_xlim(*limits)
-        first.set_xlabel("time [s]")
+        first.set_xlabel("time [s]" if timed else "sample [-]")
         first.set_ylabel(_axis_label(self, self.units[0]), fontsize=9)
         if second is not None:
             second.set_ylabel(_axis_label(self, self.units[1]), fontsize=9)

@@ -249,6 +249,7 @@ def _story(name: str, looked: InspectedLog, plotted: PlottedLog) -> LogStory:
         recording_document(looked.recording),
         plotted.start,
         looked.recording.start_utc,
+        mapped or document["format"] != "tabular",
     )
 
 

@@ -135,6 +135,15 @@ def test_a_table_that_no_mapping_fits_is_plotted_all_the_same(tmp_path: Path) ->
     ]
 
 
+def test_samples_of_a_table_without_a_known_time_are_counted(tmp_path: Path) -> None:
+    log = tmp_path / "bench.csv"
+    log.write_text("volts\n" + "".join(f"{k % 7}\n" for k in range(400)))
+    page = tmp_path / "page.html"
+    aerodb(tmp_path / "none", "log", "show", str(log), "--output", str(page))
+    assert samples_of(page)["unit"] == "samples"
+    assert "samples are counted" in page.read_text("utf-8")
+
+
 def test_nothing_of_a_log_becomes_markup(tmp_path: Path) -> None:
     log = tmp_path / "hostile.csv"
     flown = channels(1, 8.0, 50.0)
@@ -149,9 +158,11 @@ def test_nothing_of_a_log_becomes_markup(tmp_path: Path) -> None:
 
 
 def test_signals_without_a_flight_and_with_a_clock_that_jumps_back() -> None:
+    """A topic that begins without a stamp does not move the others."""
     stamps = np.array([10.0, 11.0, np.nan, 10.5, 12.0])
     topic = Topic("t", stamps, {"a": np.arange(5.0), "name": np.array(list("abcde"))}, {"a": "m"})
-    recording = Recording("log", "ulog", "0" * 64, 1, {"t": topic})
+    lost = Topic("lost", np.array([np.nan, 11.0]), {"b": np.zeros(2)})
+    recording = Recording("log", "ulog", "0" * 64, 1, {"lost": lost, "t": topic})
     signal = Signals(recording, None, {})["t:a"]
     assert signal.time.tolist() == [0.0, 0.5, 1.0, 2.0]
     assert signal.values.tolist() == [0.0, 3.0, 1.0, 4.0]

@@ -29,7 +29,7 @@
         const k = nearest(line.time, at);
         return `${line.label} ${shown(line.values[k])}${line.unit && line.unit !== "-" ? ` ${line.unit}` : ""}`;
       });
-      plot.querySelector("output").textContent = `${at.toFixed(2)} s: ${values.join(", ")}`;
+      plot.querySelector("output").textContent = `${at.toFixed(2)} ${data.unit}: ${values.join(", ")}`;
     });
   }
 
