@@ -6,6 +6,7 @@ what it is given: reading from stores and recording the verdict belong to its ca
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -480,6 +481,7 @@ def _signs(baseline: AeroDatabase, candidate: AeroDatabase) -> GateCheck:
     )
 
 
+@lru_cache(maxsize=4)
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:
     """Return a sentence per quantity on new sign changes of dC_lift/dalpha and dCm/dalpha [1/rad]
     outside the data, with their alphas [deg]; the gate refuses with it; empty where there are

@@ -1,12 +1,12 @@
 """Move names of versions: ``released`` through the gate, other names freely, each move logged."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from aerodb.conditioning import Suspicion
 from aerodb.errors import GateRefusal, InputError
-from aerodb.exchange import database_content_sha256, from_document
+from aerodb.exchange import database_content_sha256
 from aerodb.increments import (
     AT_LEAST,
     CONTRADICTIONS,
@@ -26,7 +26,13 @@ from aerodb.increments import (
     open_shapes,
 )
 from aerodb.remarks import CONTRADICTS, SUSPECTED
-from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
+from aerodb.storage.catalogue import (
+    FlightRow,
+    NameEvent,
+    VersionDocuments,
+    VersionRow,
+    standing_moves,
+)
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.suspicions import limits_flight
@@ -34,7 +40,7 @@ from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
-from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace, database_from
 
 
 def promote(
@@ -65,7 +71,10 @@ def promote(
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
         return _document(current, row, moved=False)
-    verdict = _gate(access, row, current, accept, run) if name == RELEASED else GateVerdict(())
+    used = _used(row, access) if name == RELEASED else []
+    verdict = (
+        _gate(access, row, used, current, accept, run) if name == RELEASED else GateVerdict(())
+    )
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     if accept:
@@ -79,7 +88,7 @@ def promote(
             row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
         )
     report = catalogue.version_documents(row.id).report
-    notes = [*notes_on_release(report), *_suspected(row, access)] if name == RELEASED else []
+    notes = [*notes_on_release(report), *_suspected(used, access)] if name == RELEASED else []
     return {
         **_document(event, row, moved=True),
         "checks": [check.name for check in verdict.checks],
@@ -108,8 +117,9 @@ def judge_version(
     row = catalogue.version_of_id(version)
     current = catalogue.named(row.vehicle, RELEASED)
     there = current is not None and current.version == row.id
+    used = _used(row, access)
     try:
-        verdict = GateVerdict(()) if there else _gate(access, row, current, accept, run, fly)
+        verdict = GateVerdict(()) if there else _gate(access, row, used, current, accept, run, fly)
     except GateRefusal as refusal:
         verdict = GateVerdict((GateCheck("it can be judged", refusal.reasons, "content"),))
     failed = [check for check in verdict.checks if not check.passed]
@@ -132,7 +142,7 @@ def judge_version(
         if all(len(check.acceptable) for check in failed)
         else None,
         "accepted": list(accept),
-        "notes": [*notes_on_release(report), *_suspected(row, access)],
+        "notes": [*notes_on_release(report), *_suspected(used, access)],
         "derivatives": report.get("derivatives") or [],
     }
 
@@ -176,6 +186,7 @@ def _check_words(name: str, reason: str) -> None:
 def _gate(
     access: WorkspaceAccess,
     row: VersionRow,
+    used: "Sequence[_Used]",
     released: NameEvent | None,
     accept: Sequence[str],
     run: str,
@@ -235,7 +246,7 @@ def _gate(
             judge_rivals(rivals, accept),
             judge_aliases(documents.report, accept),
             judge_shapes(documents.report, accept),
-            judge_contradictions(_contradictions(row, access), accept),
+            judge_contradictions(_contradictions(used, access), accept),
             *_enough_flights(row, access, gate),
             *_responses(row, access, gate, run, fly),
         )
@@ -287,35 +298,51 @@ def _enough_flights(
     return (GateCheck(name, tuple(shortfalls), "flights", tuple(measures)),)
 
 
-def _contradictions(row: VersionRow, access: WorkspaceAccess) -> list[str]:
+@dataclass(frozen=True)
+class _Used:
+    """A flight that a version used: its row, its role, and what it is suspected of."""
+
+    row: FlightRow
+    role: str
+    suspicions: tuple[Suspicion, ...]
+
+
+def _used(row: VersionRow, access: WorkspaceAccess) -> list[_Used]:
+    uses = access.catalogue.version_flights(row.id)
+    rows = access.catalogue.flights_by_id(use.flight for use in uses)
+    return [
+        _Used(rows[use.flight], use.role, stored_suspicions(access, rows[use.flight]))
+        for use in uses
+        if use.role != "excluded"
+    ]
+
+
+def _contradictions(used: Sequence[_Used], access: WorkspaceAccess) -> list[str]:
     """Return what the flights that identified or validated a version contradict: their vehicle, at
     ingest, or the released version, by the remarks of their verdicts."""
     found = []
-    for use in access.catalogue.version_flights(row.id):
-        if use.role not in ("identified", "held_out"):
+    for each in used:
+        if each.role not in ("identified", "held_out"):
             continue
-        flight = access.catalogue.flight(use.flight)
-        remarks = [s.remark for s in stored_suspicions(access, flight) if limits_flight(s)]
-        remarks += [remark for remark in flight.remarks if remark.kind == CONTRADICTS]
-        found += [f"{access.name_of(flight)}: {remark.sentence}" for remark in remarks]
+        remarks = [s.remark for s in each.suspicions if limits_flight(s)]
+        remarks += [remark for remark in each.row.remarks if remark.kind == CONTRADICTS]
+        found += [f"{access.name_of(each.row)}: {remark.sentence}" for remark in remarks]
     return found
 
 
-def _suspected(row: VersionRow, access: WorkspaceAccess) -> list[str]:
+def _suspected(used: Sequence[_Used], access: WorkspaceAccess) -> list[str]:
     """Return what the flights of a version are suspected of without being limited by it; one
     sentence for all flights of which the same is."""
     named: dict[str, list[str]] = {}
-    for use in access.catalogue.version_flights(row.id):
-        if use.role != "excluded":
-            flight = access.catalogue.flight(use.flight)
-            said = [s.sentence for s in stored_suspicions(access, flight) if not limits_flight(s)]
-            said += [
-                replace(remark, kind=CONTRADICTS).sentence
-                for remark in flight.remarks
-                if remark.kind == SUSPECTED
-            ]
-            for sentence in said:
-                named.setdefault(sentence, []).append(access.name_of(flight))
+    for each in used:
+        said = [s.sentence for s in each.suspicions if not limits_flight(s)]
+        said += [
+            replace(remark, kind=CONTRADICTS).sentence
+            for remark in each.row.remarks
+            if remark.kind == SUSPECTED
+        ]
+        for sentence in said:
+            named.setdefault(sentence, []).append(access.name_of(each.row))
     return [
         f"only suspected, of {flights[0] if len(flights) == 1 else f'{len(flights)} flights'}:"
         f" {sentence}"
@@ -376,7 +403,7 @@ def _responses(
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:
     try:
-        return from_document(json.loads(documents.content))
+        return database_from(documents.content)
     except (ValueError, RecursionError) as error:
         raise _refusal(row, (f"its stored content cannot be read: {error}",)) from error
 
