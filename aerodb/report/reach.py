@@ -5,29 +5,26 @@ A change that fades beyond the flown range bends a curve as a stall would; whoev
 told (docs/method/updates.md, section Envelope).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from aerodb.report.glossary import listed, with_true_signs
 from aerodb.report.numbers import display_unit
 from aerodb.tables import AeroDatabase, Increment, new_increments
+from aerodb.units import SI, UnitSystem
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The flown range of a variable, `low` to `high`, in its display unit (`display_unit`), and
-    below and above which the change has faded to nothing; `gone` is None where it is held
-    instead."""
+    """The flown range of a variable, `low` to `high`, in its display unit (empty without
+    dimension), and below and above which the change has faded to nothing; `gone` is None where it
+    is held instead."""
 
     variable: str
     low: float
     high: float
     gone: tuple[float, float] | None
-
-    @property
-    def unit(self) -> str:
-        """The display unit; empty without dimension."""
-        return display_unit(self.variable)[1] or ""
+    unit: str
 
     @property
     def brief(self) -> str:
@@ -39,24 +36,25 @@ class Reach:
 
     @property
     def sentence(self) -> str:
-        """The reach as a clause for a caption."""
+        """The reach as a clause, as terminals write it (`with_true_signs` for pages)."""
         where = f"{self.variable} < {self.low:.3g} or > {self.high:.3g} {self.unit}".rstrip()
         beyond = f"beyond the flown range ({where}) the change"
         if self.gone is None:
-            return with_true_signs(f"{beyond} is held at its value there")
+            return f"{beyond} is held at its value there"
         low, high = self.gone
-        ends = f"{low:.3g} and {high:.3g} {self.unit}".rstrip()
-        return with_true_signs(f"{beyond} fades to nothing at {ends}")
+        return f"{beyond} fades to nothing at {low:.3g} and {high:.3g} {self.unit}".rstrip()
 
 
-def reach_of(increments: Iterable[Increment], variable: str) -> Reach | None:
+def reach_of(
+    increments: Iterable[Increment], variable: str, units: UnitSystem = SI
+) -> Reach | None:
     """Return the range of a variable (SI) that the flights of any of the increments cover, and
     where the last of them has faded; None where none is limited by it."""
     acting = [each for each in increments if _limits(each, variable)]
     if not acting:
         return None
     intervals = [each.envelope[variable] for each in acting]
-    factor, _ = display_unit(variable)
+    factor, unit = display_unit(variable, units)
     gone = (
         factor * min(each.low - 2.0 * each.cell for each in intervals),
         factor * max(each.high + 2.0 * each.cell for each in intervals),
@@ -66,17 +64,23 @@ def reach_of(increments: Iterable[Increment], variable: str) -> Reach | None:
         factor * min(each.low for each in intervals),
         factor * max(each.high for each in intervals),
         gone if all(each.margins is None for each in acting) else None,
+        unit or "",
     )
 
 
-def beyond_words(increments: Sequence[Increment]) -> list[str]:
+def beyond_words(
+    increments: Sequence[Increment], among: Collection[str] = (), units: UnitSystem = SI
+) -> list[str]:
     """Return a sentence per reach (`Reach.sentence`, display units) of the variables that the
-    regressors of increments depend on, with the axes that share it; empty without increments."""
+    regressors of increments depend on, with the axes that share it; empty without increments.
+
+    among : only these variables, also where regressors do not depend on them; empty: all.
+    """
     axes: dict[str, list[str]] = {}
     for increment in increments:
         own = {name for regressor in increment.regressors for name in regressor.names}
-        for variable in sorted(own & increment.envelope.keys()):
-            reach = reach_of([i for i in increments if i.axis == increment.axis], variable)
+        for variable in sorted((set(among) or own) & increment.envelope.keys()):
+            reach = reach_of([i for i in increments if i.axis == increment.axis], variable, units)
             if reach is not None and increment.axis not in axes.setdefault(reach.sentence, []):
                 axes[reach.sentence].append(increment.axis)
     return [f"{listed(each)}: {sentence}." for sentence, each in axes.items()]

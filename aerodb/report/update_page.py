@@ -282,7 +282,7 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
         ],
     }
     if story.candidate is not None:
-        ends = " ".join(beyond_data(before, after))
+        ends = with_true_signs(" ".join(beyond_data(before, after)))
         shown["slices"] = [
             picture(
                 figure,

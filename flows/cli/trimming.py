@@ -207,7 +207,8 @@ def sweep(
 
     Example: aerodb version sweep released --speed 70 --altitude 1000 --variable V --from 40 --to 90
     """
-    from aerodb.tasks.view import sweep_document, sweep_value
+    from aerodb.report import beyond_words
+    from aerodb.tasks.view import database_of, sweep_document, sweep_value
 
     reach = (sweep_value(start, variable), sweep_value(end, variable))
     document = sweep_document(session.catalogue(), row, flight, variable, reach, steps, hold)
@@ -225,6 +226,9 @@ def sweep(
         session.table([heading, *axes], rows, tuple(range(1 + len(axes))))
         if document["outside_of"]:
             session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
+        increments = database_of(session.catalogue(), row).increments
+        for sentence in beyond_words(increments, [variable], session.units):
+            session.say(sentence)
         session.answer(document)
         return
     trimmed = [point for point in points if "channels" in point]

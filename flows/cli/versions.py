@@ -180,6 +180,7 @@ def show(
     """
     import numpy as np
 
+    from aerodb.report import beyond_words
     from aerodb.tasks.references import version_of
     from aerodb.tasks.view import database_of, version_details
 
@@ -218,6 +219,8 @@ def show(
             [[str(r), f"{v:.5g}", f"{e:.2g}"] for r, v, e in rows],
             (1, 2),
         )
+    for sentence in beyond_words(database.increments, units=session.units):
+        session.say(sentence)
     session.answer({**document, **folds})
 
 
@@ -292,8 +295,9 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
+    from aerodb.report import beyond_words
     from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import evaluate_at
+    from aerodb.tasks.view import database_of, evaluate_at
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -313,10 +317,14 @@ def evaluate(
         rows = [[*each, f"{document['extrapolated'][each[0]]:.6g}"] for each in rows]
     session.table(head, rows, numbers=(1, 2, 4))
     if document["outside_envelope"]:
+        outside = document["outside_envelope"]
         session.say(
-            f"outside the flown envelope: {', '.join(document['outside_envelope'])}. The version"
-            " holds and fades what flights added; slopes extrapolated are beside it for comparison"
+            f"outside the flown envelope: {', '.join(outside)}; slopes extrapolated stand beside it"
+            " for comparison"
         )
+        increments = database_of(catalogue, row).increments
+        for sentence in beyond_words(increments, outside, session.units):
+            session.say(sentence)
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
     for name, value in document["taken_as"].items():

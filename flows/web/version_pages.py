@@ -175,7 +175,9 @@ def version_page(
         rows=gate_rows(gate["checks"]),
         responses=responses,
         beyond=[] if parent is None else beyond_data(access.database(parent.id), database),
-        outside=beyond_words(database.increments),
+        outside=beyond_words(database.increments, evaluation["outside_envelope"])
+        if evaluation and evaluation["outside_envelope"]
+        else [],
         version=details,
         database=database,
         names=sorted(names),

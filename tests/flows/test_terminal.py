@@ -288,3 +288,22 @@ def test_what_nobody_can_accept_is_said_with_its_reason(
     assert list(refused.exception.reasons) == [
         reason for check in found["checks"] for reason in check["reasons"]
     ]
+
+
+def test_tables_of_coefficients_say_where_data_end(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.updated(tmp_path / "w")[0].root
+    told = "the change fades to nothing at"
+    for command in (
+        ("evaluate", "candidate", "--at", "alpha=40deg,V=25"),
+        ("show", "candidate"),
+    ):
+        _, lines = on_terminal(workspace, 100, "version", *command)
+        said = " ".join(" ".join(lines).split())
+        assert "beyond the flown range (alpha < " in said
+        assert told in said
+    _, inside = on_terminal(
+        workspace, 100, "version", "evaluate", "candidate", "--at", "alpha=5deg,V=25"
+    )
+    assert told not in " ".join(" ".join(inside).split())

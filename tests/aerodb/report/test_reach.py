@@ -29,7 +29,7 @@ def test_a_fade_is_told_with_where_data_end() -> None:
     added = increment()
     (sentence,) = beyond_words([added])
     assert sentence == (
-        "CZ: beyond the flown range (alpha < −2 or > 17 deg) the change fades to nothing at −6 and"
+        "CZ: beyond the flown range (alpha < -2 or > 17 deg) the change fades to nothing at -6 and"
         " 21 deg."
     )
     reach = reach_of([added], "alpha")
