@@ -5,6 +5,7 @@ import json
 import re
 import sys
 import threading
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -522,6 +523,32 @@ def test_a_page_becomes_a_pdf_and_fetches_nothing(
     output = tmp_path / "version.pdf"
     asked(made[0], "report", "version", "candidate", "--pdf", "--output", str(output))
     assert output.read_bytes().startswith(b"%PDF")
+
+
+def test_on_paper_a_version_is_short_and_no_page_is_empty(
+    made: tuple[Path, dict[str, Any]],
+) -> None:
+    """The recommendation is on the first page; every page has text of its own, and its footer."""
+    weasyprint = pytest.importorskip("weasyprint", exc_type=ImportError)
+    most = {("version", "candidate"): 4, ("version", "v0001"): 3, ("update", "candidate"): 12}
+    for (kind, about), count in most.items():
+        page = written(made[0], kind, about)
+        printed = weasyprint.HTML(string=page).render().pages
+        assert len(printed) <= count, (kind, len(printed))
+        words = [" ".join(_words(sheet._page_box)) for sheet in printed]
+        assert all(len(text) > 200 for text in words), (kind, [len(text) for text in words])
+        assert "SI units unless stated" in words[0]
+        if about == "candidate" and kind == "version":
+            assert "recommendation: " in words[0]
+            assert "the change fades to nothing at" in words[0]
+
+
+def _words(box: Any) -> Iterator[str]:
+    """Text of a laid-out page."""
+    if hasattr(box, "text"):
+        yield box.text
+    for child in getattr(box, "children", ()):
+        yield from _words(child)
 
 
 def test_without_the_extra_pdf_is_refused_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -288,6 +288,12 @@ def test_axes_that_stayed_bad_are_drawn_beside_those_with_findings(
     tree = checked(update_report(story(document, sides, flown, added=False)))
     (alt,) = [alt for alt in tree.xpath("//img/@alt") if alt.startswith("Coefficients")]
     assert "CX, CZ over time" in alt
+    near = [proof("CZ", 0.06, 0.06, noise_floor=0.001), proof("CX", 0.06, 0.06, noise_floor=0.06)]
+    other = loop([found(verdict="suspected")], [], near)
+    other["findings"][0] |= {"hypothesis": "alpha_slope@CZ", "axis": ["CZ"]}
+    tree = checked(update_report(story(other, sides, flown, added=False)))
+    told = tree.xpath("//figure[img[starts-with(@alt, 'Coefficients')]]/figcaption")[0]
+    assert "Not drawn: CX, unchanged and near the noise floor." in told.text_content()
 
 
 def test_all_that_stayed_bad_is_drawn_in_the_axes_in_which_it_is_told(flown: Flight) -> None:

@@ -17,10 +17,16 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from aerodb.conditioning.segmentation import Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.report.diff_figures import diff_figure
-from aerodb.report.flight_figures import channel_figure, coefficient_figure, shown_channels
+from aerodb.report.flight_figures import (
+    channel_figure,
+    coefficient_figure,
+    segment_figure,
+    shown_channels,
+)
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, in_figure, picture, visible
 from aerodb.report.update_figures import (
@@ -107,6 +113,23 @@ def test_every_axis_of_a_figure_has_its_unit(flown: Flight) -> None:
     )
     labels = {panel.get_xlabel() for panel in coefficient_figure(comparison, flown).axes} - {""}
     assert labels == {"time [s]", "alpha [deg]", "beta [deg]"}
+
+
+def test_the_figures_of_a_flight_have_one_time_axis(flown: Flight) -> None:
+    """From its first to its last sample, also where the usable samples end earlier."""
+    whole = (flown.time[0], flown.time[-1])
+    late = flown.with_flag("alpha", "gap", flown.time > 40.0)
+    comparison = synthetic.comparison(late, {"CZ": np.zeros(len(late.time))})
+    comparison.usable["CZ"][late.time > 40.0] = False
+    segments = [Segment("pull_up", 10.0, 12.0, "load factor")]
+    panels = [
+        *channel_figure(shown_channels(late), late, late).axes,
+        *coefficient_figure(comparison, late).axes[:2],
+        *segment_figure(segments, late).axes,
+    ]
+    shown = [panel.get_xlim() for panel in panels if panel.axison]
+    assert len(shown) > 5
+    assert shown == [pytest.approx(whole)] * len(shown)
 
 
 def test_a_correction_is_drawn_and_its_size_said(flown: Flight) -> None:
