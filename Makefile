@@ -43,6 +43,7 @@ lint: install
 	$(BIN)/vulture
 	$(BIN)/mypy
 	PYTHONPATH=. $(BIN)/lint-imports
+	$(BIN)/python -m tests.support.prose
 
 # The documentation site in dist/docs, with the notebooks as they run now; nothing of it is fetched from anywhere when it is read.
 docs: install $(DOCS)/.ready

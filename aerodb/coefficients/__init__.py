@@ -11,7 +11,7 @@ The way through:
    state models along the flight; `band_limited` limits whatever is compared with moments.
 
 3. `lacking_inputs` names what a database needs and flights lack, `with_held_inputs` holds it at
-   zero, and `input_uses` says what hangs on each `InputUse`.
+   zero, and `input_uses` says what each `InputUse` changes.
 
 A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
 (`thrust_share`, THRUST_REMEDY).

@@ -100,8 +100,8 @@ def choose_angular_accelerations(flight: Flight, bandwidth: float) -> ChosenAcce
         "logged",
         np.column_stack([each.value - b for each, b in zip(logged, bias, strict=True)]),
         sigma,
-        f"angular accelerations: the logged ones at a bandwidth of {bandwidth:g} Hz, which agree"
-        f" with the rates and have at most {less:.2g} times the noise of these differentiated;"
+        f"angular accelerations: the logged ones at a bandwidth of {bandwidth:g} Hz, with at most"
+        f" {less:.2g} times the noise of differentiated rates;"
         f" biases removed: {', '.join(f'{b:.2g}' for b in bias)} rad/s2",
     )
 

@@ -132,8 +132,8 @@ def compare(
             f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
         )
         remedy = (
-            f"{nearest(lacking[0], flight.channels)} What is proposed for each, and what hangs on"
-            " it: aerodb database inputs. To take the proposals: aerodb database import FILE"
+            f"{nearest(lacking[0], flight.channels)} What is proposed for each, and what it"
+            " changes: aerodb database inputs. To take the proposals: aerodb database import FILE"
             " --accept-proposals; or bind it there (--bind), or set it in the vehicle's"
             " [configuration]"
         )

@@ -77,7 +77,7 @@ class AxisResidual(NamedTuple):
 
 @dataclass(frozen=True)
 class InputUse:
-    """An input of a database that flights do not log as it is, and what hangs on it.
+    """An input of a database that flights do not log as it is, and its effect.
 
     name : of the input, or of the variable that holds it. source : what it is. description : that
     of the database, empty without one. channel : that is held, empty for another input. binding :
@@ -101,7 +101,7 @@ class InputUse:
         what = "from motion" if self.binding == "motion" else "held at zero"
         span = f"{self.range.low:.3g} to {self.range.high:.3g}, {self.range.origin}"
         if self.effects is None:
-            return f"{self.source} {what}: what hangs on it is computed along flights; none yet"
+            return f"{self.source} {what}; its effect is shown once flights are stored"
         if not self.effects:
             return f"{self.source} {what}: no coefficient depends on it ({span})"
         first = "zero instead would change" if self.binding == "motion" else "at most"

@@ -17,8 +17,8 @@ from aerodb.vehicle import Thrust, ThrustLine, Vehicle, cg_positions, mass_chann
 
 #: What a user does about a flight whose thrust is not known.
 THRUST_REMEDY: Final = (
-    "map the channel thrust (thrust_<engine> with [thrust.engines]), or state its value in"
-    " [configuration] of the vehicle file if it was constant (0 with the engine off)"
+    "map the channel thrust (thrust_<engine> with [thrust.engines]), or state a constant"
+    " value in [configuration] of the vehicle file (0 with the engine off)"
 )
 #: Part of the weight that an unknown thrust may be: that of level flight at a ratio of lift to drag
 #: of four, the least of aircraft that fly on their wings.

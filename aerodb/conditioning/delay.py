@@ -254,8 +254,8 @@ def _channel_delay(
     if delay.observable and delay.seconds < -standard_errors(HINT) * delay.standard_error:
         because = (
             f"it seems to lead the motion by {-1e3 * delay.seconds:.0f} +-"
-            f" {1e3 * delay.standard_error:.0f} ms, which no sensor does: look for its time stamps,"
-            " the clock of accelerations and rates, or the position of the sensor"
+            f" {1e3 * delay.standard_error:.0f} ms, which no sensor does: check its time stamps,"
+            " its position, and the clock of accelerations and rates"
         )
         return replace(delay, standard_error=float("inf"), observable=False, because=because)
     return delay

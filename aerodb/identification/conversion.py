@@ -188,8 +188,8 @@ def coefficient_derivatives(
             raise InputError(
                 f"{', '.join(dimensional.names)} do not determine {', '.join(names)}",
                 "conversion to coefficients",
-                "give the derivatives of both rows and variables that share a coefficient, such as"
-                " Lp with Np and Zu with Zw; those that the model lacks are 0",
+                "give both derivatives that share a coefficient, such as Lp with Np and Zu with"
+                " Zw; those that the model lacks are 0",
             )
         inverse = np.linalg.inv(matrix)
         constant = np.array([row.get("1", 0.0) for row in rows])

@@ -94,8 +94,8 @@ def compare_methods(
     plain = fits.get("output-error", ())
     if preferred and METHODS[preferred].disturbed and not all(fit.converged for fit in plain):
         reservations += (
-            "With reservation: without process noise the model does not follow the motion at all;"
-            " if the aircraft is stable, look for a wrong sign, unit or equation",
+            "With reservation: without process noise the model does not follow the motion at all."
+            " If the aircraft is stable, look for a wrong sign, unit or equation",
         )
     reasons += reservations
     apart = [each for each in parameters if not each.agree]
@@ -164,15 +164,14 @@ def reservations_of(
     if method and METHODS[method].kind == "dynamic" and (made := _of_estimators(fits, estimated)):
         found.append(
             f"With reservation: no sensor measured {' and '.join(made)}, and {method} takes the"
-            " errors of the estimator that made it for motion; regression on derived accelerations"
-            " is to be preferred"
+            " errors of its estimator for motion. Prefer regression on derived accelerations"
         )
     if method and METHODS[method].disturbed and (coloured := _coloured(fits)):
         rows = ", ".join(f"{name} ({value:.2f})" for name, value in coloured.items())
         found.append(
             f"With reservation: the innovations of {method} are not white (correlation from sample"
-            f" to sample of {rows}; of right models {FALSE_ALARMS:.0%} are called so): its"
-            " estimates may be biased, and its standard errors, which leave that out, are too small"
+            f" to sample of {rows}; {FALSE_ALARMS:.0%} of right models are called so). Its"
+            " estimates may be biased, and its standard errors are too small"
         )
     worst = _least_followed(fits)
     if worst is not None and worst[1] < _HALF_FOLLOWED:

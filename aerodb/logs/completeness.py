@@ -101,8 +101,8 @@ def airspeed_remedy(missing: Sequence[str]) -> list[str]:
     if not {"qbar", "V"} <= set(missing):
         return []
     return [
-        "airspeed comes from a pitot tube that is logged (airspeed_validated of PX4), or from a"
-        " field that you map (aerodb mapping init), not from the speed over the ground"
+        "airspeed comes from a logged pitot tube (airspeed_validated of PX4) or a field that you"
+        " map (aerodb mapping init), not from the ground speed"
     ]
 
 

@@ -70,9 +70,9 @@ class AxisModel:
         """Sentence for the report with both rms errors, dimensionless scalars
         (docs/method/tracing.md, section 27)."""
         return (
-            f"{self.axis}: many effects act at once; its increment model ({', '.join(self.terms)})"
-            " was estimated and added as a whole: on flights left out it has an error of"
-            f" {self.left_out:.2g}, the effects found one by one leave {self.singles:.2g}. The sum"
+            f"{self.axis}: many effects act at once. Its increment model ({', '.join(self.terms)})"
+            " was estimated and added as a whole. On flights left out its error is"
+            f" {self.left_out:.2g}; the effects found one by one leave {self.singles:.2g}. The sum"
             " of its terms is known better than each of them: see their verdicts and intervals."
         )
 
@@ -285,11 +285,10 @@ def _opposite(estimator: _Estimator, made: AxisModels) -> dict[str, str]:
 def _not_added(axis: str, why: str, singles: float, left_out: float) -> str:
     """The sentence about a model that cannot be right."""
     return (
-        f"{axis}: not corrected as a whole, although its increment model has an error of"
-        f" {left_out:.2g} on flights left out, and the effects found one by one leave"
-        f" {singles:.2g}: with it {why}. These flights do not confirm that: a sensor or the"
-        " vehicle's data may be wrong instead. Check the signs of the log's channels, and mass,"
-        " inertia and surfaces of the vehicle file."
+        f"{axis}: not corrected as a whole. On flights left out its increment model leaves"
+        f" {left_out:.2g}, the effects found one by one {singles:.2g}, but with it {why}. These"
+        " flights do not confirm that: a sensor or the vehicle's data may be wrong instead. Check"
+        " the signs of the log's channels, and mass, inertia and surfaces of the vehicle file."
     )
 
 
@@ -297,8 +296,8 @@ def _imitates(axis: str, singles: float, left_out: float, variables: Sequence[st
     """The sentence about a model that imitates another shape."""
     return (
         f"{axis}: not corrected as a whole. An effect of {', '.join(variables)} explains most of"
-        f" what the increment model of its terms does, which leaves {left_out:.2g} of"
-        f" {singles:.2g} on flights left out: they would imitate it."
+        f" what its increment model does, whose terms would imitate it. On flights left out the"
+        f" model leaves {left_out:.2g} of {singles:.2g}."
     )
 
 

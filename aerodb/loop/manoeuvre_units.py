@@ -119,14 +119,10 @@ def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings])
     findings = [finding for suspected in parts for finding in suspected.findings]
     short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in included)
     by_window = any(unit.window is not None for unit in included)
-    what = (
-        "manoeuvres voted, not flights"
-        if by_window
-        else "these flights voted beside the linear set"
-    )
+    what = "single manoeuvres" if by_window else "these flights"
     note = (
-        f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at"
-        " most."
+        f"Too few flights for an error rate. Effects that {what} show are suspected at most"
+        f" ({short})."
     )
     found_ids = {finding.hypothesis for finding in findings}
     return replace(

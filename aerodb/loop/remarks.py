@@ -62,9 +62,8 @@ def on_without_gain(ids: Collection[str]) -> tuple[str, ...]:
         return ()
     return (
         (
-            f"Not added although found: {', '.join(sorted(ids))}; with it the error of flights that"
-            " did not identify falls by less than 1 %, or by less than is left without a name on"
-            " its axis."
+            f"Not added although found: {', '.join(sorted(ids))}. With it the error of other"
+            " flights falls by less than 1 %, or by less than the error without a name on its axis."
         ),
     )
 

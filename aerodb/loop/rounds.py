@@ -318,8 +318,8 @@ def _only_with_gain(
 ) -> tuple[Finding, ...]:
     """Downgrade confirmed findings whose addition lowered no error of other flights."""
     because = (
-        "its addition lowers the error of flights that did not identify by less than 1 %, or by"
-        " less than is left without a name on its axis"
+        "its addition lowers the error of other flights by less than 1 %, or by less than the"
+        " error without a name on its axis"
     )
     return tuple(
         only_suspected(each, because)

@@ -63,7 +63,7 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
             forest_figure(finding, labels),
             f"Estimates of {finding['parameter']} from {len(finding['votes'])} flights with 95 %"
             " intervals, and the combined estimate.",
-            "Dots: the estimate of each flight (its vote) with its 95 % interval. Diamond and band:"
+            "Dots: the estimate of each flight with its 95 % interval. Diamond and band:"
             " combined estimate with its 95 % interval, random and systematic errors included.",
         )
     ci95 = finding["ci95"]

@@ -136,7 +136,7 @@ def rival_remarks(rivals: Sequence[SensorRival]) -> list[Remark]:
             REFUSED,
             (rival.hypothesis,),
             {axis: (share, "1") for axis, share in rival.shares.items()},
-            f"{rival.hypothesis} is a rival of what was declared: {rival.because}. Its effect is "
+            f"{rival.hypothesis} may be in what was declared: {rival.because}. Its effect is "
             + ", ".join(
                 f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items()
             )
@@ -186,9 +186,9 @@ def _without_a_name(
         if error > _FAR_ABOVE_FLOOR * entry.noise_floor > 0.0:
             remarks.append(
                 f"{entry.axis} stays at {error / entry.noise_floor:.0f} times its noise floor, each"
-                " flight's constant apart, and nothing in these flights names the reason: more"
-                " flights at other Mach numbers, dynamic pressures and loadings may, or the"
-                " sensors are noisier than declared."
+                " flight's constant apart. Nothing in these flights names the reason. More flights"
+                " at other Mach numbers, dynamic pressures and loadings may. Or the sensors are"
+                " noisier than declared."
             )
     return remarks
 

@@ -111,9 +111,9 @@ def _sound(at: dict[str, float]) -> list[Suspicion]:
         if (1.0 - AIR_DATA) * slowest <= speed <= (1.0 + AIR_DATA) * fastest:
             return []
         words = (
-            f"V is {at['V']:.4g} m/s at Mach {at['mach']:.4g}, a speed of sound of {speed:.4g} m/s,"
-            f" and no air has less than {slowest:.3g} or more than {fastest:.3g} m/s: one of the"
-            " two is wrong, or in another unit"
+            f"V is {at['V']:.4g} m/s at Mach {at['mach']:.4g}, a speed of sound of {speed:.4g} m/s"
+            f" (air: {slowest:.3g} to {fastest:.3g} m/s): one of the two is wrong, or in another"
+            " unit"
         )
         return [Suspicion("V", "unit", words, {"speed_of_sound": speed})]
     expected = at["mach"] * float(speed_of_sound(np.asarray(at["temperature"])))

@@ -90,9 +90,9 @@ def _damping(fit: Regression, vehicle: Vehicle) -> list[Suspicion]:
     if fit.vif[k] > INFLATION or high <= damping <= low:
         return []
     words = (
-        f"the damping in roll is {damping:.3g} +- {error:.2g} per p b / 2V, and a wing of this"
-        f" aspect ratio ({ratio:.3g}) has about {expected:.2g}: Ixx, span, area or airspeed is"
-        " wrong, or the log is another aircraft's"
+        f"the damping in roll is {damping:.3g} +- {error:.2g} per p b / 2V (wing of aspect ratio"
+        f" {ratio:.3g}: {expected:.2g}). Ixx, span, area or airspeed is wrong, or the log is"
+        " another aircraft's"
     )
     return [Suspicion("Ixx", "size", words, {"damping": damping, "expected": expected})]
 
@@ -163,8 +163,8 @@ def _standing(
     if fit.r_squared > WELL_EXPLAINED:
         words = (
             f"{still[0]} never changes while other surfaces do and the aircraft turns about the"
-            f" {axis.role} axis: it stood still or was not recorded, and the flight does not tell"
-            " its effect, sign or delay"
+            f" {axis.role} axis: it stood still or was not recorded. Its effect, sign and delay"
+            " stay unknown"
         )
         return [Suspicion(still[0], UNMOVED, words, evidence)]
     words = (

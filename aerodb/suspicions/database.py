@@ -242,9 +242,9 @@ def _standing(
             continue
         name = whole_surface(own[0], flight)
         words = (
-            f"{name} never changes while other surfaces do, and the database without it explains"
-            f" nothing of {axis} ({100 * explained:.0f} % with derivatives of any size): it was"
-            " not recorded"
+            f"{name} was not recorded: it never changes while other surfaces do. The database"
+            f" without it explains nothing of {axis} ({100 * explained:.0f} % with derivatives of"
+            " any size)"
         )
         evidence = {"explained": explained, "agreement": agreement}
         return [Suspicion(name, "stuck", words, evidence)]
@@ -284,10 +284,9 @@ def _shared_factor(
     elif abs(np.log(factor / _SLUG_FOOT)) < 0.08:
         unit = " (kg m^2 taken for slug ft^2)"
     words = (
-        f"all moments are {factor:.3g} times what the database has ({len(told)} derivatives about"
-        f" {', '.join(dict.fromkeys(share.axis for share in told))}): Ixx, Iyy and Izz are too"
-        f" {'small' if factor < 1.0 else 'large'} by that factor{unit}, or area, lengths or qbar"
-        " are wrong"
+        f"all moments are {factor:.3g} times the database's ({len(told)} derivatives about"
+        f" {', '.join(dict.fromkeys(share.axis for share in told))}). Ixx, Iyy and Izz are too"
+        f" {'small' if factor < 1.0 else 'large'}{unit}, or area, lengths or qbar are wrong"
     )
     return [Suspicion("Ixx", "size", words, {"factor": factor, "derivatives": float(len(told))})]
 

@@ -54,8 +54,8 @@ def drag_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     if not drag < -margin:
         return ()
     words = (
-        f"without the thrust ({middle(thrust, where):.3g} N per kg of mass) the air would push the"
-        f" aircraft forward by {-drag:.3g} N per kg, and drag holds it back: the sign, the unit or"
-        " the direction of the thrust is wrong, or the mass"
+        f"without the thrust of {middle(thrust, where):.3g} N per kg the air would push the"
+        f" aircraft forward by {-drag:.3g} N per kg. Sign, unit or direction of the thrust is"
+        " wrong, or the mass"
     )
     return (Suspicion("thrust", "sign", words, {"drag": drag, "margin": margin}),)

@@ -51,8 +51,8 @@ def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     if not LEAST <= abs(level) <= MOST:
         words = (
             f"mass {np.median(known['mass']):.4g} kg, area {size.area:.4g} m^2 and qbar"
-            f" {np.median(flight['qbar'][where]):.4g} Pa need a lift coefficient of {level:.3g},"
-            f" which should be {LEAST:g} to {MOST:g}: mass, area, density or airspeed is wrong, or"
+            f" {np.median(flight['qbar'][where]):.4g} Pa need a lift coefficient of {level:.3g}"
+            f" ({LEAST:g} to {MOST:g} is possible). Mass, area, density or airspeed is wrong, or"
             " the log is another aircraft's"
         )
         return (Suspicion("mass", "size", words, {"lift_coefficient": level}),)
@@ -89,9 +89,9 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
     if low <= slope <= high:
         return ()
     words = (
-        f"the normal force grows by {slope:.3g} +- {error:.2g} per rad of alpha, and a wing of this"
-        f" aspect ratio ({ratio:.3g}) has about {expected:.3g}: mass, area, density, airspeed or"
-        " the scale of alpha is wrong, or the log is another aircraft's"
+        f"the normal force grows by {slope:.3g} +- {error:.2g} per rad of alpha (wing of aspect"
+        f" ratio {ratio:.3g}: {expected:.3g}). Mass, area, density, airspeed or the scale of alpha"
+        " is wrong, or the log is another aircraft's"
     )
     return (Suspicion("mass", "size", words, {"slope": slope, "expected": expected}),)
 

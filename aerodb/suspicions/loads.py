@@ -117,9 +117,8 @@ def thrust_beside(
     else:
         cause = f"the thrust is {factor:.3g} times what is logged"
     words = (
-        f"without the logged thrust the drag coefficient is {here:.3g} in the median of the flight,"
-        f" and the database has {there:.3g}: {cause}, or the database has gear, flaps or brakes out"
-        " that were not"
+        f"without the logged thrust the drag coefficient is {here:.3g} (median), and the database"
+        f" has {there:.3g}: {cause}, or the database has gear, flaps or brakes out"
     )
     evidence = {"measured": here, "predicted": there, "thrust": thrust}
     return [Suspicion("thrust", "size", words, evidence)]
@@ -166,11 +165,11 @@ def mass_beside(
         return []
     factor = float(np.exp(middle))
     words = (
-        f"all forces are {factor:.3g} times what the database has (level of the normal force"
-        f" {here / there:.3g}, its change {normal.value:.3g} +- {normal.error:.2g}, side force"
-        f" {side.value:.3g} +- {side.error:.2g}), and the moments are not: a mass"
+        f"all forces are {factor:.3g} times the database's, the moments are not: a mass"
         f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} would"
-        " look like this"
+        f" look like this. Level of the normal force {here / there:.3g}, its change"
+        f" {normal.value:.3g} +- {normal.error:.2g}, side force {side.value:.3g} +-"
+        f" {side.error:.2g}"
     )
     evidence = {"factor": factor, "level": here / there, "normal": normal.value, "side": side.value}
     return [Suspicion("mass", POSSIBLE, words, evidence)]
@@ -200,10 +199,10 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
     ):
         return []
     words = (
-        f"pitching and yawing moment differ from the database in proportion to normal and side"
-        f" force: a CG assumed {abs(shift):.3g} m ({abs(shift) / reference.chord:.2g} chords) too"
-        f" far {'forward' if shift > 0.0 else 'aft'} would look like this ({here:.3g} +-"
-        f" {error:.2g} m by Cm, {there:.3g} +- {other:.2g} m by Cn)"
+        "Cm and Cn differ from the database in proportion to normal and side force. A CG assumed"
+        f" {abs(shift):.3g} m ({abs(shift) / reference.chord:.2g} chords) too far"
+        f" {'forward' if shift > 0.0 else 'aft'} would look like this: {here:.3g} +- {error:.2g} m"
+        f" by Cm, {there:.3g} +- {other:.2g} m by Cn"
     )
     return [Suspicion("cg_x", POSSIBLE, words, {"shift": shift, "pitch": here, "yaw": there})]
 

@@ -75,7 +75,7 @@ def _geometry(size: Reference) -> list[Suspicion]:
         return []
     words = (
         f"the reference area is {size.area:.4g} m^2, {ratio:.3g} times span ({size.span:.4g} m)"
-        f" times chord ({size.chord:.4g} m), and should be {AREA[0]:g} to {AREA[1]:g} times: one of"
+        f" times chord ({size.chord:.4g} m; possible: {AREA[0]:g} to {AREA[1]:g}). One of"
         " [reference] is wrong (a half span, another unit)"
     )
     return [Suspicion("area", "size", words, {"ratio": ratio})]
@@ -123,7 +123,7 @@ def _radii(at: Mapping[str, float], size: Reference) -> list[Suspicion]:
             words = (
                 f"{name} {at[name]:.4g} kg m^2 and mass {at['mass']:.4g} kg are a radius of"
                 f" gyration of {radius:.3g} m, {radius / length:.3g} times the {of}"
-                f" ({length:.4g} m), and should be {low:g} to {high:g} times: a unit is another"
+                f" ({length:.4g} m; possible: {low:g} to {high:g}): a unit is another"
             )
             listed.append(Suspicion(name, "size", words, {"radius": radius, "length": length}))
     if len(listed) == 3:  # what they share

@@ -96,8 +96,8 @@ def start_suspicions(start: datetime | None, read: datetime) -> tuple[Suspicion,
     days = (start - read) / timedelta(days=1)
     sentence = (
         f"the log says that it starts at {start.astimezone(UTC):%Y-%m-%d %H:%M} UTC,"
-        f" {days:.3g} days after it was read: its clock was set wrong; times within the flight are"
-        " not affected, its date is"
+        f" {days:.3g} days after it was read: its clock was set wrong. Its date is not known, times"
+        " within the flight are"
     )
     return (Suspicion("start_utc", "future", sentence, {"days": days}),)
 

@@ -107,8 +107,8 @@ def _unlike(axis: EquationError, right: str, left: str, mirror: float) -> Suspic
         return None
     words = (
         f"{weak} gives {effects[weak][0]:.3g} +- {other:.2g} per rad about the {axis.role} axis,"
-        f" and {strong}, its mirror image, {large:.3g} +- {error:.2g}: one of them was not"
-        " recorded, is another surface's channel, or is in another unit"
+        f" its mirror image {strong} {large:.3g} +- {error:.2g}. One was not recorded, is in"
+        " another unit, or is another surface's channel"
     )
     return Suspicion(weak, "unit", words, {"ratio": small / abs(large), "caused": caused})
 

@@ -63,7 +63,7 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         return ()
     words = (
         f"alpha changes by {ratio:.3g} +- {error:.2g} times what rates and accelerations make it"
-        f" change: the upwash of the vane in the vehicle file ([air_data] upwash) is missing or"
-        " inverted, or its scale is another"
+        " change. [air_data] upwash of the vehicle file is missing or inverted, or the vane's"
+        " scale is another"
     )
     return (Suspicion("alpha", "size", words, {"ratio": ratio, "standard_error": error}),)

@@ -112,7 +112,7 @@ def inputs(
     version: Annotated[str, typer.Argument(help="The version.")] = "released",
     vehicle: Vehicle = None,
 ) -> None:
-    """Say what a version needs, what no flight has, what is proposed for it, and what hangs on it.
+    """Say what a version needs, what no flight has, what is proposed for it, and what it changes.
 
     Example: aerodb database inputs released --vehicle twin-otter
     """

@@ -46,7 +46,7 @@ def expand(
         list[str] | None,
         typer.Option(
             help="AXIS:TERM=SIZE: one-sigma change of a derivative per rad of alpha beyond the"
-            " edge, such as Cm:delta_elevator=8; without, the version's standard errors alone."
+            " edge, such as Cm:delta_elevator=8. Without it: the version's standard errors alone."
         ),
     ] = None,
     sigmas: Annotated[float, typer.Option(help="Standard errors at which margins hold.")] = 2.0,

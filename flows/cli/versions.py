@@ -232,7 +232,7 @@ def history(
     everything: All = False,
     name: OneName = None,
 ) -> None:
-    """Show moves of names, tags and comments: when, what, by whom, why. The newest 50 moves; more
+    """Show releases, rollbacks, tags and comments: when, what, by whom, why. The newest 50; more
     with --limit or --all.
 
     Example: aerodb version history --name released

@@ -350,7 +350,7 @@ def history_page(
     )
 
 
-@router.get("/api/history", summary="Moves of names", responses=answers(list[models.Move]))
+@router.get("/api/history", summary="Releases and rollbacks", responses=answers(list[models.Move]))
 def history(
     request: Request,
     vehicle: Vehicle = None,

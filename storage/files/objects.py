@@ -48,9 +48,9 @@ _PASSING: Final = re.compile(
 _REFUSED: Final = re.compile(r"ACCESS|SIGNATURE|TOKEN|CLIENT|EXPIRED|OPT_IN")
 #: The library reports the same error for missing permissions and for archived objects.
 _WHO: Final = (
-    "check $AWS_ACCESS_KEY_ID, $AWS_SECRET_ACCESS_KEY and their permissions, and that the object is"
-    " not archived (class GLACIER, for example: restore it, and exclude this prefix from the"
-    " archiving rules of the bucket), then run again"
+    "check $AWS_ACCESS_KEY_ID, $AWS_SECRET_ACCESS_KEY and their permissions. Restore an archived"
+    " object (class GLACIER, for example), and exclude this prefix from the bucket's archiving"
+    " rules. Then run again"
 )
 _WHERE: Final = (
     f"create the bucket, or correct [store] url in {FILE}, $AWS_ENDPOINT_URL or $AWS_REGION"

@@ -46,7 +46,7 @@ def test_lacking_inputs_are_named_proposed_and_taken_by_one_flag(glider):
     workspace, importing = glider
     first = asked(workspace, *importing)
     assert first["lacking"] == ["fcs_brake_norm"]  # no flight yet: what no log can hold
-    assert "none yet" in uses(first)["fcs_brake_norm"]["sentence"]
+    assert "once flights are stored" in uses(first)["fcs_brake_norm"]["sentence"]
     (flight, _) = ingested(workspace)
     assert "aerodb database inputs" in flight["comparison"]["reason"]
 

@@ -355,9 +355,8 @@ def air_remarks(found: FlightReconstruction, applied: Collection[str]) -> tuple[
             degrees = [f"{np.rad2deg(each):.2g}" for each in (value, error, calm)]
             said.append(
                 f"{name} {degrees[0]} +- {degrees[1]} deg is not applied: it may be air that rises"
-                f" or sinks, by {result.air_sigma:.2g} m/s as the residuals say (in still air:"
-                f" +- {degrees[2]} deg); several flights of this vane tell them apart"
-                " (aerodb recalibrate)"
+                f" or sinks by {result.air_sigma:.2g} m/s (in still air: +- {degrees[2]} deg)."
+                " Several flights of this vane tell them apart (aerodb recalibrate)"
             )
     return tuple(said)
 

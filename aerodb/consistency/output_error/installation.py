@@ -68,8 +68,8 @@ class VanePosition:
         metres = f"{abs(self.ahead):.{digits}f} +- {self.standard_error:.{digits}f} m"
         return (
             f"the vane seems to be {metres} {side} where"
-            " the vehicle file says: state its position in [points] air_data (without it, the vane"
-            f" is taken to be at the CG){instead if looked else ''}"
+            " the vehicle file says: state its position in [points] air_data (default: the CG)"
+            f"{instead if looked else ''}"
         )
 
 
@@ -246,8 +246,8 @@ def lead_sentences(found: Sequence[Lead]) -> tuple[str, ...]:
     if len(evident) > 1:
         each = ", ".join(f"{_channel(lead)} by {_size(lead)}" for lead in evident)
         return (
-            f"several channels seem to lead the motion ({each}), which no sensor does: look for a"
-            " delay of accelerations and rates, or their clock; no such delay is applied",
+            f"several channels seem to lead the motion ({each}), which no sensor does: check the"
+            " delay and the clock of accelerations and rates; none is applied",
         )
     return tuple(
         f"{_channel(lead)} seems to lead the motion by {_size(lead)}, which no sensor does: look"

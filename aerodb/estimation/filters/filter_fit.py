@@ -70,7 +70,7 @@ def fit_of(
     if rows:
         notes.append(
             f"The innovations of {', '.join(rows)} are correlated from sample to sample:"
-            " disturbance or noise is not white as assumed; standard errors count it, the estimates"
+            " disturbance or noise is not white as assumed. Standard errors count it, the estimates"
             " may be biased."
         )
     samples = sum(int(np.isfinite(r.stacked(model.outputs)).sum()) for r in problem.records)

@@ -172,7 +172,7 @@ def _assembled(
     if rows and not lost:
         notes.append(
             f"The innovations of {', '.join(rows)} are correlated from sample to sample: the noise"
-            " is not white as assumed; standard errors count it, the estimates may be biased."
+            " is not white as assumed. Standard errors count it, the estimates may be biased."
         )
     return Fit(
         method=method,

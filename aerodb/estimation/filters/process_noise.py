@@ -99,7 +99,7 @@ def output_or_filter_error(output_error: Fit, filter_error: Fit) -> Recommendati
     if output_error.converged and white and not far:
         return Recommendation(
             output_error.method,
-            f"Process noise is significant (p = {p_value:.2g}), but too small to matter: the"
+            f"Process noise is significant (p = {p_value:.2g}), but too small to matter. The"
             " residuals of output error are nearly white, its estimates are those of filter error,"
             " and it assumes less.",
         )

@@ -41,8 +41,7 @@ def instability(
     if fastest * length < np.log(largest):
         return ""
     return (
-        f"the model's motion is unstable: it doubles in {np.log(2.0) / fastest:.2g} s, so that an"
-        f" error of the start grows {np.exp(min(fastest * length, 700.0)):.0e}-fold within"
-        f" {record.name} ({length:.4g} s); use multiple shooting, a stabilised model or shorter"
-        " records"
+        f"the model's motion is unstable: it doubles in {np.log(2.0) / fastest:.2g} s, and"
+        f" {np.exp(min(fastest * length, 700.0)):.0e}-fold within {record.name} ({length:.4g} s);"
+        " use multiple shooting, a stabilised model or shorter records"
     )

@@ -69,8 +69,8 @@ class BandFit:
             )
         if self.has_constants:
             told.append(
-                "constants follow from the means of the records; their standard errors take the"
-                " spectrum of the error below the band as it is where the band begins"
+                "constants follow from the means of the records; for their standard errors, the"
+                " error's spectrum at the band's lower edge holds below it"
             )
         return tuple(told)
 

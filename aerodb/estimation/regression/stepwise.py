@@ -289,7 +289,7 @@ def _display(
         max(int(chosen.sum()), 1),
         standings=standings,
         assumes=(
-            "A display of which terms are worth declaring: standard errors are those of the terms"
+            "A display of which terms are worth declaring. Standard errors are those of the terms"
             " found, as if they had been declared beforehand, and are too small.",
         ),
         notes=(

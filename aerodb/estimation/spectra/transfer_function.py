@@ -242,9 +242,9 @@ def _estimate(
 
 def _without_coherence(response: FrequencyResponse, names: Sequence[str], count: int) -> Fit:
     reason = (
-        f"{count} frequencies have a coherence of {COHERENT:g} or more between {response.input} and"
-        f" {response.output} in {FEWEST_WINDOWS:g} independent windows, and {len(names) + 1} are"
-        f" needed: excite {response.input} longer or more"
+        f"{response.input} and {response.output} have a coherence of {COHERENT:g} in"
+        f" {FEWEST_WINDOWS:g} independent windows at {count} frequencies, and need"
+        f" {len(names) + 1}: excite {response.input} longer or more"
     )
     return Fit(
         method="transfer-function",

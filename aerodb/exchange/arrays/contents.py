@@ -226,9 +226,8 @@ def conventions(database: AeroDatabase) -> dict[str, Any]:
             " last argument varies fastest"
         ),
         "envelope": (
-            "beyond low..high a regressor's variables are held; its weight is 1 for one cell beyond"
-            " and then falls to 0 over one further cell, for its own variables and alpha, beta,"
-            " mach"
+            "beyond low..high a regressor's variables are held. Its weight is 1 for one cell beyond"
+            " and falls to 0 over one further cell, for its own variables and alpha, beta, mach"
         ),
     }
 

@@ -51,8 +51,8 @@ _STATE: Final = {
 
 _STATEMENT: Final = (
     "Converted from a database in SI and body axes (x forward, y right, z down). Every function on"
-    " an axis is a coefficient times aero/qbar-psf and metrics/Sw-sqft, moments also times"
-    " metrics/bw-ft (ROLL, YAW) or metrics/cbarw-ft (PITCH): pounds and foot-pounds. DRAG is"
+    " an axis is a coefficient times aero/qbar-psf and metrics/Sw-sqft, in pounds. Moments are also"
+    " times metrics/bw-ft (ROLL, YAW) or metrics/cbarw-ft (PITCH), in foot-pounds. DRAG is"
     " positive aft, LIFT up, SIDE right; X forward, Y right, Z down; ROLL right wing down, PITCH"
     " nose up, YAW nose right. Moments are about AERORP, which is the database's moment reference"
     " in structural axes from its datum (inches, x aft, y right, z up). Surfaces: trailing edge"

@@ -304,7 +304,7 @@ def _finding(joint: JointModel, test: Tested, index: int, behind: Sequence[int])
         ci95=(value - half, value + half),
         size=(
             f"{hypothesis.parameter} = {with_unit(value, hypothesis.unit)} (95 %:"
-            f" {value - half:.3g} to {value + half:.3g}) beside the linear set"
+            f" {value - half:.3g} to {value + half:.3g}) beside all linear terms"
         ),
         reasons=(
             *_reasons(len(on), rival_names, sensor_names),
@@ -314,12 +314,12 @@ def _finding(joint: JointModel, test: Tested, index: int, behind: Sequence[int])
 
 
 def _reasons(flights: int, rivals: Sequence[str], sensors: Sequence[str]) -> Iterator[str]:
-    voters = (
-        f"{flights} manoeuvres or flights"
+    units = (
+        f"{flights} manoeuvres or flights show it"
         if flights > 1
-        else "one manoeuvre, the only one made for it,"
+        else "only the one manoeuvre that was made for it shows it"
     )
-    yield f"{voters} voted, too few for an error rate"
+    yield f"{units}, too few for an error rate"
     if rivals:
         yield f"these manoeuvres cannot tell it from {', '.join(rivals)}"
     yield (

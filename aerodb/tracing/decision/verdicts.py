@@ -121,7 +121,7 @@ def _once(
         )
         if twin is not None and twin.flight != equations.flight:
             notes.append(
-                f"{equations.flight} has the samples of {twin.flight}: one flight, one vote; left"
+                f"{equations.flight} has the samples of {twin.flight}: it counts once, and is left"
                 " out"
             )
         else:
@@ -210,11 +210,11 @@ def _reasons(
         return few if explanation.index in decision.suspected else (weak,)
     ends: dict[str, str] = {
         "confirmed": (
-            "no rival in the library explains it as well and no single sensor error takes it away"
+            "no other effect explains it as well, and no single sensor error takes it away"
         ),
         "alias_group": f"these flights cannot tell it from {rivals}",
         "sensor": (
-            "it acts on all axes as this sensor would, and every aerodynamic rival explains less"
+            "it acts on all axes as this sensor would, and every aerodynamic effect explains less"
         ),
         "ambiguous_sensor": (
             f"it cannot be told from {', '.join(part for part in (rivals, sensors) if part)}"

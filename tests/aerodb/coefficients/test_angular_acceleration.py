@@ -59,7 +59,7 @@ def test_better_accelerometers_are_used_and_their_bias_removed(seed, bias):
         Flight("f", "any", flight.time, {name: flight[name] for name in "pqr"}), BAND
     )
     assert chosen.source == "logged"
-    assert "agree with the rates" in chosen.because
+    assert "the noise of differentiated rates" in chosen.because
     assert np.all(error(chosen, truth) < 0.6 * error(plain, truth))
     assert np.all(np.abs(chosen.sigma / error(chosen, truth) - 1.0) < 0.3)
     assert plain.because == ""

@@ -136,7 +136,7 @@ def test_what_is_suspected_in_pitch_hangs_together(otter) -> None:
 
 def test_manoeuvres_vote_and_the_answer_says_so(otter) -> None:
     remarks = " ".join(otter[1]["remarks"])
-    assert "manoeuvres voted, not flights" in remarks
+    assert "Effects that single manoeuvres show" in remarks
     assert re.search(r"@0-\d+\.\d+ s, .*@8\.12-20 s", remarks)
     assert "cross-validated within flights" in remarks
     assert otter[1]["validation"]["within_flights"] is True
@@ -441,7 +441,7 @@ def test_what_short_sets_lack_is_suspected(attached, tmp_path, kept: tuple[str, 
     assert {finding["verdict"] for finding in found.values()} == {"suspected"}
     finding = found[rudder]
     assert finding["ci95"][0] < 0.18 < finding["value"] < 0.22
-    assert "one manoeuvre, the only one made for it" in finding["because"]
+    assert "only the one manoeuvre that was made for it" in finding["because"]
     finding = found[elevator]
     assert 0.30 < finding["value"] < 0.45
     assert finding["ci95"][0] > 0.2
