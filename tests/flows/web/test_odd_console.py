@@ -159,7 +159,7 @@ def test_a_difference_without_slices_is_not_called_none(client: TestClient) -> N
     same = client.get(f"/diff/figure.svg?before={first}&after={first}").text
     assert "give the same coefficients" in same
     first, last = ids(client, "scattered")
-    assert "0 terms and 1 table<" in client.get(f"/diff?before={first}&after={last}").text
+    assert ": 1 edit<" in client.get(f"/diff?before={first}&after={last}").text
     figure = client.get(f"/diff/figure.svg?before={first}&after={last}").text
     assert "same coefficients" not in figure
     assert "alpha" in figure, "a slice within its points"
