@@ -1,4 +1,5 @@
-"""Add accepted hypotheses to a database: increments with joint covariance, envelope and flights.
+"""Add accepted hypotheses to a database: increments with joint covariance, envelope and flights;
+parameters of the database with new values, standard errors and correlations.
 
 The regressors are those of the columns that were tested, so that within the envelope the candidate
 equals the baseline plus value times column. Sensor and vehicle-data errors are not added to a
@@ -9,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from aerodb.effects.aerodynamic import PARAMETER
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
@@ -19,9 +22,12 @@ from aerodb.tables import (
     AeroDatabase,
     Increment,
     Interval,
+    Parameter,
     Refit,
     continued,
     flown_envelope,
+    normal,
+    with_parameters,
 )
 
 
@@ -62,6 +68,9 @@ def add_effects(
             f"{k} effects with values {values.shape} and covariance {covariance.shape}",
             "adding effects",
         )
+    own = [k for k, each in enumerate(accepted) if each.effect == PARAMETER]
+    if own:
+        database = _corrected(database, accepted, own, values, covariance, envelopes, flights)
     by_axis = _by_axis(accepted)
     _check_states(accepted, database)
     increments = []
@@ -81,6 +90,47 @@ def add_effects(
     return replace(database, increments=(*database.increments, *increments))
 
 
+def _corrected(
+    database: AeroDatabase,
+    accepted: Sequence[Hypothesis],
+    own: Sequence[int],
+    values: Array,
+    covariance: Array,
+    envelopes: Mapping[str, Mapping[str, Interval]],
+    flights: Sequence[str],
+) -> AeroDatabase:
+    """The database with its parameters changed by the accepted hypotheses number `own`.
+
+    A value stays inside its bounds. Correlations are kept between those that are changed together.
+    """
+    names = [accepted[k].subject for k in own]
+    sigma = np.sqrt(np.diag(covariance)[list(own)])
+    flown = {
+        name: (interval.low, interval.high)
+        for name, interval in sorted(envelopes.get(PARAMETER, {}).items())
+    }
+    bounded = {
+        name: float(np.clip(database.parameters[name] + values[k], *_known(database, name).bounds))
+        for k, name in zip(own, names, strict=True)
+    }
+    database = with_parameters(database, bounded)
+    changed = dict(database.variables)
+    for row, (k, name) in enumerate(zip(own, names, strict=True)):
+        correlations = [
+            float(covariance[k, own[other]] / (sigma[row] * sigma[other])) for other in range(row)
+        ]
+        changed[name] = replace(
+            database.variables[name],
+            uncertainty=normal(float(sigma[row]), names[:row], correlations),
+            parameter=replace(_known(database, name), flights=tuple(flights), flown=flown),
+        )
+    return replace(database, variables=changed)
+
+
+def _known(database: AeroDatabase, name: str) -> Parameter:
+    return database.variables[name].parameter or Parameter()
+
+
 def envelopes_of(
     accepted: Sequence[Hypothesis], views: Sequence[FlightView], database: AeroDatabase
 ) -> dict[str, dict[str, Interval]]:
@@ -92,6 +142,9 @@ def envelopes_of(
     Intervals are in the units of their variables.
     """
     envelopes = {}
+    if any(each.effect == PARAMETER for each in accepted):
+        flown = [(view.channels, _used(view)) for view in views]
+        envelopes[PARAMETER] = flown_envelope(database.flight_inputs, flown, database)
     for axis, members in _by_axis(accepted).items():
         names = frozenset[str]().union(
             *(accepted[number].increment[part][1].names for number, part in members)
@@ -115,6 +168,11 @@ def envelopes_of(
     return envelopes
 
 
+def _used(view: FlightView) -> NDArray[np.bool_]:
+    """Samples (n,) of a flight that are used on every axis that it has."""
+    return np.asarray(np.logical_and.reduce([*view.usable.values()]), dtype=np.bool_)
+
+
 def _check_states(accepted: Sequence[Hypothesis], database: AeroDatabase) -> None:
     present = {state.name for state in database.states}
     for hypothesis in accepted:
@@ -136,6 +194,8 @@ def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]
                 hypothesis.id,
                 remedy,
             )
+        if hypothesis.effect == PARAMETER:
+            continue
         if not hypothesis.increment:
             raise InputError(
                 "the hypothesis has no expression over channels",

@@ -25,6 +25,7 @@ from aerodb.tables import (
     hat_rate,
     slopes_by,
     slopes_by_lift,
+    slopes_by_parameter,
     transfer_moments,
 )
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels
@@ -108,6 +109,14 @@ class FlightView:
                 else slopes_by(self.database, variable, self.channels)
             )
         return self._slopes[variable]
+
+    def slope_by_parameter(self, parameter: str) -> Mapping[str, Array]:
+        """Body axis -> dC/d`parameter` (n,) of the current model, per unit of the parameter; empty
+        where no term uses it."""
+        key = f"parameter {parameter}"
+        if key not in self._slopes:
+            self._slopes[key] = slopes_by_parameter(self.database, parameter, self.channels)
+        return self._slopes[key]
 
     @cached_property
     def rates(self) -> Array:

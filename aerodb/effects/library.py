@@ -28,6 +28,7 @@ from aerodb.effects.aerodynamic import (
     landing_gear,
     landing_gear_beta,
     mach_effect,
+    model_parameter,
     pitch_damping,
     pitch_rate_force,
     roll_damping,
@@ -53,7 +54,7 @@ from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.template import LibraryContext, LibrarySettings, Template
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import key_of
-from aerodb.tables import AeroDatabase
+from aerodb.tables import HAT_RATES, AeroDatabase
 from aerodb.vehicle import Vehicle
 
 #: Aerodynamic effects that a database can lack or have wrong.
@@ -85,6 +86,7 @@ AERODYNAMIC: Final[tuple[Template, ...]] = (
     thrust_effect.TEMPLATE,
     mach_effect.TEMPLATE,
     dynamic_pressure_effect.TEMPLATE,
+    model_parameter.TEMPLATE,
 )
 
 #: Competing hypotheses: errors of sensors and of the vehicle file.
@@ -148,6 +150,7 @@ def hypotheses_for(
         for item in template.hypotheses(context)
     ]
     _check_priors(context.priors, possible)
+    possible = _beside_parameters(possible, database)
     by_id: dict[str, Hypothesis] = {}
     for hypothesis in possible:
         if hypothesis.id in by_id:
@@ -161,6 +164,27 @@ def hypotheses_for(
     return tuple(
         item for item in by_id.values() if item.effect in wanted and context.knows(item.needs)
     )
+
+
+def _beside_parameters(possible: Sequence[Hypothesis], database: AeroDatabase) -> list[Hypothesis]:
+    """The hypotheses without the library's derivatives by what the database reads, on the axes that
+    its parameters reach: there the parameters say what is wrong, and each derivative would be an
+    alias of some. What the database does not read, such as a landing gear, stays."""
+    reached = {
+        axis for each in possible if each.effect == model_parameter.PARAMETER for axis in each.axes
+    }
+    read = {*database.inputs, *(h for h, (rate, _) in HAT_RATES.items() if rate in database.inputs)}
+    library = {template.effect for template in AERODYNAMIC}
+    kept = {model_parameter.PARAMETER, "zero_offset"}
+    return [
+        each
+        for each in possible
+        if each.kind == "sensor"
+        or each.effect in kept
+        or each.effect not in library
+        or not reached & set(each.axes)
+        or not set(each.drivers) <= read
+    ]
 
 
 def _check_priors(priors: Mapping[str, float], possible: Iterable[Hypothesis]) -> None:

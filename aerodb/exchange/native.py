@@ -21,6 +21,7 @@ from aerodb.exchange.increment_notes import decode_note, note_without_structure
 from aerodb.exchange.native_schema import (
     DatabaseFile,
     Document,
+    EstimatedFile,
     IncrementFile,
     RefitFile,
     StateFile,
@@ -37,6 +38,7 @@ from aerodb.tables import (
     Interval,
     Number,
     Operation,
+    Parameter,
     ReferenceGeometry,
     RefinedShape,
     Refit,
@@ -47,6 +49,7 @@ from aerodb.tables import (
     Uncertainty,
     Variable,
     bound_arrays,
+    normal,
     number,
     parse,
 )
@@ -84,16 +87,7 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
         return AeroDatabase(
             name=file.name,
             reference=ReferenceGeometry(**dict(file.reference)),
-            variables={
-                name: Variable(
-                    _parsed(v.expression, f"variable {name}"),
-                    v.unit,
-                    v.description,
-                    v.declared,
-                    _uncertainty(v.uncertainty),
-                )
-                for name, v in file.variables.items()
-            },
+            variables=_variables(file, where),
             tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
             scattered={
                 name: ScatteredTable(
@@ -115,6 +109,63 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
     except InputError as error:
         location = f"{where}: {error.where}" if error.where else where
         raise InputError(error.what, location, error.remedy) from error
+
+
+def _variables(file: DatabaseFile, where: str) -> dict[str, Variable]:
+    twice = sorted(file.parameters.keys() & file.variables.keys())
+    if twice:
+        raise InputError(
+            f"'{twice[0]}' is a parameter and a variable", where, "choose another name for one"
+        )
+    parameters = {
+        name: Variable(
+            number(float(p.value)),
+            p.unit,
+            p.description,
+            uncertainty=None if p.prior_sigma is None else normal(p.prior_sigma),
+            parameter=Parameter() if p.bounds is None else _bounded(name, p.bounds),
+        )
+        for name, p in file.parameters.items()
+    }
+    return parameters | {
+        name: Variable(
+            _parsed(v.expression, f"variable {name}"),
+            v.unit,
+            v.description,
+            v.declared,
+            _uncertainty(v.uncertainty),
+            None if v.parameter is None else _estimated(v.parameter),
+        )
+        for name, v in file.variables.items()
+    }
+
+
+def _bounded(name: str, bounds: tuple[float, float]) -> Parameter:
+    try:
+        return Parameter((float(bounds[0]), float(bounds[1])))
+    except InputError as error:
+        raise InputError(error.what, f"parameter {name}", error.remedy) from None
+
+
+def _estimated(file: EstimatedFile) -> Parameter:
+    low, high = file.bounds
+    return Parameter(
+        (-np.inf if low is None else low, np.inf if high is None else high),
+        file.flights,
+        file.flown,
+    )
+
+
+def _parameter_document(parameter: Parameter | None) -> dict[str, Any]:
+    """The entry ``parameter`` of a variable; empty if it is none."""
+    if parameter is None:
+        return {}
+    bounds = [bound if np.isfinite(bound) else None for bound in parameter.bounds]
+    estimated = {
+        **({"flights": list(parameter.flights)} if parameter.flights else {}),
+        **({"flown": {n: list(v) for n, v in parameter.flown.items()}} if parameter.flown else {}),
+    }
+    return {"parameter": {"bounds": bounds, **estimated}}
 
 
 def _parsed(text: str, where: str) -> Expression:
@@ -241,6 +292,7 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
                 "description": v.description,
                 **({"declared": dict(v.declared)} if v.declared else {}),
                 **_uncertainty_document(v.uncertainty),
+                **_parameter_document(v.parameter),
             }
             for name, v in database.variables.items()
         },

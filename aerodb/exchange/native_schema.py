@@ -23,12 +23,35 @@ class UncertaintyFile(Strict):
     correlations: tuple[tuple[str, float], ...] = ()
 
 
+class EstimatedFile(Strict):
+    """Of a parameter in the document: see `aerodb.tables.Parameter`."""
+
+    bounds: tuple[float | None, float | None] = (None, None)
+    flights: tuple[str, ...] = ()
+    flown: dict[str, tuple[float, float]] = Field(default_factory=dict)
+
+
 class VariableFile(Strict):
     expression: str
     unit: str = "1"
     description: str = ""
     declared: dict[str, str] = Field(default_factory=dict)
     uncertainty: UncertaintyFile | None = None
+    parameter: EstimatedFile | None = None
+
+
+class ParameterFile(Strict):
+    """A parameter of the file.
+
+    value : SI, or text with a unit. bounds : in the same; None: none. prior_sigma : one standard
+    deviation of what is known before flight.
+    """
+
+    value: Coefficient
+    unit: str = "1"
+    bounds: tuple[Coefficient, Coefficient] | None = None
+    prior_sigma: Annotated[Coefficient | None, Field(gt=0)] = None
+    description: str = ""
 
 
 class TableFile(Strict):
@@ -79,6 +102,7 @@ class DatabaseFile(Strict):
     source: str = ""
     reference: ReferenceFile
     free_inputs: dict[str, str] = Field(default_factory=dict)
+    parameters: dict[str, ParameterFile] = Field(default_factory=dict)
     variables: dict[str, VariableFile] = Field(default_factory=dict)
     states: tuple[StateFile, ...] = ()
     tables: dict[str, TableFile] = Field(default_factory=dict)

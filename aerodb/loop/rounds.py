@@ -447,9 +447,10 @@ def _added(
     by_flights = all(
         finding.verdict != "suspected" for finding in new
     )  # a suspicion holds beside what may not enter
+    shaped = all(each.increment for each in accepted)  # a parameter's shape is its database's
     finer = (
         refit_terms(source, candidate, library, accepted, [view.flight for view in views])
-        if by_flights
+        if by_flights and shaped
         else None
     )
     if finer is not None:

@@ -25,7 +25,13 @@ if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
     from .decision import Decision, decision, measurements, to_try
-    from .diff_documents import curve_document, diff_document, edits_of
+    from .diff_documents import (
+        curve_document,
+        diff_document,
+        edits_of,
+        parameter_changes,
+        parameter_row,
+    )
     from .diff_figures import diff_figure
     from .document import (
         add_remarks,

@@ -158,12 +158,32 @@ def _changes(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[
         for d in document.get("derivatives", ())
         if d["variable"] not in RATES  # those are of the rate, the parameter of its hat rate
     }
-    shown = [_sized(entry, units, slopes.get(entry["parameter"])) for entry in named[:_MOST]]
+    corrected = {p["name"]: p for p in document.get("parameters", ())}
+    shown = [
+        _corrected(entry, corrected[entry["parameter"]])
+        if entry["parameter"] in corrected
+        else _sized(entry, units, slopes.get(entry["parameter"]))
+        for entry in named[:_MOST]
+    ]
     return [*shown, *_more(len(document["added"]) - len(shown) + _MOST, rest)]
 
 
 def _more(n: int, rest: str) -> list[str]:
     return [f"{n - _MOST} more: {rest}"] if n > _MOST else []
+
+
+def _corrected(finding: Mapping[str, Any], parameter: Mapping[str, Any]) -> str:
+    """A parameter of the database with its verdict, its value before and after, and the change in
+    per cent."""
+    before, after, error = (parameter[key] for key in ("before", "after", "standard_error"))
+    known = "" if error is None else f" +- {number(2.0 * error, 2)}"
+    unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+    share = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
+    verdict = finding["verdict"].replace("_", " ")
+    return (
+        f"parameter {parameter['name']} ({verdict}): {number(before)} ->"
+        f" {number(after)}{known}{unit}{share}"
+    )
 
 
 def _sized(

@@ -13,9 +13,13 @@ from aerodb.tables import (
     AeroDatabase,
     DatabaseDiff,
     NodeChanges,
+    Parameter,
     TermChange,
+    Variable,
+    sigma_of,
     slice_over,
     slices,
+    value_of,
 )
 
 #: Most steps of a variable in a table across a terminal of 80 columns.
@@ -48,6 +52,37 @@ def diff_document(difference: DatabaseDiff) -> dict[str, Any]:
     }
 
 
+def parameter_changes(before: AeroDatabase, after: AeroDatabase) -> list[dict[str, Any]]:
+    """Return the parameters whose value differs: name, unit, value before and after, and the
+    standard error of the latter, in their units; None where it is not known."""
+    return [
+        {
+            "name": name,
+            "unit": after.variables[name].unit,
+            "before": before.parameters[name],
+            "after": value,
+            "standard_error": sigma_of(after.variables[name].uncertainty),
+        }
+        for name, value in after.parameters.items()
+        if name in before.parameters and before.parameters[name] != value
+    ]
+
+
+def parameter_row(name: str, variable: Variable) -> list[str]:
+    """Return a parameter as a row of text: name, value and one standard deviation of what is known,
+    in its unit, the unit, bounds, and the number of flights that estimated it."""
+    known, sigma = variable.parameter or Parameter(), sigma_of(variable.uncertainty)
+    low, high = (f"{bound:g}" if np.isfinite(bound) else "" for bound in known.bounds)
+    return [
+        name,
+        f"{value_of(variable.expression):.5g}",
+        "" if sigma is None else f"{sigma:.2g}",
+        "" if variable.unit == "1" else variable.unit,
+        f"{low} to {high}" if low or high else "",
+        str(len(known.flights) or ""),
+    ]
+
+
 def edits_of(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the ``terms`` of a diff's document that change, those with the largest share of their
     axis first."""
@@ -66,7 +101,7 @@ def _term(entry: TermChange) -> dict[str, Any]:
         "sigma": entry.sigma,
         "flights": list(entry.flights),
         "what": term_name(entry.name) if entry.kind == "increment" else entry.name,
-        "unit": term_unit(entry.name) if entry.kind == "increment" else None,
+        "unit": term_unit(entry.name) if entry.kind == "increment" else entry.unit or None,
         "envelope": {
             name: {
                 "low": each.low,

@@ -44,6 +44,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "thrust_effect": "effect of thrust on {axis}",
     "mach_effect": "change of the slope of {axis} with Mach number",
     "dynamic_pressure_effect": "change of the slope of {axis} with dynamic pressure",
+    "parameter": "parameter {subject} of the database",
     "stall_hysteresis": "hysteresis of {axis} in the stall",
     "lift_hysteresis": "closed loop of {axis} in the stall",
     "unnamed": "error of {axis} that no effect of the library fits",

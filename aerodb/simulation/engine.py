@@ -82,8 +82,8 @@ class FlightModel:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Estimates of the increments, by name: what a run may vary, as scalars per SI unit of the
-        regressor."""
+        """Parameters of the database and estimates of the increments, by name: what a run may vary,
+        as scalars, the latter per SI unit of the regressor."""
         return dict(zip(self.total.estimates, self.total.values, strict=True))
 
     @property

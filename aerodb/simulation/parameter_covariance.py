@@ -1,18 +1,23 @@
-"""Covariance of the estimates that a run may vary: the increments' own."""
+"""Covariance of what a run may vary: the database's parameters, and the increments' estimates."""
 
 import numpy as np
 
 from aerodb.simulation.engine import FlightModel
 from aerodb.support import Array
+from aerodb.tables import covariance_of
 
 
 def parameter_covariance(model: FlightModel) -> Array:
     """Return the covariance (p, p) of `FlightModel.parameters`, in their order.
 
-    Increments are identified one by one: estimates of different increments have no covariance.
-    Estimates that are folded into a table are no parameters, and are left out.
+    Parameters have their standard errors and correlations, before flight their priors. Increments
+    are identified one by one: estimates of different increments have no covariance. Estimates that
+    are folded into a table are no parameters, and are left out.
     """
-    parts = [
+    database = model.database
+    acting = [name for name in model.total.estimates if name in database.parameters]
+    own = covariance_of({name: database.variables[name].uncertainty for name in acting})
+    parts = [own] + [
         increment.covariance[np.ix_(kept, kept)]
         for increment in model.database.increments
         if increment.acts_as_layer

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         channel_of,
         consolidate,
         continued,
+        depends_on,
         diff,
         evaluate_database,
         failed_check_cases,
@@ -59,13 +60,15 @@ if TYPE_CHECKING:
         slices,
         slopes_by,
         slopes_by_lift,
+        slopes_by_parameter,
         table_calls,
         table_grids,
         unstated_inputs,
         vary,
+        with_parameters,
     )
     from .database import AeroDatabase, Prediction, Term, Variable
-    from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL
+    from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL, value_of
     from .expression import (
         MAX_DEPTH,
         MAX_LENGTH,
@@ -83,6 +86,7 @@ if TYPE_CHECKING:
     from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
     from .instructions import Instructions, Machine
     from .machine import execute
+    from .parameter import Parameter, covariance_of, normal, sigma_of
     from .program import AnyTable, Program, compile_program, evaluate
     from .reference import (
         HAT_RATES,

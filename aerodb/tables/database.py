@@ -22,12 +22,15 @@ from aerodb.tables.definitions import (
     check_axis,
     check_definitions,
     check_input,
+    check_parameters,
     check_states,
     check_uncertainties,
+    value_of,
 )
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
+from aerodb.tables.parameter import Parameter
 from aerodb.tables.program import AnyTable, Program, compile_program
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, ReferenceGeometry, hat_rate, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
@@ -50,6 +53,7 @@ class Variable:
     unit : as the source states it; "1" where it states none.
     declared : further attributes from the source, as text: DAVE-ML's id, name, sign, symbol, role.
     uncertainty : declared by the source; None where there is none.
+    parameter : where flight can correct it; its expression is then a number. None otherwise.
     """
 
     expression: Expression
@@ -57,6 +61,7 @@ class Variable:
     description: str = ""
     declared: Mapping[str, str] = field(default_factory=dict)
     uncertainty: Uncertainty | None = None
+    parameter: Parameter | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,14 @@ class AeroDatabase:
             self.free_inputs,
         )
         check_states(self.name, self.states, self.free_inputs)
+        check_parameters(
+            self.name,
+            {
+                name: (variable.expression, variable.parameter, variable.uncertainty)
+                for name, variable in self.variables.items()
+                if variable.parameter is not None
+            },
+        )
         check_uncertainties(
             self.name,
             {name: variable.uncertainty for name, variable in self.variables.items()},
@@ -175,6 +188,15 @@ class AeroDatabase:
             name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()
         }
         return compile_program(expressions, tables, variables, constants)
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """Parameter -> its value, a scalar in its unit, in the order of `variables`."""
+        return {
+            name: value_of(variable.expression)
+            for name, variable in self.variables.items()
+            if variable.parameter is not None
+        }
 
     @cached_property
     def _program(self) -> Program:

@@ -1,12 +1,14 @@
 """Checks of what a database defines: names must be identifiers, differ, and hide no channel and
 no constant."""
 
+import math
 from collections.abc import Container, Iterable, Mapping
 from typing import Final
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import CHANNELS, axis_description, channel
-from aerodb.tables.expression import check_identifier
+from aerodb.tables.expression import Expression, Negation, Number, check_identifier
+from aerodb.tables.parameter import Parameter
 from aerodb.tables.program import AnyTable
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
@@ -43,6 +45,44 @@ def check_uncertainties(
                 check_bounds(uncertainty, 0)
             except InputError as error:
                 raise InputError(error.what, where) from None
+
+
+def check_parameters(
+    database: str,
+    parameters: Mapping[str, tuple[Expression, Parameter | None, Uncertainty | None]],
+) -> None:
+    """Raise InputError for a parameter that is no number, lies outside its bounds, or whose
+    uncertainty is not additive and normal with a number as its bound.
+
+    database : its name, for messages. parameters : name -> expression (a scalar), the parameter,
+    its uncertainty.
+    """
+    for name, (expression, parameter, uncertainty) in parameters.items():
+        where = f"database {database}: parameter {name}"
+        value = value_of(expression)
+        if not math.isfinite(value):
+            raise InputError(
+                f"'{expression}' is no number", where, "a parameter is one number; use a variable"
+            )
+        try:
+            if parameter is not None:
+                parameter.check(value)
+        except InputError as error:
+            raise InputError(error.what, where, error.remedy) from None
+        if uncertainty is not None and (
+            (uncertainty.effect, uncertainty.distribution) != ("additive", "normal")
+            or not isinstance(uncertainty.bounds[0], float)
+        ):
+            raise InputError(
+                "its uncertainty is not additive and normal", where, "give prior_sigma"
+            )
+
+
+def value_of(expression: Expression) -> float:
+    """The value of an expression that is a number; NaN for any other. It has the number's unit."""
+    if isinstance(expression, Negation) and isinstance(expression.operand, Number):
+        return -expression.operand.value
+    return expression.value if isinstance(expression, Number) else math.nan
 
 
 def check_definitions(

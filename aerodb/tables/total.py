@@ -44,9 +44,9 @@ class TotalCoefficients:
         steady value of each of `states`, then the given `further` expressions.
     inputs : channels and free inputs that it needs, without states, estimates and scales.
     states : those with memory, whose values are inputs under their names.
-    estimates : names of the inputs for the estimates of the increments that act, in the order of
-        `values`; they stand in place of those of the database.
-    values : the estimates of the database.
+    estimates : names of the inputs for the database's parameters and then for the estimates of the
+        increments that act, in the order of `values`; they stand in place of those of the database.
+    values : the parameters and estimates of the database.
     """
 
     machine: Machine
@@ -69,7 +69,11 @@ def total_coefficients(
     further : other expressions over the same names, such as a thrust table's.
     factors : term of the database -> name of an input by which it is multiplied.
     """
-    variables = {name: variable.expression for name, variable in database.variables.items()}
+    variables = {
+        name: variable.expression
+        for name, variable in database.variables.items()
+        if variable.parameter is None
+    }
     for hat, (rate, _) in HAT_RATES.items():
         length = "b_ref" if rate in ("p", "r") else "c_ref"
         half = Operation("/", Name(length), Number(2.0))
@@ -82,7 +86,7 @@ def total_coefficients(
             remembered.append(state)
         else:
             variables[state.name] = state.expression()
-    estimates: dict[str, float] = {}
+    estimates: dict[str, float] = dict(database.parameters)
     sums: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
     for term in database.terms:
         factor = (factors or {}).get(term.name)
@@ -104,6 +108,8 @@ def total_coefficients(
     ]
     tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
     program = database.compiled([*totals, *steady, *further], variables, tables)
+    unused = database.parameters.keys() - set(program.inputs)
+    estimates = {name: value for name, value in estimates.items() if name not in unused}
     own = {state.name for state in remembered} | set(estimates) | set((factors or {}).values())
     return TotalCoefficients(
         machine(program, tables),

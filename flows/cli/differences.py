@@ -120,6 +120,11 @@ def _what(term: Mapping[str, Any]) -> str:
 
 
 def _row(term: Mapping[str, Any]) -> list[str]:
+    if term["kind"] == "parameter":
+        sigma = "" if term["sigma"] is None else f"{term['sigma']:.2g}"
+        unit = "" if term["unit"] == "1" else term["unit"]
+        share = "" if term["share"] is None else percent(term["share"])
+        return ["", f"parameter {term['name']}", f"{term['change']:+.3g}", sigma, unit, share]
     if term["kind"] != "increment":
         return [term["axis"], _what(term), "", "", "", ""]
     return [

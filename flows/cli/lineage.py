@@ -1,7 +1,7 @@
 """``aerodb version lineage`` and ``impact``: sources of a number, uses of a flight."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,7 +19,8 @@ def lineage(
     version: str,
     vehicle: Vehicle = None,
     node: Annotated[
-        str | None, typer.Option(help="A table node, TABLE[i,j], counted from 0.")
+        str | None,
+        typer.Option(help="A table node, TABLE[i,j], counted from 0; or a parameter's name."),
     ] = None,
     at: Annotated[
         str | None,
@@ -100,7 +101,9 @@ def _origins(
 
     document = origins_document(catalogue, row, node, at)
     what, origins = document["at"], document["increments"]
-    if not origins:
+    if "parameter" in document:
+        _parameter(session, row, what, document["parameter"])
+    elif not origins:
         session.say(
             f"{what}: no increment acts here: the value is that of {row.label}'s imported database"
         )
@@ -119,6 +122,28 @@ def _origins(
             ],
         )
     session.answer(document)
+
+
+def _parameter(session: Session, row: "VersionRow", name: str, origin: dict[str, Any]) -> None:
+    error = origin["standard_error"]
+    known = "" if error is None else f" +- {error:.2g}"
+    unit = "" if origin["unit"] == "1" else f" {origin['unit']}"
+    if not origin["flights"]:
+        session.say(
+            f"{name} = {origin['value']:.6g}{known}{unit}: from {row.label}'s imported database"
+        )
+        return
+    session.say(
+        f"{name} = {origin['value']:.6g}{known}{unit}, made by {origin['label']} in run"
+        f" {str(origin['run'])[:12]}, code {origin['code_version']}"
+    )
+    session.table(
+        ["flight", "role", "log sha256", "retracted"],
+        [
+            [f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""]
+            for f in origin["flights"]
+        ],
+    )
 
 
 def _steps(versions: dict[str, list[int]]) -> str:

@@ -180,7 +180,7 @@ def show(
     """
     import numpy as np
 
-    from aerodb.report import beyond_words
+    from aerodb.report import beyond_words, parameter_row
     from aerodb.tasks.references import version_of
     from aerodb.tasks.view import database_of, version_details
 
@@ -210,6 +210,12 @@ def show(
         ["axis", "term", "expression"],
         [[t.axis, t.name, str(t.expression)] for t in database.terms],
     )
+    if database.parameters:
+        session.table(
+            ["parameter", "value", "+-", "unit", "bounds", "flights"],
+            [parameter_row(name, database.variables[name]) for name in database.parameters],
+            (1, 2, 5),
+        )
     for increment in database.increments:
         session.say(f"increment on {increment.axis}, from {len(increment.flights)} flights:")
         errors = np.sqrt(np.diag(increment.covariance))

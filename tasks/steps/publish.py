@@ -22,6 +22,7 @@ from aerodb.report import (
     hold_out_remarks,
     left_out_remarks,
     loop_document,
+    parameter_changes,
     rival_remarks,
     stall_remarks,
     update_document,
@@ -173,6 +174,8 @@ def publish_loop(
     document["derivatives"], refused = _derivatives(
         access, plan, loop.baseline, loop.candidate, run
     )
+    if changed := parameter_changes(loop.baseline, loop.candidate):
+        document["parameters"] = changed
     inputs = input_remarks(access, plan.vehicle, plan.baseline, loop.candidate, plan.flights, run)
     signs = (*sign_reasons(loop.baseline, loop.candidate), *refused)
     remarks = [

@@ -9,11 +9,22 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.errors import InputError, nearest
 from aerodb.report import curve_document, diff_document
 from aerodb.storage.catalogue import Catalogue, Impact, VersionRow
 from aerodb.storage.writers import prov_json
-from aerodb.tables import NodeShare, diff, neutral_point, node_lineage, point_lineage
+from aerodb.tables import (
+    NodeShare,
+    Parameter,
+    diff,
+    neutral_point,
+    node_lineage,
+    point_lineage,
+    sigma_of,
+    value_of,
+)
 from aerodb.tasks.references import node_of, point_of
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.view.evaluation import database_of
@@ -51,16 +62,42 @@ def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any
 def origins_document(
     catalogue: Catalogue, version: VersionRow, node: str | None, at: str
 ) -> dict[str, Any]:
-    """Return the increments behind a table node ``TABLE[i,j]`` or a point ``NAME=VALUE,...``.
+    """Return the increments behind a table node ``TABLE[i,j]`` or a point ``NAME=VALUE,...``, or
+    the flights behind a parameter ``NAME``.
 
-    The document has version, at and increments. Values are in SI units; InputError for a node or a
-    point that cannot be read.
+    The document has version, at and increments, for a parameter also ``parameter``. Values are in
+    SI units; InputError for a node or a point that cannot be read.
     """
+    database = database_of(catalogue, version)
+    if node is not None and node in database.parameters:
+        entry = parameter_origin(catalogue, version, node)
+        return {"version": version.id, "at": node, "increments": [], "parameter": entry}
     if node is not None:
         origins = origin_of_node(catalogue, version, *node_of(node))
     else:
         origins = origin_of_point(catalogue, version, point_of(at, inputs_of(catalogue, version)))
     return {"version": version.id, "at": at if node is None else node, "increments": origins}
+
+
+def parameter_origin(catalogue: Catalogue, version: VersionRow, name: str) -> dict[str, Any]:
+    """Return the value of a parameter (its unit), what is known of it, and where it comes from: the
+    version on the line that gave it, with flights and run, or none where it was imported."""
+    variable = database_of(catalogue, version).variables[name]
+    known = variable.parameter or Parameter()
+    maker = version
+    for row in catalogue.lineage(version.id).line[1:]:
+        if database_of(catalogue, row).variables.get(name) != variable:
+            break
+        maker = row
+    origin = _origin(catalogue, maker, known.flights) if known.flights else {"flights": []}
+    return {
+        "value": value_of(variable.expression),
+        "unit": variable.unit,
+        "standard_error": sigma_of(variable.uncertainty),
+        "bounds": [bound if np.isfinite(bound) else None for bound in known.bounds],
+        "flown": {name: list(ends) for name, ends in known.flown.items()},
+        **origin,
+    }
 
 
 def impact_document(flight: str, uses: Sequence[Impact]) -> dict[str, Any]:

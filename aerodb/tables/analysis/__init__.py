@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from .differences import DatabaseDiff, NodeChanges, TermChange, diff
     from .envelope import continued, flown_envelope
     from .evaluation import Evaluation, Place, evaluate_database
-    from .linear_terms import LinearTable, linear_tables
+    from .linear_terms import LinearTable, depends_on, linear_tables
     from .nodes import neutral_point, table_grids, vary
-    from .sensitivity import slopes_by, slopes_by_lift
+    from .sensitivity import slopes_by, slopes_by_lift, slopes_by_parameter, with_parameters
     from .slices import Slice, acts_on, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .unstated_inputs import height_outside_ground_effect, unstated_inputs

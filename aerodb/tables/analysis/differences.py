@@ -17,6 +17,7 @@ from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, t
 from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.parameter import sigma_of
 from aerodb.tables.reference import WIND_AXES, ReferenceGeometry, wind_to_body
 
 #: Values of a variable at which the size of a coefficient is looked at.
@@ -31,15 +32,17 @@ class TermChange:
 
     Parameters
     ----------
-    kind : ``term``, ``variable``, ``reference`` or ``increment``.
+    kind : ``term``, ``variable``, ``parameter``, ``reference`` or ``increment``.
     before, after : its text; empty where it does not exist.
-    change, sigma : coefficient of a regressor and its standard error; None for other kinds.
+    change, sigma : coefficient of a regressor and its standard error, or by how much a parameter
+        changes and what is known of it afterwards; None for other kinds.
     envelope : of a regressor, variable of its own (of one without, those of every regressor) ->
         flown interval, SI.
     fades : whether it fades beyond the envelope, within two cells; else it is held or continued.
     share : of a regressor, its largest effect within the envelope as a part of the largest
         coefficient that `before` has on the axis where flights have been; None where either is not
-        known.
+        known; of a parameter, its change as a part of its value before.
+    unit : of a parameter.
     """
 
     kind: str
@@ -53,6 +56,7 @@ class TermChange:
     envelope: Mapping[str, Interval] = field(default_factory=dict)
     fades: bool = False
     share: float | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,11 +250,42 @@ def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
             texts = [str(term.expression) if term is not None else "" for term in (old, new)]
             changes.append(TermChange("term", name, " to ".join(axes), texts[0], texts[1]))
     for name in dict.fromkeys([*before.variables, *after.variables]):
+        if name in before.parameters and name in after.parameters:
+            changes += _parameter(name, before, after)
+            continue
         sides = [database.variables.get(name) for database in (before, after)]
         texts = [str(variable.expression) if variable is not None else "" for variable in sides]
         if texts[0] != texts[1]:
             changes.append(TermChange("variable", name, "", texts[0], texts[1]))
     return changes
+
+
+def _parameter(name: str, before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
+    """What differs in a parameter of both databases: its value, or what is known of it."""
+    sides = [database.variables[name] for database in (before, after)]
+    values = [database.parameters[name] for database in (before, after)]
+    errors = [sigma_of(variable.uncertainty) for variable in sides]
+    if values[0] == values[1] and errors[0] == errors[1]:
+        return []
+    texts = [
+        f"{value:.6g}" + ("" if error is None else f" +- {error:.2g}")
+        for value, error in zip(values, errors, strict=True)
+    ]
+    change, known = values[1] - values[0], sides[1].parameter
+    return [
+        TermChange(
+            "parameter",
+            name,
+            "",
+            texts[0],
+            texts[1],
+            change,
+            errors[1],
+            known.flights if known else (),
+            share=abs(change / values[0]) if values[0] else None,
+            unit=sides[1].unit,
+        )
+    ]
 
 
 def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:

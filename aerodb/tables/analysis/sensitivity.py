@@ -12,9 +12,10 @@ from functools import lru_cache
 import numpy as np
 
 from aerodb.support import Array
+from aerodb.tables.analysis.linear_terms import depends_on
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import LIFT_INCREMENTS
-from aerodb.tables.expression import Expression, Number
+from aerodb.tables.expression import Expression, Number, number
 from aerodb.tables.increment import Increment
 from aerodb.tables.reference import HAT_RATES
 
@@ -29,6 +30,7 @@ _STEPS: Mapping[str, float] = {
 }
 _SURFACE_STEP = 0.0044
 _RELATIVE_STEP = 1e-4
+_PARAMETER_STEP = 0.01  # of its value
 _LIFT_STEP = 1e-3  # of C_lift: what depends on it is a polynomial of second order
 
 
@@ -55,6 +57,49 @@ def slopes_by(
         for axis in above
         if np.any(above[axis] != below[axis])
     }
+
+
+def slopes_by_parameter(
+    database: AeroDatabase, parameter: str, channels: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Body axis -> dC/d`parameter` (n,) along `channels`, per unit of the parameter, by central
+    differences; empty where no term depends on it.
+
+    Raises InputError naming channels that are missing.
+    """
+    part = replace(
+        database,
+        terms=tuple(t for t in database.terms if parameter in depends_on(t.expression, database)),
+        increments=(),
+    )
+    if not part.terms:
+        return {}
+    value, (low, high) = database.parameters[parameter], _bounds(database, parameter)
+    half = _PARAMETER_STEP * max(abs(value), 0.01)
+    ends = max(value - half, low), min(value + half, high)
+    below, above = (
+        with_parameters(part, {parameter: end}).predict(channels).coefficients for end in ends
+    )
+    return {
+        axis: (above[axis] - below[axis]) / (ends[1] - ends[0])
+        for axis in above
+        if np.any(above[axis] != below[axis])
+    }
+
+
+def _bounds(database: AeroDatabase, parameter: str) -> tuple[float, float]:
+    known = database.variables[parameter].parameter
+    return (-np.inf, np.inf) if known is None else known.bounds
+
+
+def with_parameters(database: AeroDatabase, values: Mapping[str, float]) -> AeroDatabase:
+    """Return the database with other values of some of its parameters, each in its unit; what is
+    known of them stays. Raises InputError for a value outside its bounds."""
+    changed = {
+        name: replace(database.variables[name], expression=number(float(value)))
+        for name, value in values.items()
+    }
+    return replace(database, variables={**database.variables, **changed})
 
 
 def slopes_by_lift(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[str, Array]:

@@ -227,8 +227,8 @@ def test_the_picture_shows_both_databases_band_and_envelope(handbook: AeroDataba
     figure = diff_figure(handbook, after, ("v0001", "v0002"), "glider: v0001 and v0002")
     panel = next(axes for axes in figure.axes if axes.get_xlabel() == "alpha [deg]")
     assert panel.get_ylabel() == "CZ [-]"
-    (old, new), (band,) = panel.get_lines(), panel.collections
-    assert [line.get_label() for line in (old, new)] == ["v0001", "v0002"]
+    named = {line.get_label(): line for line in panel.get_lines()}
+    old, new, (band,) = named["v0001"], named["v0002"], panel.collections
     point = neutral_point(after, after.increments)
     for line, database in ((old, handbook), (new, after)):
         at = np.deg2rad(np.asarray(line.get_xdata()))
