@@ -359,7 +359,11 @@ def test_an_effect_that_flew_comes_back_through_the_whole_chain(
 
 def test_every_template_has_a_formula_here() -> None:
     names = {template.effect for template in AERODYNAMIC}
-    assert names == {*FORMULAS, "stall_hysteresis", "parameter"}  # tests/aerodb/loop/test_parameters.py
+    assert names == {
+        *FORMULAS,
+        "stall_hysteresis",
+        "parameter",
+    }  # tests/aerodb/loop/test_parameters.py
     assert {item.effect for wind in (False, True) for item in _taxi(wind)[1]} >= set(FORMULAS)
     assert sorted((wind, item.id) for wind in (False, True) for item in _taxi(wind)[1]) == sorted(
         _cases()
