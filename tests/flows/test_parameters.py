@@ -1,0 +1,81 @@
+"""Parameters through the commands: JSBSim's T-38 flies, against its own file with named numbers of
+which three are wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.campaigns.closed_loop import _measured
+from tests.campaigns.fleet import airframe
+from tests.campaigns.planted import measured_text
+from tests.campaigns.runs import asked, prepared
+from tests.support.build_up import T38, with_named_numbers
+
+pytestmark = pytest.mark.campaign
+
+WRONG = {"lift_scale": 0.87, "elevator_power": -0.15, "aileron_power": 0.015}
+VEHICLE = ("--vehicle", "t38")
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    craft, folder = airframe("T38"), tmp_path_factory.mktemp("parameters")
+    seen = _measured(craft, 11)
+    numbers = [(55 + k) % 16 for k in range(6)]
+    more = measured_text(craft)
+    ready = prepared(craft, "declared", numbers, 11, folder / "all", folder / "flown", more, seen)
+    file = folder / "named.toml"
+    file.write_text(with_named_numbers(craft.database(), WRONG), encoding="utf-8")
+    asked(ready.workspace, "database", "import", str(file), *VEHICLE)
+    return ready.workspace
+
+
+@pytest.fixture(scope="module")
+def closed(workspace: Path) -> dict[str, Any]:
+    found: dict[str, Any] = asked(
+        workspace, "close-loop", *VEHICLE, "--baseline", "v0002", "--direct"
+    )
+    return found
+
+
+def test_what_is_wrong_is_corrected_and_nothing_else(closed: dict[str, Any]) -> None:
+    named = {each["name"]: each for each in closed["parameters"]}
+    assert named.keys() == WRONG.keys()
+    for name, each in named.items():
+        true = T38[name][0]
+        assert each["before"] == WRONG[name]
+        assert abs(each["after"] - true) < 2.5 * each["standard_error"], name
+        assert abs(each["after"] - true) < 0.2 * abs(WRONG[name] - true), name
+    assert {f["verdict"] for f in closed["findings"] if f["effect"] == "parameter"} == {"confirmed"}
+    for axis in ("CZ", "Cm", "Cl"):
+        error = closed["axes"][axis]
+        assert error["held_out_rms_after"] < 0.7 * error["held_out_rms_before"], axis
+
+
+def test_a_version_tells_of_its_parameters(workspace: Path, closed: dict[str, Any]) -> None:
+    changed = asked(workspace, "version", "diff", "v0002", closed["label"], *VEHICLE)
+    edits = {term["name"]: term for term in changed["terms"]}
+    assert edits.keys() == WRONG.keys()
+    assert {term["kind"] for term in edits.values()} == {"parameter"}
+    power = asked(
+        workspace, "version", "lineage", closed["label"], "--node", "elevator_power", *VEHICLE
+    )["parameter"]
+    assert [flight["flight"] for flight in power["flights"]] == closed["flights"]["identified"]
+    assert power["label"] == closed["label"]
+    assert power["flown"]["alpha"][0] < power["flown"]["alpha"][1]
+    before = asked(workspace, "version", "lineage", "v0002", "--node", "elevator_power", *VEHICLE)
+    assert (before["parameter"]["value"], before["parameter"]["flights"]) == (-0.15, [])
+
+
+def test_other_simulators_get_them(workspace: Path, closed: dict[str, Any], tmp_path: Path) -> None:
+    """Both files are read back, and JSBSim computes the check cases."""
+    for form, name in (("jsbsim", "aero.xml"), ("daveml", "aero.dml")):
+        target = tmp_path / name
+        done = asked(
+            workspace, "version", "export", closed["label"], *VEHICLE,
+            "--format", form, "--output", str(target),
+        )  # fmt: skip
+        assert "elevator_power" in target.read_text(encoding="utf-8")
+        assert "fail" not in json.dumps(done)
