@@ -157,9 +157,9 @@ _DATABASE = ("sqlalchemy", "sqlite3", "psycopg")
 _OUT_OF_REACH = ("OperationalError", "InterfaceError", "DisconnectionError", "TimeoutError")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str], most: int = 12) -> str:
     """Return the remedy of an InputError or UnknownNameError for a mistyped name: the closest known
-    name, or the list of known names.
+    name, or the list of known names, at most `most` of them.
 
     >>> nearest("alhpa", ["alpha", "beta"])
     "did you mean 'alpha'?"
@@ -175,5 +175,5 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         match = next(n for n in names if n == close[0] or n.lower() == close[0])
         return f"did you mean '{match}'?"
-    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    shown = ", ".join(names[:most]) + (", ..." if len(names) > most else "")
     return f"known names: {shown}"

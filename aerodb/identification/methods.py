@@ -97,5 +97,5 @@ def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
         return tuple(m for m in METHODS.values() if not m.display)
     for name in names:
         if name not in METHODS:
-            raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS))
+            raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS, len(METHODS)))
     return tuple(METHODS[name] for name in dict.fromkeys(names))

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, nearest
 from aerodb.loop.frozen_library import Library
 from aerodb.tracing import ADDED, Finding
 
@@ -47,10 +47,11 @@ class Accept:
         }
         for _, name in self._asked():
             if name != ALL and name not in known:
+                effects = {hypothesis.effect for hypothesis in library.hypotheses}
                 raise InputError(
                     f"no effect '{name}' in the library",
                     "close-loop",
-                    "see the effects that a first run lists",
+                    nearest(name, effects, len(effects)),
                 )
 
     def not_added(

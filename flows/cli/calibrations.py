@@ -96,8 +96,8 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
 
 def recalibrate(
     context: typer.Context,
-    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     reason: Annotated[str, typer.Option(help="Reason; it is stored with the calibration.")],
+    vehicle: Vehicle = None,
     flights: Annotated[
         list[str] | None,
         typer.Option(help="Flights to calibrate from; default: all of the vehicle."),
@@ -112,11 +112,12 @@ def recalibrate(
     Example: aerodb recalibrate --vehicle my-glider --reason "new boom"
     """
     from aerodb.flows.recalibrate import recalibrate_flow
+    from aerodb.tasks.references import vehicle_of
     from aerodb.tasks.view import rebuilds
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    owner = catalogue.vehicle(vehicle).name
+    owner = vehicle_of(catalogue, vehicle)
     if not reason.strip():
         raise InputError("a calibration requires a reason", f"vehicle {owner}", "add --reason TEXT")
     chosen = (

@@ -7,7 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Vehicle, Verbose
 from aerodb.flows.cli.updates import (
     chosen_flights,
     say_axes,
@@ -23,7 +23,7 @@ _LISTED = 12
 
 def close_loop(
     context: typer.Context,
-    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
+    vehicle: Vehicle = None,
     baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
     flights: Flights = None,
     hold_out: HoldOut = None,
@@ -31,7 +31,11 @@ def close_loop(
         list[str] | None, typer.Option(help="Effect of an alias group to add anyway; it is marked.")
     ] = None,
     accept_suspected: Annotated[
-        list[str] | None, typer.Option(help="Suspected effect to add anyway; it is marked.")
+        list[str] | None,
+        typer.Option(
+            help="Suspected effect to add anyway, by its name, its id (alpha_slope@CZ) or `all`; it"
+            " is marked."
+        ),
     ] = None,
     accept_ambiguous: Annotated[
         list[str] | None,
@@ -63,10 +67,12 @@ def close_loop(
     Example: aerodb close-loop --vehicle my-glider
     """
     from aerodb.flows.close_loop import close_loop_flow
+    from aerodb.tasks.references import vehicle_of
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
+    vehicle = vehicle_of(catalogue, vehicle)
+    row = catalogue.version(vehicle, baseline)
     chosen = chosen_flights(catalogue, vehicle, flights)
     twice = next((id for id in chosen if chosen.count(id) > 1), None)
     if twice is not None:

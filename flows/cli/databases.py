@@ -9,6 +9,7 @@ import typer
 from aerodb.errors import InputError, Question
 from aerodb.flows.cli.asking import ask, can_ask
 from aerodb.flows.cli.groups import Commands
+from aerodb.flows.cli.known_names import DATABASES
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 
@@ -20,8 +21,11 @@ app = typer.Typer(
 @app.command("import")
 def import_file(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(help="DAVE-ML, JSBSim XML or native TOML.")],
-    vehicle: Annotated[str, typer.Option(help="The vehicle that it describes.")],
+    file: Annotated[Path, typer.Argument(help=f"{DATABASES}.")],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="The vehicle that it describes; optional if there is only one."),
+    ] = None,
     bind: Annotated[
         list[str] | None,
         typer.Option(
@@ -59,6 +63,7 @@ def import_file(
     Example: aerodb database import DHC6.xml --vehicle twin-otter --accept-proposals
     """
     from aerodb.flows.importing import import_flow
+    from aerodb.tasks.references import vehicle_of
 
     session: Session = context.obj
     if not file.is_file():
@@ -68,6 +73,7 @@ def import_file(
     if accept and not replace:
         raise InputError("--accept concerns the release", "", "add --replace and --reason")
     bindings = dict(_binding(text) for text in bind or [])
+    vehicle = vehicle_of(session.catalogue(), vehicle)
     parameters = {
         "file": str(file),
         "vehicle": vehicle,

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Verbose
 from aerodb.flows.cli.vehicles import read_text
@@ -20,7 +21,11 @@ def estimate(
     context: typer.Context,
     model: Annotated[Path, typer.Option(help="Model file (TOML): increments or a linear model.")],
     vehicle: Annotated[
-        str | None, typer.Option(help="The vehicle; not with --record.", show_default=False)
+        str | None,
+        typer.Option(
+            help="The vehicle; optional if there is only one; not with --record.",
+            show_default=False,
+        ),
     ] = None,
     record: Annotated[
         list[Path] | None,
@@ -34,7 +39,7 @@ def estimate(
         typer.Option(
             "--method",
             "--methods",
-            help="Methods by name, or `all`; repeat the option.",
+            help=f"`all`, or by name: {METHODS}; repeat the option.",
         ),
     ] = None,
     baseline: Annotated[
@@ -82,13 +87,10 @@ def estimate(
                 "declare [state_space] in the model file, or ingest the log and name the vehicle",
             )
         document = _of_records(session, record, text, names, output is not None)
-    elif vehicle is None:
-        raise InputError(
-            "there is nothing to estimate from",
-            remedy="name a vehicle (--vehicle), or files with the columns of a linear model"
-            " (--record)",
-        )
     else:
+        from aerodb.tasks.references import vehicle_of
+
+        vehicle = vehicle_of(session.catalogue(), vehicle)
         document = _of_flights(
             session, vehicle, flights, baseline, text, names, whole, output is not None
         )

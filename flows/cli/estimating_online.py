@@ -7,13 +7,14 @@ import typer
 
 from aerodb.errors import InputError, nearest
 from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.vehicles import read_text
 
 
 def estimate_online(
     context: typer.Context,
-    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
+    vehicle: Vehicle = None,
     log: Annotated[
         str, typer.Option(help="ULog as it arrives: a pipe or a growing file; - is standard input.")
     ] = "-",
@@ -47,11 +48,12 @@ def estimate_online(
     """
     from aerodb.identification import ONLINE_METHODS, OnlineSettings
     from aerodb.increments import parse_model_file
+    from aerodb.tasks.references import vehicle_of
     from aerodb.tasks.view import online_estimates
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    name = catalogue.vehicle(vehicle).name
+    name = vehicle_of(catalogue, vehicle)
     text = read_text(model)
     parse_model_file(text, str(model))
     chosen = next((known for known in ONLINE_METHODS if known == method), None)

@@ -16,6 +16,7 @@ from aerodb.flows.cli.findings import (
 )
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.ingested import say_comparison, say_ingested
+from aerodb.flows.cli.known_names import LOGS
 from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
@@ -29,8 +30,10 @@ app = typer.Typer(name="flight", cls=Commands, no_args_is_help=True, help="Fligh
 @app.command()
 def ingest(
     context: typer.Context,
-    log: Annotated[list[str], typer.Argument(help="One or more logs.")],
-    vehicle: Annotated[str, typer.Option(help="The vehicle that flew.")],
+    log: Annotated[list[str], typer.Argument(help=f"One or more logs: {LOGS}.")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="The vehicle that flew; optional if there is only one.")
+    ] = None,
     mapping: MappingFile = None,
     name: Annotated[str | None, typer.Option(help="A name for the flight (one log only).")] = None,
     strict: Annotated[
@@ -54,6 +57,7 @@ def ingest(
     # They get ready while this process imports the science.
     start_workers({Path(name).suffix.lower() for name in log})
     from aerodb.flows.flight import flight_flow
+    from aerodb.tasks.references import vehicle_of
     from aerodb.vehicle import parse_vehicle, placeholders
 
     session: Session = context.obj
@@ -61,7 +65,9 @@ def ingest(
         raise InputError(
             "one name for several logs", "--name", "ingest them one by one, or without --name"
         )
-    row = session.catalogue(create=True).vehicle(vehicle)
+    catalogue = session.catalogue(create=vehicle is not None)
+    vehicle = vehicle_of(catalogue, vehicle)
+    row = catalogue.vehicle(vehicle)
     left = placeholders(parse_vehicle(row.text, row.name))
     if left and not accept_placeholders:
         raise InputError(

@@ -9,6 +9,7 @@ import typer
 
 from aerodb.flows.cli.findings import say_damage, say_segments, say_suspicions
 from aerodb.flows.cli.groups import Commands
+from aerodb.flows.cli.known_names import LOGS
 from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import MappingFile, Verbose
 
@@ -20,7 +21,7 @@ _MOST_LINES = 2
 
 app = typer.Typer(name="log", cls=Commands, no_args_is_help=True, help="Raw logs.")
 
-Log = Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")]
+Log = Annotated[Path, typer.Argument(help=f"{LOGS}.")]
 
 
 @app.command()

@@ -42,6 +42,7 @@ from aerodb.flows.cli import (
     web,
 )
 from aerodb.flows.cli.groups import RootCommands
+from aerodb.flows.cli.known_names import EFFECTS
 from aerodb.flows.cli.output import UNITS_VARIABLE, Session, complaint, visible
 
 #: Exit code of a command that did what it was asked for.
@@ -100,7 +101,7 @@ app.command("update")(updates.update)
 app.command("estimate")(estimating.estimate)
 app.command("derivatives")(derivatives.derivatives)
 app.command("estimate-online")(estimating_online.estimate_online)
-app.command("close-loop")(closing.close_loop)
+app.command("close-loop", epilog=f"Effects: {EFFECTS}.")(closing.close_loop)
 app.command("recalibrate")(calibrations.recalibrate)
 for command in (serving.serve, serving.nightly, serving.status, serving.retry, serving.dismiss):
     app.command(command.__name__)(command)

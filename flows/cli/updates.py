@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Vehicle, Verbose
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 def update(
     context: typer.Context,
-    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
+    vehicle: Vehicle = None,
     model: Annotated[
         Path | None, typer.Option(help="Model file (TOML): the declared increments.")
     ] = None,
@@ -30,9 +31,7 @@ def update(
     hold_out: HoldOut = None,
     method: Annotated[
         str | None,
-        typer.Option(
-            help="Method by which to estimate, one of `aerodb estimate`; default: regression."
-        ),
+        typer.Option(help=f"Method by which to estimate: {METHODS}; default: regression."),
     ] = None,
     direct: Direct = False,
     verbose: Verbose = False,
@@ -45,6 +44,7 @@ def update(
     from aerodb.flows.update import update_flow
     from aerodb.identification import chosen_methods
     from aerodb.increments import parse_model_file
+    from aerodb.tasks.references import vehicle_of
 
     session: Session = context.obj
     if method is not None and chosen_methods([method])[0].display:
@@ -56,14 +56,15 @@ def update(
             "which increments?", "update", "give either --model FILE or --like VERSION"
         )
     catalogue = session.catalogue()
+    vehicle = vehicle_of(catalogue, vehicle)
     if like is not None:
-        earlier = _as_before(catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like))
+        earlier = _as_before(catalogue, catalogue.version(vehicle, like))
         text, method = earlier.model, method or earlier.method
         flights, hold_out = flights or earlier.flights, hold_out or earlier.held_out
     elif model is not None:
         text = read_text(model)
         parse_model_file(text, str(model))
-    row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
+    row = catalogue.version(vehicle, baseline)
     chosen = chosen_flights(catalogue, vehicle, flights)
     held = None if hold_out is None else ([] if hold_out == ["none"] else hold_out)
     parameters = {

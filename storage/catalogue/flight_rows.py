@@ -1,8 +1,9 @@
 """Flights in the catalogue: adding them, recording verdicts and retractions, and queries."""
 
+import re
 from collections.abc import Iterable, Mapping
 from datetime import datetime
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
 
@@ -13,6 +14,14 @@ from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.flight_pages import FlightFilter, FlightPage, page_of_ids
 from aerodb.storage.catalogue.ledger import NAMES_COMPARED, Ledger, in_parts
 from aerodb.storage.catalogue.rows import FlightRow, Verdict
+
+#: A flight as lists show it: the file of its log, its start, or the file and its day.
+_FILE_AND_TIME: Final = re.compile(
+    r"(?P<time>\d{4}-\d\d-\d\d(?:[ T]\d\d(?::\d\d){0,2})?)"
+    r"|(?P<file>[^\x00-\x1f\x7f]{1,200}?)(?: \((?P<day>\d{4}-\d\d-\d\d)\))?"
+)
+#: Most flights that are named to choose from.
+_TOLD: Final = 6
 
 
 class FlightLedger(Ledger):
@@ -156,8 +165,9 @@ class FlightLedger(Ledger):
         return int(key[0])
 
     def flight(self, ref: str, vehicle: str | None = None) -> FlightRow:
-        """The flight referred to by `ref`: an exact id, a name (of `vehicle`, when given), or a
-        unique prefix of an id.
+        """The flight referred to by `ref`: an exact id, a name (of `vehicle`, when given), a unique
+        prefix of an id; else the file of its log, with or without suffix, or the start of its
+        time (UTC), as lists show both.
 
         UnknownNameError, with the nearest name, when there is no such flight or several.
         """
@@ -178,14 +188,11 @@ class FlightLedger(Ledger):
                 id = rows[0].id if rows else self._by_prefix(connection, c.id, ref, within)
                 if id is not None:
                     return rows[0] if rows else _rows(connection, c.id == id)[0]
-            known = connection.execute(
-                sa.select(c.name, c.id).where(within).limit(NAMES_COMPARED)
-            ).all()
-        remedy = (
-            nearest(ref[:128], [row.name or row.id[:12] for row in known])
-            if known
-            else "ingest a log first"
-        )
+            if (shown := _as_lists_show(connection, ref, within)) is not None:
+                return shown
+            known = connection.scalars(sa.select(c.id).where(within).limit(NAMES_COMPARED)).all()
+        labels = self.flight_labels(known)
+        remedy = nearest(ref[:128], labels.values()) if known else "ingest a log first"
         raise UnknownNameError(
             f"unknown flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy
         )
@@ -264,6 +271,35 @@ class FlightLedger(Ledger):
                 where = where & (s.flights.c.log_sha256 == log_sha256)
             rows = _rows(connection, where)
         return tuple(sorted(rows, key=lambda row: (row.start_utc or row.added_utc, row.id)))
+
+
+def _as_lists_show(
+    connection: sa.Connection, ref: str, within: sa.ColumnElement[bool]
+) -> FlightRow | None:
+    """The flight of a log's file, of a time, or of both; None when there is none, UnknownNameError
+    when there are several."""
+    found = _FILE_AND_TIME.fullmatch(ref)
+    if found is None or not ref.isprintable():
+        return None
+    f, log, record = s.flights.c, s.log_files.c, s.flight_records.c
+    file, time = found["file"], (found["day"] or found["time"] or "").replace(" ", "T")
+    query = sa.select(f.id).where(within)
+    if file:
+        of_file = (log.name == file) | log.name.startswith(f"{file}.", autoescape=True)
+        query = query.join(s.log_files, log.sha256 == f.log_sha256).where(of_file)
+    if time:
+        started = record.start_utc.startswith(time, autoescape=True)
+        query = query.where(f.id.in_(sa.select(record.flight).where(started)))
+    ids = connection.scalars(query.order_by(f.id).limit(NAMES_COMPARED)).all()
+    rows = _rows(connection, f.id.in_(ids)) if ids else []
+    if time:  # by the newest record alone
+        rows = [r for r in rows if r.start_utc and enc.time_text(r.start_utc).startswith(time)]
+    if len(rows) > 1:
+        ids = sorted(row.id[:12] for row in rows)[:_TOLD]
+        raise UnknownNameError(
+            f"{enc.shown(ref)} names several flights", remedy=f"choose one: {' or '.join(ids)}"
+        )
+    return rows[0] if rows else None
 
 
 def _shown(row: FlightRow, files: Mapping[str, str]) -> str:

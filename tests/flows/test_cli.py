@@ -404,9 +404,9 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
     unknown = aerodb(tmp_path / "w", "nonsense")
     assert (unknown.returncode, unknown.stdout) == (2, "")
     assert "No such command 'nonsense'" in unknown.stderr
-    lacking = aerodb(tmp_path / "w", "flight", "ingest", "x.ulg")
+    lacking = aerodb(tmp_path / "w", "recalibrate")
     assert lacking.returncode == 2
-    assert "--vehicle" in lacking.stderr
+    assert "--reason" in lacking.stderr
     absent = aerodb(tmp_path / "w", "version", "list")
     assert absent.returncode == 3
     assert (

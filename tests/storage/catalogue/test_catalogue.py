@@ -222,6 +222,28 @@ def test_a_flight_name_of_two_vehicles_needs_the_vehicle(catalogue: Catalogue) -
     assert [row.id for row in catalogue.flights("other")] == [theirs]
 
 
+def test_a_flight_is_found_by_the_file_and_the_time_that_lists_show(catalogue: Catalogue) -> None:
+    for name, hour in (("a_1.ulg", 9), ("a_2.ulg", 10)):
+        catalogue.add_log(h(name), name=name, size=1, format="ulog", status="stored")
+        catalogue.add_flight(
+            name[:3], vehicle=V, log_sha256=h(name), mapping="m", duration=1.0, samples=2, step=1.0,
+            start_utc=datetime(2026, 5, hour, hour, 30, tzinfo=UTC),
+        )  # fmt: skip
+    for ref in ("a_1.ulg", "a_1", "a_1.ulg (2026-05-09)", "2026-05-09", "2026-05-09 09:30"):
+        assert catalogue.flight(ref).id == catalogue.flight(ref, V).id == "a_1", ref
+    for ref in ("a%1", "a_1.ulg (2026-05-10)", "2026-05-1", "2026-05-11", "a_1."):
+        with pytest.raises(UnknownNameError, match=r"(?s)unknown flight.*ulg \(2026-05-"):
+            catalogue.flight(ref)
+    catalogue.add_flight(
+        "late", vehicle=V, log_sha256=h("a_2.ulg"), mapping="m", duration=1.0, samples=2, step=1.0,
+        start_utc=datetime(2026, 5, 10, 12, tzinfo=UTC),
+    )  # fmt: skip
+    for ref in ("a_2", "2026-05-10"):
+        with pytest.raises(UnknownNameError, match=r"(?s)several flights.*a_2 or late"):
+            catalogue.flight(ref)
+    assert catalogue.flight("2026-05-10T12").id == "late"
+
+
 HOSTILE = [
     "",
     "../../x",
