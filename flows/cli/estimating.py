@@ -23,7 +23,7 @@ def estimate(
     vehicle: Annotated[
         str | None,
         typer.Option(
-            help="The vehicle; optional if there is only one; not with --record.",
+            help="The vehicle; for increments optional if there is only one; not with --record.",
             show_default=False,
         ),
     ] = None,
@@ -87,6 +87,12 @@ def estimate(
                 "declare [state_space] in the model file, or ingest the log and name the vehicle",
             )
         document = _of_records(session, record, text, names, output is not None)
+    elif vehicle is None and linear:
+        raise InputError(
+            "there is nothing to estimate from",
+            remedy="name a vehicle (--vehicle), or files with the columns of a linear model"
+            " (--record)",
+        )
     else:
         from aerodb.tasks.references import vehicle_of
 

@@ -53,6 +53,7 @@ SKIPPED: Final[Mapping[str, str]] = {
     "CHANGELOG.md": "what was said of a release is not changed afterwards",
     "docs/reference/benchmarks.md": "rows written by `make bench`",
     "storage/migrations": "SQL",
+    "flows/cli/known_names.py": "lists of names",
 }
 #: The kind of a fault of length.
 LONG: Final = f"more than {LONGEST} words"
@@ -69,7 +70,8 @@ class Fault:
     text: str
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}: {self.kind}: {self.text}"
+        shown = self.text if len(self.text) < 300 else f"{self.text[:300]} ..."
+        return f"{self.path}:{self.line}: {self.kind}: {shown}"
 
 
 #: The end of a sentence; not the stop of an abbreviation or of a number.
@@ -115,10 +117,10 @@ def of_python(source: str) -> Iterator[tuple[int, str]]:
         if text is None:
             continue
         skipped.update(ast.walk(node))
-        if "\n" in text and not _is_sql(text):
+        if "\n" in text and not _is_code(text):
             at = node.lineno  # type: ignore[attr-defined]
             yield from ((at + row, line) for row, line in enumerate(text.split("\n")))
-        elif not _is_sql(text):
+        elif not _is_code(text):
             yield node.lineno, text  # type: ignore[attr-defined]
 
 
@@ -131,8 +133,9 @@ def _is_command(node: ast.AST) -> bool:
     )
 
 
-def _is_sql(text: str) -> bool:
-    return (
+def _is_code(text: str) -> bool:
+    """Whether a text is SQL or a pattern."""
+    return "(?" in text or (
         re.match(r"\s*(?:SELECT|CREATE|INSERT|UPDATE|DELETE|WITH|ALTER|DROP)\b", text) is not None
     )
 
