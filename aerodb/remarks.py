@@ -19,6 +19,7 @@ SENSOR_ERROR: Final = "sensor_error_beyond_serviceable"
 KNOWN_SENSOR_ERROR: Final = "calibrated_error_beyond_serviceable"
 NOT_CONVERGED: Final = "reconstruction_not_converged"
 NOT_CHECKED: Final = "kinematics_not_checked"
+NEVER_AIRBORNE: Final = "never_airborne"
 POSITION_AGAINST_VELOCITY: Final = "position_against_velocity"
 FLOW_AGAINST_VELOCITY: Final = "flow_against_velocity"
 #: The same with words of whoever found it.
@@ -208,6 +209,7 @@ WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
         "the channels do not quite belong to one motion",
     ),
     NOT_CHECKED: lambda r: ("kinematics not checked", r.text),
+    NEVER_AIRBORNE: lambda _: ("the aircraft was never airborne: nothing can be learnt from it",),
     POSITION_AGAINST_VELOCITY: _position,
     FLOW_AGAINST_VELOCITY: _flow,
     CONTRADICTS: lambda r: (f"beside version {r.subjects[0]}", r.text),

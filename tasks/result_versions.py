@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 4,
     "conditioning": 8,
-    "consistency": 20,
+    "consistency": 21,
     "coefficients": 4,
     "compare": 4,
     "import": 2,

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
-    from .segmentation import SLOW, STATES, Segment, ground_and_air, segments
+    from .segmentation import SLOW, STATES, Segment, ground_and_air, segments, was_airborne
     from .suspicion import Suspicion, clock_suspicions
     from .wild_points import RAREST, spikes, stuck, without_wild_points
 

@@ -195,6 +195,12 @@ def flag_on_ground(flight: Flight) -> Flight:
     return flight.with_flag("flight", "on_ground", down) if down.any() else flight
 
 
+def was_airborne(flight: Flight) -> bool:
+    """Return whether any sample (n,) is not flagged as on the ground (`flag_on_ground`)."""
+    flags = flight.flags.get("flight")
+    return flags is None or not bool(np.all(flags & FLAGS["on_ground"]))
+
+
 def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
     """Start and stop of the ground run around slow samples first..last."""
     name = next(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aerodb.conditioning import was_airborne
 from aerodb.consistency.calibration import Calibration, Drift, drift
 from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
 from aerodb.consistency.navigation_sources import MAPPED, OWN, NavigationCheck, check_navigation
@@ -37,7 +38,7 @@ from aerodb.consistency.sensors import (
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
-from aerodb.remarks import MISPLACED, Remark, of_error
+from aerodb.remarks import MISPLACED, NEVER_AIRBORNE, Remark, of_error
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -157,8 +158,11 @@ def unreadable_document(error: InputError) -> dict[str, Any]:
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
     """Result for a flight without the channels that kinematics need: its navigation solution is
-    checked against itself, if it is logged."""
-    verdict = _navigation(flight, vehicle) or unchecked(because)
+    checked against itself, if it is logged. One that never left the ground is rejected."""
+    if was_airborne(flight):
+        verdict = _navigation(flight, vehicle) or unchecked(because)
+    else:
+        verdict = Verdict("rejected", (Remark(NEVER_AIRBORNE),), ())
     document = {**as_document(verdict), "checked": False, "because": because, "notes": []}
     return Consistent(flight, {}, (), document, verdict)
 

@@ -172,6 +172,8 @@ def _command(file: Path, vehicle: str, bind: list[str], document: dict[str, Any]
 
 def _say_inputs(session: Session, document: dict[str, Any]) -> None:
     """Print inputs, and a proposal for each that no flight has."""
+    for warning in document["warnings"]:
+        session.say(f"WARNING: {warning['sentence']}")
     written = document["written"]
     session.say(f"needs: {', '.join(written[each] for each in document['inputs']) or 'nothing'}")
     for name in document["required"]:

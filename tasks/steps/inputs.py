@@ -2,7 +2,7 @@
 result."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.coefficients import (
@@ -28,6 +28,11 @@ from aerodb.vehicle import Vehicle
 
 #: Most flights along which effects are computed: the newest.
 _MOST_FLIGHTS: Final = 10
+#: Relative difference of reference area, span or chord beyond which a database may be of another
+#: aircraft: definitions (glove, fuselage part) differ by some per cent, sister types by more.
+_SAME_SIZE: Final = 0.05
+#: Surfaces without which an aircraft cannot be steered, as channels and other programs name them.
+_CONTROLS: Final = ("elevator", "aileron", "rudder")
 
 
 def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> dict[str, Any]:
@@ -38,7 +43,9 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
     its name in the file), expressions (input that the file alone knows -> those that may be meant;
     the last is zero), proposals (the same as bindings) and uses (per input that is held or made
     from motion: name, source, written (its name in the file), channel (that is held; empty for
-    another input), binding, accepted, range, effects, residuals, sentence). Ranges are in SI units,
+    another input), binding, accepted, range, effects, residuals, sentence), and warnings (kind
+    ``other_reference``, with the lengths [m] or areas [m2] of both, or ``control_removed``; name,
+    sentence). Ranges are in SI units,
     effects and residuals dimensionless; InputError where the database cannot be evaluated.
     """
     access = access_workspace(workspace)
@@ -107,6 +114,10 @@ def inputs_document(
         name: list(propose_bindings(name, free[name], channels)) for name in lacking if name in free
     }
     uses = input_uses(held, described, pairs, new, _bound(held, bindings, pairs))
+    sizes = [
+        _size(name, getattr(database.reference, name), getattr(described.reference, name))
+        for name in ("area", "span", "chord")
+    ]
     return {
         "inputs": list(database.inputs),
         "flights": len(pairs),
@@ -119,6 +130,44 @@ def inputs_document(
             name: [f"{written[name]}={expression}" for expression in proposed]
             for name, proposed in expressions.items()
         },
+        "warnings": [
+            each for each in (*sizes, *(_removed(use, described.surfaces) for use in uses)) if each
+        ],
+    }
+
+
+def _size(name: str, of_database: float, of_vehicle: float) -> dict[str, Any] | None:
+    """Return the warning of a reference length or area [SI] that the vehicle file has otherwise."""
+    if abs(of_database - of_vehicle) <= _SAME_SIZE * of_vehicle:
+        return None
+    unit = "m^2" if name == "area" else "m"
+    return {
+        "kind": "other_reference",
+        "name": name,
+        "database": of_database,
+        "vehicle": of_vehicle,
+        "sentence": (
+            f"the database's reference {name} is {of_database:.4g} {unit}, the vehicle file's"
+            f" {of_vehicle:.4g} {unit}: is it the same aircraft?"
+        ),
+    }
+
+
+def _removed(use: InputUse, surfaces: Collection[str]) -> dict[str, Any] | None:
+    """Return the warning of a control that is, or is proposed to be, held at zero."""
+    written = written_name(use.name, use.description)
+    name = use.channel or written
+    control = next((each for each in _CONTROLS if each in name), None)
+    if use.binding != "zero" or control is None or use.effects == ():
+        return None
+    own = [f"delta_{each}" for each in surfaces if control in each]
+    bind = own and not use.channel
+    remedy = f"bind it to {' or '.join(own)}" if bind else "map its deflection from the log"
+    return {
+        "kind": "control_removed",
+        "name": use.name,
+        "control": control,
+        "sentence": f"zero for {name} removes the {control} from the database: {remedy}",
     }
 
 

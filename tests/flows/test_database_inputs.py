@@ -69,6 +69,25 @@ def test_lacking_inputs_are_named_proposed_and_taken_by_one_flag(glider):
     assert ingested(workspace, (3,))[0]["comparison"]["axes"]  # now it can be compared
 
 
+def test_another_aircraft_and_a_removed_control_are_warned_of(glider):
+    workspace, importing = glider
+    ingested(workspace, (1,))
+    assert asked(workspace, *importing)["warnings"] == []
+    other = jsbsim.get_default_root_dir() + "/aircraft/c172x/c172x.xml"
+    done = aerodb(workspace, "database", "import", other, "--vehicle", NAME)
+    said = [
+        line for line in done.stderr.splitlines() + done.stdout.splitlines() if "WARNING" in line
+    ]
+    assert f"area is 16.17 m^2, the vehicle file's {AREA} m^2: is it the same" in said[0]
+    assert "zero for delta_rudder removes the rudder" in said[3]
+    assert "zero for fcs/effective-aileron-pos removes the aileron" in said[4]
+    warned = asked(workspace, "database", "import", other, "--vehicle", NAME, "--accept-proposals")
+    assert [(each["kind"], each["name"]) for each in warned["warnings"][:3]] == [
+        ("other_reference", name) for name in ("area", "span", "chord")
+    ]
+    assert [each["control"] for each in warned["warnings"][3:]] == ["rudder", "aileron"]
+
+
 def test_what_flights_have_is_not_asked_for(glider):
     workspace, importing = glider
     ingested(workspace, (1,))

@@ -164,6 +164,21 @@ def test_one_loop_that_fails_is_said_and_stops_nothing(
     )
 
 
+def test_a_log_that_never_flew_is_rejected_and_not_new(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = _made(tmp_path / "w", shared)
+    standing = channels(7)
+    standing |= {"V": 0.02 * standing["V"], "qbar": 4e-4 * standing["qbar"]}
+    log = write_csv(tmp_path / "standing.csv", standing)
+    parameters = {"logs": [str(log)], "vehicle": NAME}
+    (outcome,) = run_flow(flight_flow, parameters, workspace, "direct")
+    assert outcome["consistency"]["verdict"] == "rejected"
+    assert "never airborne" in outcome["consistency"]["reasons"][0]
+    (loop,) = _night(workspace)["loops"]
+    assert (loop["new"], loop["due"]) == (0, False)
+
+
 def test_a_vehicle_with_its_own_schedule_is_left_to_it(
     tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
