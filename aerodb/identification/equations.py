@@ -85,7 +85,7 @@ def _equation(declared: DeclaredIncrement, samples: Sequence[AxisSamples]) -> Li
     pieces: list[tuple[int, str, Array, Array, Array]] = []
     for number, each in enumerate(samples):
         residual = each.comparison.residual(declared.axis)
-        runs = _runs(each.good, each.comparison.time)
+        runs = usable_runs(each.good, each.comparison.time)
         for count, run in enumerate(runs):
             name = each.comparison.flight + (f"#{count + 1}" if len(runs) > 1 else "")
             columns = each.columns[run]
@@ -137,8 +137,9 @@ def _parameter(declared: DeclaredIncrement, term: str) -> Parameter:
     )
 
 
-def _runs(good: Mask, time: Array) -> list[slice]:
-    """Stretches of usable samples of at least `SHORTEST`, evenly sampled."""
+def usable_runs(good: Mask, time: Array) -> list[slice]:
+    """Return the stretches of usable samples (`good`, (n,)) of at least `SHORTEST`, evenly sampled
+    in time [s]."""
     step = float(np.median(np.diff(time)))
     torn = np.flatnonzero(~good[1:] | ~good[:-1] | (np.abs(np.diff(time) - step) > 1e-3 * step)) + 1
     edges = [0, *torn.tolist(), len(good)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import MOST_DELAY, Parameter, Parameters, TimeHistory, Values, delayed
+from aerodb.identification.database_parameters import unknown as as_unknown
 from aerodb.simulation import FlightModel, FlightStretch, Simulation, simulate
 from aerodb.support import Array, Integers, Mask
 
@@ -257,7 +258,11 @@ def flight_dynamics(
         for name in names:
             if name not in allowed:
                 raise InputError(f"no {what} '{name}'", "flight dynamics", nearest(name, allowed))
-    items = [Parameter(name, known[name]) for name in unknown]
+    own = model.database.parameters
+    items = [
+        as_unknown(name, model.database) if name in own else Parameter(name, known[name])
+        for name in unknown
+    ]
     items += [
         Parameter(f"scale_{name}", 0.0, "1", lower=-_MOST_SCALE, upper=_MOST_SCALE)
         for name in scales

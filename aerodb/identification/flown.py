@@ -9,10 +9,16 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError
-from aerodb.estimation import DynamicModel, Fit, TimeHistory
+from aerodb.estimation import DynamicModel, Fit, Parameters, TimeHistory, regression
 from aerodb.flight import Flight
+from aerodb.identification.database_parameters import (
+    check_parameters_of,
+    fit_parameters,
+    unknown,
+    within_bounds,
+)
 from aerodb.identification.equations import no_database, parameter_name
-from aerodb.identification.flight_dynamics import MOTION, OUTPUTS, flight_dynamics
+from aerodb.identification.flight_dynamics import MOTION, OUTPUTS, FlightDynamics, flight_dynamics
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.increments import (
     DeclaredIncrement,
@@ -24,7 +30,7 @@ from aerodb.increments import (
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.simulation import FlightModel, FlightStretch, stretch_model, stretch_of
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Increment
+from aerodb.tables import AeroDatabase, Increment, depends_on, with_parameters
 
 #: Wind axis -> the body axes that an increment on it changes.
 _BODY: Final = {"C_lift": ("CX", "CZ"), "C_drag": ("CX", "CZ"), "C_side": ("CY",)}
@@ -69,11 +75,21 @@ def flown_problem(
     Raises InputError naming what the flights lack, where no stretch can be flown.
     """
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
+    check_parameters_of(model.parameters, database)
     model = with_chosen_knots(logs, comparisons, model, database)
-    declared = _declared_axes(model)
+    declared = _declared_axes(model) | _reached(model.parameters, database)
     support = _supporting(logs, comparisons, database, declared)
-    start = estimate_increments(logs, comparisons, model, database).candidate
-    named = _unknowns(start, database, model)
+    start = (
+        estimate_increments(
+            logs, comparisons, model.model_copy(update={"parameters": ()}), database
+        ).candidate
+        if model.increment
+        else database
+    )
+    named = {name: name for name in model.parameters} | _unknowns(start, database, model)
+    if model.parameters:
+        fit = fit_parameters(regression, flights, model.parameters, database)
+        start = with_parameters(start, within_bounds(fit, database))
     start = replace(start, increments=(*start.increments, *support))
     flying = stretch_model(start, logs[0], _held(logs, declared))
     stretches, reasons = _stretches(flying, flights, declared, support)
@@ -94,7 +110,19 @@ def flown_problem(
     dynamics, records = flight_dynamics(
         flying, stretches, tuple(named), outputs=outputs, initial=initial
     )
-    return dynamics, records, named
+    return _with_priors(dynamics, model.parameters, database), records, named
+
+
+def _with_priors(
+    dynamics: FlightDynamics, names: Sequence[str], database: AeroDatabase
+) -> FlightDynamics:
+    """The dynamics, whose parameters of the database start elsewhere, with what `database` knows of
+    them."""
+    items = tuple(
+        replace(unknown(each.name, database), value=each.value) if each.name in names else each
+        for each in dynamics.parameters.items
+    )
+    return replace(dynamics, parameters=Parameters(items))
 
 
 def with_names(fit: Fit, named: Mapping[str, str]) -> Fit:
@@ -124,6 +152,16 @@ def _unknowns(start: AeroDatabase, database: AeroDatabase, model: ModelFile) -> 
 def _declared_axes(model: ModelFile) -> frozenset[str]:
     return frozenset(
         body for entry in model.increment for body in _BODY.get(entry.axis, (entry.axis,))
+    )
+
+
+def _reached(parameters: Sequence[str], database: AeroDatabase) -> frozenset[str]:
+    """The body axes on which terms of the database use any of these parameters."""
+    return frozenset(
+        body
+        for term in database.terms
+        if not depends_on(term.expression, database).isdisjoint(parameters)
+        for body in _BODY.get(term.axis, (term.axis,))
     )
 
 

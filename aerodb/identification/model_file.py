@@ -70,7 +70,7 @@ _CHANGING = (
     " response is not linear"
 )
 #: Tables of which a model file has one.
-_DECLARED = {"state_space", "increment"}
+_DECLARED = {"state_space", "increment", "parameters"}
 #: What residuals that are correlated with an input say.
 _LACKING = (
     "the model lacks part of the response to it (a delay, a state, a term), or a controller feeds"
@@ -180,7 +180,7 @@ def declares_state_space(text: str | Mapping[str, Any], where: str = "model file
     found = parsed_toml(text, where) if isinstance(text, str) else text
     if not _DECLARED & found.keys():
         raise InputError(
-            "it declares neither a linear model ([state_space]) nor increments ([[increment]])",
+            "it declares no linear model ([state_space]), increments ([[increment]]) or parameters",
             where,
             nearest(next(iter(found), ""), sorted(_DECLARED)),
         )

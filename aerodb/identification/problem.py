@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
+from aerodb.errors import InputError
 from aerodb.estimation import Fit
+from aerodb.identification.database_parameters import fit_parameters
 from aerodb.identification.equations import axis_equations
 from aerodb.identification.flown import DISTURBED, flown_problem, with_names
 from aerodb.identification.identification_flight import IdentificationFlight
@@ -29,6 +31,14 @@ def fits_of(
         shown = [state for state in DISTURBED if state in dynamics.outputs]
         options = {"process_noise": shown} if method.disturbed else {}
         return [with_names(function(dynamics, records, **options), named)]
+    if model.parameters:
+        if model.increment:
+            raise InputError(
+                f"{method.name} estimates increments or parameters, not both at once",
+                "model file",
+                "use output-error, or two model files",
+            )
+        return [fit_parameters(function, flights, model.parameters, database)]
     equations = axis_equations(
         [f.flight for f in flights], [f.comparison for f in flights], model, database
     )

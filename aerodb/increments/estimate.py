@@ -141,6 +141,12 @@ def estimate_increments(
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
+    if model.parameters:
+        raise InputError(
+            f"an update estimates increments, and the model file has {', '.join(model.parameters)}",
+            "model file",
+            "aerodb close-loop corrects parameters, aerodb estimate prints them",
+        )
     model = with_chosen_knots(flights, comparisons, model, database)
     flights = with_model_rates(flights, comparisons, model)
     channels = channels_of(flights, model, database)

@@ -121,12 +121,17 @@ class DeclaredIncrement(Strict):
 
 
 class ModelFile(Strict):
-    """All declared increments; one entry per axis."""
+    """All declared increments, one entry per axis, and parameters of the database to estimate."""
 
-    increment: tuple[DeclaredIncrement, ...] = Field(min_length=1)
+    increment: tuple[DeclaredIncrement, ...] = ()
+    parameters: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _once(self) -> "ModelFile":
+        if not self.increment and not self.parameters:
+            raise ValueError("neither [[increment]] nor parameters")
+        if len(set(self.parameters)) != len(self.parameters):
+            raise ValueError("a parameter stands twice")
         axes = [entry.axis for entry in self.increment]
         if len(set(axes)) != len(axes):
             raise ValueError("an axis is declared twice")

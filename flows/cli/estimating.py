@@ -105,6 +105,8 @@ def estimate(
     then = (
         ""
         if vehicle is None or linear
+        else f"aerodb close-loop --vehicle {vehicle} --baseline {baseline} {named}".rstrip()
+        if parse_model_file(text).parameters
         else f"aerodb update --vehicle {vehicle} --model {model} --method {document['believe']}"
         f" --baseline {baseline} {named}".rstrip()
     )

@@ -79,3 +79,19 @@ def test_other_simulators_get_them(workspace: Path, closed: dict[str, Any], tmp_
         )  # fmt: skip
         assert "elevator_power" in target.read_text(encoding="utf-8")
         assert "fail" not in json.dumps(done)
+
+
+def test_estimate_prints_all_of_them(workspace: Path, tmp_path: Path) -> None:
+    """Two methods of equation error, each within a few per cent of JSBSim's own numbers, but for the
+    damping in roll, which the aileron's stops share."""
+    model = tmp_path / "parameters.toml"
+    model.write_text(f"parameters = {json.dumps(list(T38))}\n", encoding="utf-8")
+    found = asked(
+        workspace, "estimate", *VEHICLE, "--baseline", "v0002", "--model", str(model),
+        "--method", "regression", "--method", "frequency-domain",
+    )  # fmt: skip
+    for method in found["methods"]:
+        values = {each["name"]: each["value"] for each in method["estimates"]}
+        assert values.keys() == T38.keys()
+        for name, (true, _, _) in T38.items():
+            assert values[name] == pytest.approx(true, rel=0.15 if "roll" in name else 0.05), name

@@ -1,0 +1,113 @@
+"""Parameters of a database as unknowns: of an equation that all axes share, and of a vehicle that
+flies."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.estimation import output_error, regression
+from aerodb.identification import METHODS, IdentificationFlight, fits_of, flight_dynamics
+from aerodb.identification.database_parameters import fit_parameters, unknown
+from aerodb.increments import estimate_increments, parse_model_file
+from aerodb.simulation import flight_model
+from aerodb.tables import AeroDatabase, Parameter, Term, Variable, normal, number, parse
+from tests.support import flying_increments
+from tests.support.build_up import build_up, flights
+
+WRONG = {"wing_CLa": 4.0, "tail_CLa": 3.0, "tail_tau": 0.4, "fin_CLa": 2.2}
+
+
+def given(database: AeroDatabase, seeds: range = range(60, 64)) -> list[IdentificationFlight]:
+    source = flights(seeds, build_up())
+    return [
+        IdentificationFlight(
+            flight, source.comparison(id, database), coefficients, source.vehicle, ()
+        )
+        for id, (flight, coefficients) in source.flown.items()
+    ]
+
+
+@pytest.mark.parametrize("method", ["regression", "frequency-domain", "total-least-squares"])
+def test_all_parameters_at_once(method: str) -> None:
+    """Wing, tail, elevator and fin are all wrong; the tail's slope multiplies the elevator's
+    effectiveness, so that one linear solution does not do."""
+    database = build_up(WRONG)
+    model = parse_model_file(f"parameters = {list(WRONG)}")
+    (fit,) = fits_of(METHODS[method], given(database), model, database)
+    assert fit.converged
+    assert fit.iterations > 2
+    for name, value in build_up().parameters.items():
+        if name in WRONG:
+            assert fit[name].value == pytest.approx(value, rel=0.02), name
+            assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error, name
+
+
+def test_a_prior_draws_a_parameter_and_bounds_hold_it() -> None:
+    database, measured = build_up(WRONG), given(build_up(WRONG))
+    free = fit_parameters(regression, measured, ["fin_CLa"], database)["fin_CLa"]
+    variable = database.variables["fin_CLa"]
+    known = with_variable(database, replace(variable, uncertainty=normal(free.standard_error)))
+    drawn = fit_parameters(regression, measured, ["fin_CLa"], known)["fin_CLa"]
+    assert 2.2 < drawn.value < free.value - 0.1
+    held = with_variable(database, replace(variable, parameter=Parameter((2.0, 2.5))))
+    assert fit_parameters(regression, measured, ["fin_CLa"], held)["fin_CLa"].value <= 2.5 + 1e-9
+    once = replace(known.variables["fin_CLa"], parameter=Parameter(flights=("one",)))
+    assert unknown("fin_CLa", with_variable(known, once)).prior is None
+
+
+def with_variable(database: AeroDatabase, variable: Variable) -> AeroDatabase:
+    return replace(database, variables={**database.variables, "fin_CLa": variable})
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        (["tale_CLa"], "no parameter 'tale_CLa'"),
+        (["fin_CLa", "body_CD"], "body_CD changes nothing, or only a constant"),
+    ],
+)
+def test_what_flights_cannot_tell_is_named(names: Sequence[str], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        fit_parameters(regression, given(build_up()), names, build_up())
+
+
+def test_an_update_says_what_corrects_parameters() -> None:
+    model = parse_model_file('parameters = ["fin_CLa"]')
+    with pytest.raises(InputError, match="close-loop corrects parameters"):
+        estimate_increments([], [], model, build_up())
+    with pytest.raises(InputError, match="neither"):
+        parse_model_file("parameters = []")
+
+
+def flying(share: float) -> AeroDatabase:
+    """The light aircraft with its pitch derivatives as parameters, `share` of the true ones."""
+    truth, database = flying_increments.TRUTH, flying_increments.light_aircraft().database
+    variables: dict[str, Variable] = {}
+    terms: list[Term] = []
+    for axis in ("CZ", "Cm"):
+        for regressor, value in truth[axis].items():
+            name = f"{axis}_by_{regressor}"
+            variables[name] = Variable(number(share * value), parameter=Parameter())
+            terms.append(Term(name, axis, parse(f"{name}*{regressor}")))
+    lateral = tuple(each for each in database.increments if each.axis not in ("CZ", "Cm"))
+    return replace(
+        database, variables=variables, terms=(*database.terms, *terms), increments=lateral
+    )
+
+
+def test_a_flying_database_is_fitted_by_output_error() -> None:
+    """Start values 25 % off; simulated responses with the noise of sensors."""
+    outputs: tuple[Any, ...] = ("V", "alpha", "q", "theta", "ax", "az")
+    flown = flying_increments.stretches(np.random.default_rng(4), count=2)
+    start = flight_model(flying(0.75))
+    names = tuple(start.database.parameters)
+    dynamics, records = flight_dynamics(start, flown, names, outputs=outputs, initial=outputs[:4])
+    fit = output_error(dynamics, records)
+    assert fit.converged
+    for name, value in flying(1.0).parameters.items():
+        assert fit[name].value == pytest.approx(value, rel=0.05), name
+        assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error, name
