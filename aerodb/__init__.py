@@ -42,9 +42,15 @@ _of_library, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    """Return a public name of the library; its module is imported when it is first asked for."""
+    """Return a public name of the library; its module is imported when it is first asked for.
+
+    Raises AeroError on a system that is not supported.
+    """
     if name == "__version__":
         from importlib.metadata import version  # slow to import
 
         return version("aerodb")
+    from aerodb.support import require_supported_system
+
+    require_supported_system()
     return _of_library(name)

@@ -57,7 +57,9 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
         "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs,orphans",
         # its services write side by side, and SQLite lets one after the other
         "PREFECT_API_DATABASE_TIMEOUT": "60",
-        "PREFECT_SERVER_UI_ENABLED": "false",
+        "PREFECT_SERVER_UI_ENABLED": str(load_settings(workspace.root).serve.ui).lower(),
+        "PREFECT_SERVER_UI_API_URL": url,
+        "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(workspace.prefect / "ui"),
         "PREFECT_CLI_COLORS": "false",
         "PYTHONSAFEPATH": "1",  # what lies in the present folder is not imported
     }

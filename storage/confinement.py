@@ -75,7 +75,9 @@ def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
     if for_good:
         hard = most + grace if unlimited else min(most + grace, hard)
         unlimited = False
-    resource.setrlimit(kind, (most if unlimited else min(most, hard), hard))
+    refused = () if sys.platform == "linux" else (ValueError, OSError)  # the limit does not hold
+    with suppress(*refused):
+        resource.setrlimit(kind, (most if unlimited else min(most, hard), hard))
 
 
 def lift_memory_limit() -> None:

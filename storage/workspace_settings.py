@@ -121,12 +121,14 @@ class StoreSettings(Strict):
 class ServeSettings(Strict):
     """Address of the server: `host` (default: loopback) and `port` (0: any free port).
 
-    database : of Prefect itself; empty: a file in the workspace.
+    database : of Prefect itself; empty: a file in the workspace. ui : whether the server has
+    Prefect's pages.
     """
 
     host: str = "127.0.0.1"
     port: int = Field(default=4200, ge=0, le=65535)
     database: DatabaseUrl = ""
+    ui: bool = False
 
     @property
     def loopback(self) -> bool:

@@ -10,6 +10,7 @@
 - `MatElements`: MAT-files of versions 5 to 7, element by element (`mat5`).
 - `standard_errors` and `likelihood_gain` of a rate of false alarms (`CLAIM`, `DIFFERENCE`, `HINT`);
   `false_alarms`.
+- `require_supported_system`: an error in words on systems that are not Linux (`operating_system`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from .false_alarms import CLAIM, DIFFERENCE, HINT, likelihood_gain, standard_errors
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, is_mat5
+    from .operating_system import require_supported_system
     from .parallel import Threads, in_threads
     from .strict import Strict, validated, validated_toml
     from .toml import parsed_toml

@@ -44,6 +44,7 @@ from aerodb.flows.cli import (
 from aerodb.flows.cli.groups import RootCommands
 from aerodb.flows.cli.known_names import EFFECTS
 from aerodb.flows.cli.output import UNITS_VARIABLE, Session, complaint, visible
+from aerodb.support import require_supported_system
 
 #: Exit code of a command that did what it was asked for.
 DONE = 0
@@ -159,6 +160,7 @@ def main() -> None:
     debug = "--debug" in sys.argv
     gc.set_threshold(_OBJECTS)
     try:
+        require_supported_system()
         # Outside of its standalone mode the library returns the code of an Exit instead of raising
         # it.
         left_with = app(standalone_mode=False)

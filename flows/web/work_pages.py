@@ -6,6 +6,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from aerodb.flows.web.console import access_of, document, page_of
+from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.view import status_of
 
 router = APIRouter(tags=["work"])
@@ -14,13 +15,17 @@ router = APIRouter(tags=["work"])
 @router.get("/work", include_in_schema=False)
 def work_page(request: Request) -> Response:
     """The status page."""
-    status = status_of(access_of(request))
+    access = access_of(request)
+    status = status_of(access)
+    server = _server(status)
+    has_pages = load_settings(access.workspace.root).serve.ui
     return page_of(
         request,
         "work.html",
         "Status",
         status=status,
-        server=_server(status),
+        server=server,
+        of_server=server.removesuffix("/api") + "/" if has_pages else f"{server}/admin/version",
     )
 
 

@@ -27,6 +27,7 @@ import pytest
 
 from aerodb.flows.orchestrator import OrchestratorClient, clear_up
 from aerodb.flows.prefect_environment import configure_prefect
+from aerodb.flows.processes import environment_of
 from aerodb.flows.serve import Server
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import RunRow
@@ -43,6 +44,7 @@ TOKEN = "a-token-for-tests-only"
 SETTINGS = """\
 [serve]
 port = 0
+ui = true
 [inbox]
 settle = "0.5 s"
 [nightly]
@@ -215,6 +217,18 @@ def test_nobody_is_served_without_the_token(served: Served) -> None:
         if path.is_file() and TOKEN.encode() in path.read_bytes()
     ]
     assert kept == [], "and it is written nowhere"
+
+
+def test_prefects_pages_are_there_where_they_are_asked_for(served: Served) -> None:
+    with urllib.request.urlopen(served.client.url.removesuffix("api"), timeout=60) as page:
+        assert b"<title>Prefect" in page.read()
+    with urllib.request.urlopen(
+        served.client.url.replace("/api", "/ui-settings"), timeout=60
+    ) as page:
+        assert json.load(page)["api_url"] == served.client.url
+    quiet = Workspace.open(served.workspace.root.parent / "quiet", create=True)
+    environment = environment_of(quiet, served.client.url, TOKEN)
+    assert environment["PREFECT_SERVER_UI_ENABLED"] == "false"
 
 
 def test_a_second_one_refuses_in_a_sentence(served: Served) -> None:
