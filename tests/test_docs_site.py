@@ -75,6 +75,24 @@ def test_docstrings_become_markdown() -> None:
     assert "```python\n>>> import aerodb\n" in module.as_markdown(inspect.getdoc(aerodb.evaluate))
 
 
+def test_equations_are_displayed_without_a_script(
+    site: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    equations = loaded("equations")
+    (hook,) = site.configuration()["hooks"]
+    assert Path(hook).name == "equations.py"
+    monkeypatch.setattr(equations, "_displayed", lambda latex: f"<math>{latex}</math>")
+    page = equations.on_page_markdown("a\n\n```math\nx = \\frac{1}{2}\n```\n\n```text\ny\n```\n")
+    assert page == "a\n\n<math>x = \\frac{1}{2}\n</math>\n\n```text\ny\n```\n"
+    pages = {path.name: path.read_text("utf-8") for path in (ROOT / "docs/method").glob("*.md")}
+    found = {name: equations._BLOCK.findall(text) for name, text in pages.items()}
+    assert sum(map(bool, found.values())) >= 5
+    for name, text in pages.items():
+        assert text.count("```math") == len(found[name]), f"{name}: a block that never ends"
+        for latex in found[name]:
+            assert latex.count("{") == latex.count("}"), latex
+
+
 def test_nothing_of_the_site_is_fetched_from_elsewhere(site: ModuleType) -> None:
     theme: Any = site.configuration()["theme"]
     assert theme["font"] is False

@@ -82,6 +82,7 @@ def configuration() -> dict[str, Any]:
     options["extensions"] = [str(ROOT / "docs/site/docstrings.py")]
     lists = {folder: in_order(folder) for folder in ("docs/decisions", "flows/deploy")}
     lists["docs/api"] = [f"docs/api/{name}" for name in pages()]
+    settings["hooks"] = [str(ROOT / "docs/site/equations.py")]
     settings["nav"] = [
         {title: lists.get(str(entry), entry) for title, entry in each.items()}
         if isinstance(each, dict)
