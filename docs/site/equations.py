@@ -1,5 +1,5 @@
-"""Displayed equations of the site: ```math blocks (LaTeX, as GitHub shows them) become MathML, which
-browsers draw without a script."""
+"""Displayed equations of the site: ```math blocks (LaTeX, as GitHub shows them) become MathML,
+which browsers draw without a script."""
 
 import re
 from typing import Any
