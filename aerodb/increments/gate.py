@@ -28,7 +28,7 @@ FILE_CHECKS: Final = "file_checks"
 _OPEN: Final = {
     "suspected": "only suspected",
     "alias_group": "only suspected, as one of several effects that these flights cannot tell apart",
-    "ambiguous_sensor": "only suspected: an effect, or an error of a sensor",
+    "ambiguous_sensor": "undecided between an effect and an error of a sensor",
 }
 
 

@@ -133,7 +133,7 @@ def _stayed(document: Mapping[str, Any]) -> str:
         f"{method}: {count} parameter{'' if count == 1 else 's'} {standing}"
         for (method, standing), count in Counter(other).items()
     ]
-    return f"What stayed bad: {'; '.join(clauses)}." if clauses else "Nothing stayed bad."
+    return f"Left: {'; '.join(clauses)}." if clauses else "Nothing is left."
 
 
 def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Picture:

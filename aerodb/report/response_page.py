@@ -86,7 +86,7 @@ def _stayed(summary: Mapping[str, Any]) -> str:
         clauses.append(f"{len(summary['not_flown'])} stretches not flown")
     if not summary["independent"]:
         clauses.append("the flights also identified the version")
-    return f"What stayed bad: {'; '.join(clauses)}." if clauses else "Nothing stayed bad."
+    return f"Left: {'; '.join(clauses)}." if clauses else "Nothing is left."
 
 
 def response_scales(summary: Mapping[str, Any] | None) -> dict[str, tuple[float, str]]:

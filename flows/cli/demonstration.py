@@ -55,7 +55,7 @@ def demo(
     responses = None
     if result.document["candidate"]:
         session.say()
-        session.say("The held-out flights flown by the preflight database and by the update:")
+        session.say("The flights not used, flown by the preflight database and by the update:")
         parameters = {
             "version": result.document["candidate"],
             "baseline": result.document["baseline"],
@@ -64,9 +64,9 @@ def demo(
         responses = session.run(validate_flow, parameters, direct)
         say_responses(session, "candidate", responses, verbose)
     session.say()
-    session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
+    session.say("Now the hidden errors are shown. On the flights not used, rms of flight - model:")
     session.table(
-        ["axis", "preflight", "updated", "true model (floor)", "updated / floor"],
+        ["axis", "preflight", "updated", "true model", "updated / true"],
         [
             [
                 axis,
@@ -81,7 +81,7 @@ def demo(
     )
     session.say()
     session.table(
-        ["effect in the envelope", "axis", "parameter", "value", "verdict"],
+        ["hidden error", "axis", "parameter", "value", "verdict"],
         [
             [
                 e["effect"],

@@ -43,11 +43,22 @@ class VerificationReport:
         self.problems.append(WorkspaceProblem(kind, what, where, remedy))
 
 
+#: Names of what is counted, as `verify --json` has them -> words, where they are others.
+_WORDS: Final = {
+    "edges": "links between results",
+    "linked events": "events in order",
+    "moves of names": "releases and rollbacks",
+    "sealed catalogues": "catalogues with a checksum",
+}
+
+
 def report_lines(report: VerificationReport) -> Iterator[str]:
     """The report as text: one line per problem, then one line with the counts."""
     for problem in report.problems:
         yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
-    sums = ", ".join(f"{number} {name}" for name, number in sorted(report.checked.items()))
+    sums = ", ".join(
+        f"{number} {_WORDS.get(name, name)}" for name, number in sorted(report.checked.items())
+    )
     yield f"checked {sums}" + (
         f"; {report.pending} files are being written" if report.pending else ""
     )

@@ -157,12 +157,12 @@ def test_pages_of_estimates_and_responses_begin_like_the_others() -> None:
     for page, said in (
         (
             estimates_report(document, {}, head),
-            "What stayed bad: methods disagree on 1 of 1 parameters, most on initial_alpha (3.2"
+            "Left: methods disagree on 1 of 1 parameters, most on initial_alpha (3.2"
             " standard errors); output-error: 1 parameter diverged.",
         ),
         (
             response_report("v0002", "", summary, [], head),
-            "What stayed bad: outside tolerance spiral: bank (1).",
+            "Left: outside tolerance spiral: bank (1).",
         ),
     ):
         tree = checked(page)
