@@ -1,7 +1,7 @@
 """``aerodb flight``: ingest logs, list, show, compare and retract flights."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -153,7 +153,17 @@ def list_flights(
         ],
         numbers=(4,),
     )
+    for verdict, meaning in _MEANINGS.items():
+        if any(row.verdict == verdict for row in rows):
+            session.say(f"{verdict}: {meaning}; reasons: aerodb flight show")
     session.answer(documents)
+
+
+#: What a verdict means for who reads a list.
+_MEANINGS: Final = {
+    "limited": "it is used, with reservations",
+    "rejected": "it is kept, and nothing is learnt from it",
+}
 
 
 def _standing(document: dict[str, Any]) -> str:

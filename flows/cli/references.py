@@ -22,7 +22,10 @@ Flights = Annotated[
 ]
 HoldOut = Annotated[
     list[str] | None,
-    typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
+    typer.Option(
+        help="Flights to hold out (the search does not see them, they check it), or `none`;"
+        " default: the newest fifth."
+    ),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print the details.")]
 MappingFile = Annotated[

@@ -119,7 +119,8 @@ def validate(
     context: typer.Context,
     version: str,
     flight: Annotated[
-        list[str] | None, typer.Option(help="Flights; default: those held out of the version.")
+        list[str] | None,
+        typer.Option(help="Flights; default: those that the version has not seen (held out)."),
     ] = None,
     against: Annotated[
         str, typer.Option(help="Version flown beside it: parent, none, or a version.")
