@@ -163,6 +163,10 @@ def draw_slice(
         scale * at, new - 2.0 * error, new + 2.0 * error, color=UPDATED, alpha=0.25, lw=0
     )
     reach = reach_of(increments, variable)
+    if not increments and cut.inside.any() and not cut.inside.all():  # flights of parameters
+        low, high = (scale * float(end(at[cut.inside])) for end in (np.min, np.max))
+        panel.axvspan(low, high, color="0.92", zorder=0)
+        reach = Reach(variable, low, high, None, display_unit(variable)[1] or "")
     if reach is not None:
         draw_ends(panel, reach)
     plain_panel(panel)

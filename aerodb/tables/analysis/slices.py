@@ -12,9 +12,11 @@ from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.analysis.arguments import scattered_over
 from aerodb.tables.analysis.nodes import neutral_point, table_grids
+from aerodb.tables.analysis.sensitivity import slopes_by_parameter
 from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
+from aerodb.tables.parameter import covariance_of
 from aerodb.tables.reference import WIND_AXES
 
 #: Most slices of two databases; `diff` lists every node.
@@ -47,8 +49,8 @@ class Slice:
     ----------
     at : (n,) values of the variable, SI.
     before, after : (n,), dimensionless.
-    error : (n,) standard error of the increments that only one of the databases has.
-    inside : (n,) whether their flights have been there.
+    error : (n,) standard error of the increments that only one of the databases has, and of the
+        parameters that differ. inside : (n,) whether their flights have been there.
     held : other inputs -> value, SI.
     """
 
@@ -102,17 +104,61 @@ def slice_over(
     before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at: Array
 ) -> Slice:
     """Return the slice on a body axis at given values (n,) of a variable [SI]."""
-    increments = _new(before, after)
+    increments, flown = _new(before, after), _flown(before, after)
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
+    if not increments:  # speeds at which there are coefficients
+        point |= {n: 0.5 * sum(ends) for n, ends in flown.items() if n in _NEVER_NEGATIVE}
     held = {name: value for name, value in point.items() if name != variable}
     channels = {**{name: np.full(len(at), value) for name, value in held.items()}, variable: at}
     old, new = (database.predict(channels).coefficients[axis] for database in (before, after))
-    variance, inside = np.zeros(len(at)), np.full(len(at), bool(increments))
+    variance = _variance_of_parameters(before, after, axis, channels)
+    inside = np.full(len(at), bool(increments or flown))
+    if variable in flown:
+        inside &= (flown[variable][0] <= at) & (at <= flown[variable][1])
     for increment in (each for each in increments if acts_on(each, axis)):
         own = increment.evaluate(after.resolved(sorted(increment.names), channels))
         variance = variance + own.standard_error**2
         inside = inside & own.inside
     return Slice(axis, variable, at, old, new, np.sqrt(variance), inside, held)
+
+
+def changed_parameters(before: AeroDatabase, after: AeroDatabase) -> list[str]:
+    """Return the parameters of both databases whose values differ."""
+    return [
+        name
+        for name, value in after.parameters.items()
+        if before.parameters.get(name, value) != value
+    ]
+
+
+def _flown(before: AeroDatabase, after: AeroDatabase) -> dict[str, tuple[float, float]]:
+    """Variable -> what all flights that changed parameters have flown of it, lowest and highest."""
+    found: dict[str, tuple[float, float]] = {}
+    for name in changed_parameters(before, after):
+        known = after.variables[name].parameter
+        for variable, (low, high) in ({} if known is None else known.flown).items():
+            first, last = found.get(variable, (-np.inf, np.inf))
+            found[variable] = max(first, low), min(last, high)
+    return found
+
+
+def _variance_of_parameters(
+    before: AeroDatabase, after: AeroDatabase, axis: str, channels: Mapping[str, Array]
+) -> Array:
+    """(n,) variance of a body axis by the errors of the parameters that differ, correlated as
+    stated."""
+    names = changed_parameters(before, after)
+    n = max(len(values) for values in channels.values())
+    if not names:
+        return np.zeros(n)
+    slopes = np.stack(
+        [
+            np.broadcast_to(slopes_by_parameter(after, name, channels).get(axis, 0.0), (n,))
+            for name in names
+        ]
+    )
+    covariance = covariance_of({name: after.variables[name].uncertainty for name in names})
+    return np.asarray(np.einsum("in,ij,jn->n", slopes, covariance, slopes))
 
 
 def acts_on(increment: Increment, axis: str) -> bool:
@@ -142,6 +188,7 @@ def _ranges(
             marks.setdefault(name, []).extend(
                 (max(lowest, interval.low - beyond), min(highest, interval.high + beyond))
             )
+    flown = _flown(before, after)
     known = {*before.inputs, *after.inputs, *marks}
     for database in (before, after):
         for grid in table_grids(database).values():
@@ -150,6 +197,10 @@ def _ranges(
         for name in database.inputs:
             for values in scattered_over(name, database):
                 marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
+    if not increments:  # as far again as flights that changed parameters have been
+        for name, (low, high) in flown.items():
+            least = 0.0 if name in _NEVER_NEGATIVE else -np.inf
+            marks[name] = [max(least, 2.0 * low - high), 2.0 * high - low]
     return {
         name: (min(v), max(v))
         for name, v in marks.items()

@@ -11,7 +11,7 @@ from aerodb.exchange.native import from_document, read_native, to_document
 from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
 from aerodb.simulation import flight_model
 from aerodb.simulation.parameter_covariance import parameter_covariance
-from aerodb.tables import slopes_by_parameter, with_parameters
+from aerodb.tables import sigma_of, slices, slopes_by_parameter, with_parameters
 from tests.support.build_up import TEXT, build_up, flights
 from tests.support.flights_in_memory import FlightsInMemory
 
@@ -148,3 +148,22 @@ def test_a_wrong_file_says_which_parameter(old: str, new: str, says: str) -> Non
 def test_a_value_outside_its_bounds_is_refused() -> None:
     with pytest.raises(InputError, match="fin_CLa"):
         with_parameters(build_up(), {"fin_CLa": 60.0})
+
+
+def test_slices_tell_the_error_of_a_parameter_and_where_its_flights_have_been(
+    source: FlightsInMemory,
+) -> None:
+    loop = closed(source, {"fin_CLa": 2.2})
+    sigma = sigma_of(loop.candidate.variables["fin_CLa"].uncertainty)
+    known = loop.candidate.variables["fin_CLa"].parameter
+    assert sigma is not None
+    assert known is not None
+    (cut,) = (
+        each
+        for each in slices(loop.baseline, loop.candidate)
+        if (each.axis, each.variable) == ("CY", "beta")
+    )
+    np.testing.assert_allclose(cut.error, 0.15 * sigma * np.abs(cut.at), atol=1e-12)
+    low, high = known.flown["beta"]
+    np.testing.assert_array_equal(cut.inside, (low <= cut.at) & (cut.at <= high))
+    assert cut.held["V"] == pytest.approx(np.mean(known.flown["V"]))
