@@ -31,6 +31,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .arrays import (
         CSV_HEAD,
+        csv_text,
         export_csv,
         export_csv_table,
         export_mat,

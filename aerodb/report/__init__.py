@@ -8,7 +8,7 @@
 
 Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
 templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
-`decision` (five lines to decide on), `gate_lines` (what to decide a release on), `headlines`
+`decision` (five lines to decide on), `gate_lines` (what to decide a release on), `qualification` (the table for a QTG), `headlines`
 (sentences and error tables); `glossary`, `terms`, `numbers` (names of effects, channels and terms,
 numbers and units: everything that is shown uses these); `findings` (findings in words); `head`
 (where a result comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`,
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .numbers import display_unit, for_people
     from .page import pdf, render
+    from .qualification import feedback_words, qualification_csv
     from .reach import beyond_data, beyond_words
     from .response_page import FlownStretch, response_report
     from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible

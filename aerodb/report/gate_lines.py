@@ -111,18 +111,27 @@ def _first(texts: Sequence[str], rest: str) -> list[str]:
     return [*texts[:_MOST], *([f"{over} {rest}"] if over > 0 else [])]
 
 
-def _within(responses: Mapping[str, Any]) -> str:
-    """Return how many checks of responses are within tolerance, those of the baseline beside them,
-    and how many manoeuvres were flown with the feedback closed."""
+def count_within(responses: Mapping[str, Any], baseline: str = "baseline") -> str:
+    """Return how many checks of responses are within tolerance, and how many of the baseline of
+    this label.
+
+    >>> count_within({"checks": [{"passed": 2, "manoeuvres": 3, "before": None}]})
+    '2 of 3'
+    """
     checks = responses["checks"]
     before = [check["before"] for check in checks if check["before"]]
-    words = _sum(checks)
-    if before:
-        words += f" (baseline: {_sum(before)})"
-    return (
-        f"{words} within tolerance; feedback closed in {responses['stabilised']} of"
+    return _sum(checks) + (f" ({baseline}: {_sum(before)})" if before else "")
+
+
+def _within(responses: Mapping[str, Any]) -> str:
+    """Return how many checks of responses are within tolerance, those of the baseline beside them,
+    how many manoeuvres were flown with the feedback closed, and the open-loop result."""
+    words = (
+        f"{count_within(responses)} within tolerance; feedback closed in {responses['stabilised']} of"
         f" {responses['manoeuvres']} manoeuvres"
     )
+    alone = responses.get("feedback")
+    return f"{words} (open loop: {alone['passed']} of {alone['checks']})" if alone else words
 
 
 def _sum(checks: Iterable[Mapping[str, Any]]) -> str:

@@ -1,15 +1,17 @@
 """Page of simulated responses: a version flown beside the flight, manoeuvre by manoeuvre."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerodb.report.gate_lines import count_within
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.page import render
+from aerodb.report.qualification import feedback_words, qualification_table
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -29,6 +31,11 @@ from aerodb.support import Array
 _DRAWN: Final = ("alpha", "q", "theta", "az", "V", "beta", "p", "r", "phi", "ay")
 #: Most manoeuvres drawn on one page.
 _MOST: Final = 40
+
+#: How the band of a tolerance is drawn.
+_BAND: Final[dict[str, Any]] = {"color": FLIGHT, "alpha": 0.2, "lw": 0}
+#: Room of a panel above and below the flight, as a part of its range.
+_ROOM: Final = 0.4
 
 Responses = Mapping[str, tuple[Array, Array, Array]]
 
@@ -67,10 +74,13 @@ def response_report(
         baseline=baseline,
         summary=summary,
         head=head,
+        within=count_within(summary, baseline) if summary else "",
         stayed=_stayed(summary) if summary else "",
         drawn=drawn,
         left_out=max(0, len(stretches) - _MOST),
         scales=response_scales(summary),
+        feedback=feedback_words(summary) if summary else [],
+        qualification=qualification_table(summary),
     )
 
 
@@ -117,9 +127,10 @@ def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
 
 def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figure:
     """Draw the responses (n,) of a stretch over time [s] in display units (`channel_scale`):
-    flight, version, baseline."""
+    flight with the bands of its checks, version, baseline."""
     names = [name for name in _DRAWN if name in stretch.after]
     names += [name for name in stretch.after if name.startswith("delta_")]
+    bands = tolerance_bands(stretch.document["checks"])
     columns = 3
     rows = max(1, -(-len(names) // columns))
     height = min(1.75, (PAGE_HEIGHT - 0.5) / rows)
@@ -131,7 +142,10 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
         time, simulated, flown = stretch.after[name]
         if np.isfinite(flown).any():
             panel.plot(time, factor * flown, color=FLIGHT, lw=1.6, label="flight")
-        limits = _limits(factor * flown)
+        width = factor * bands.get(name, 0.0)
+        if width:
+            panel.fill_between(time, factor * flown - width, factor * flown + width, **_BAND)
+        limits = _limits(factor * flown, width)
         if name in stretch.before:
             at, earlier, _ = stretch.before[name]
             panel.plot(at, factor * earlier, color=DATABASE, ls=DATABASE_LINE, lw=1.2,
@@ -146,15 +160,30 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     if names:
-        panels.ravel()[0].legend(fontsize=SMALLEST, frameon=False)
+        first = panels.ravel()[0]
+        if bands:
+            first.fill_between([], [], label="tolerance", **_BAND)
+        first.legend(fontsize=SMALLEST, frameon=False)
     return figure
 
 
-def _limits(flown: Array) -> tuple[float, float] | None:
-    """Limits of a panel: the flight's range and as much on either side, so that a simulation that
-    diverges does not hide the flight."""
+def tolerance_bands(checks: Iterable[Mapping[str, Any]]) -> dict[str, float]:
+    """Return the half width (SI) of the tolerance about each flown response: the narrowest of the
+    checks that judge its time history."""
+    widths: dict[str, float] = {}
+    for check in checks:
+        for band in check.get("bands", ()):
+            if not band["of"] and band["limit"] is not None:
+                name = band["channel"]
+                widths[name] = min(band["limit"], widths.get(name, band["limit"]))
+    return widths
+
+
+def _limits(flown: Array, width: float) -> tuple[float, float] | None:
+    """Limits of a panel: the flight's range with some room, at least for the band of tolerance of
+    half `width`, so that a simulation that diverges hides neither."""
     good = flown[np.isfinite(flown)]
     if not good.size or np.ptp(good) == 0:
         return None
-    span = float(np.ptp(good))
-    return float(good.min() - span), float(good.max() + span)
+    room = max(_ROOM * float(np.ptp(good)), 2.0 * width)
+    return float(good.min() - room), float(good.max() + room)

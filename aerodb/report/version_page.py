@@ -16,6 +16,7 @@ from aerodb.report.head import Head
 from aerodb.report.headlines import error_rows, shown_axes
 from aerodb.report.lineage_figure import Graph
 from aerodb.report.page import render
+from aerodb.report.qualification import qualification_table
 from aerodb.report.reach import beyond_data, beyond_words
 from aerodb.report.response_page import response_scales
 from aerodb.report.style import picture
@@ -126,6 +127,7 @@ def version_report(story: VersionStory) -> str:
         slices=slices if len(slices) > 1 or changes is None or _several(changes) else [],
         curves=curves,
         scales=response_scales(story.responses),
+        qualification=qualification_table(story.responses),
     )
 
 

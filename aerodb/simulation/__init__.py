@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         with_trim_offset,
     )
     from .sensors import Instrument, SensorSignal, at_instruments, measure
-    from .stabilisation import stabilising_feedback
+    from .stabilisation import fastest_growth, stabilising_feedback
     from .sweep import held_sweep, sweep
     from .tolerances import Tolerances, check_responses, parse_tolerances, response_agreement
     from .trim import NoTrimError, Trim, trim

@@ -52,6 +52,12 @@ def stabilising_feedback(
     }
 
 
+def fastest_growth(model: FlightModel, stretch: FlightStretch) -> float:
+    """Return the rate [1/s] at which the model's fastest motion grows at the start of a stretch;
+    not above zero where it is stable."""
+    return float(np.linalg.eigvals(_linear(model, stretch, [])[0]).real.max())
+
+
 def _linear(model: FlightModel, stretch: FlightStretch, moved: list[str]) -> tuple[Array, Array]:
     """Derivatives of the rates of `FEEDBACK` by these states (8, 8) and by inputs (8, m)."""
     m = len(FEEDBACK)

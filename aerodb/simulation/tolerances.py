@@ -1,7 +1,7 @@
 """Agreement of a simulated response with the flight: tolerance bands and Theil's statistics."""
 
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -46,46 +46,98 @@ class ToleranceBand:
 
         Both are (n,), in the unit of the width.
         """
+        return np.asarray(np.abs(simulated - flown) <= self.limit(flown))
+
+    def limit(self, flown: Array) -> float:
+        """Return the half width (a scalar, SI) about a flown response (n,)."""
         known = flown[np.isfinite(flown)]
         excursion = float(np.abs(known - known[0]).max()) if known.size else 0.0
-        return np.asarray(np.abs(simulated - flown) <= max(self.width, self.share * excursion))
+        return max(self.width, self.share * excursion)
 
     def holds_for(self, simulated: Oscillation | None, flown: Oscillation) -> bool:
         """Return whether the figure of the oscillation (period or half time [s], damping [-]) is
         inside; a response that does not oscillate as the flight does is outside."""
         if simulated is None:
             return False
+        return self.deviation_of(simulated, flown) <= self.limit_of(flown)
+
+    def limit_of(self, flown: Oscillation) -> float:
+        """Return the half width about the figure of the flown oscillation (s, damping [-])."""
+        return max(self.width, self.share * abs(_FIGURES[self.of](flown)))
+
+    def deviation_of(self, simulated: Oscillation, flown: Oscillation) -> float:
+        """Return how far the figure is from that of the flight (s, damping [-])."""
         theirs, ours = (_FIGURES[self.of](each) for each in (flown, simulated))
-        return abs(ours - theirs) <= max(self.width, self.share * abs(theirs))
+        return abs(ours - theirs)
 
 
 @dataclass(frozen=True)
 class ToleranceCheck:
     """A tolerance: at each sample any of `bands` must hold ("A or B"), over at least
     `required_share` of the samples. It applies to manoeuvres that start with a control of the axes
-    `controls`; without any, to all."""
+    `controls`; without any, to all. test : number of its paragraph, or empty."""
 
     name: str
     bands: tuple[ToleranceBand, ...]
     controls: tuple[str, ...] = ()
     required_share: float = 1.0
+    test: str = ""
+
+
+@dataclass(frozen=True)
+class StandardTest:
+    """A test of a standard: number of its paragraph, title, the flight condition that it asks for,
+    and what of its tolerance no check judges."""
+
+    number: str
+    title: str
+    condition: str = ""
+    not_judged: str = ""
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """A named set of checks."""
+    """A named set of checks, and the tests of the standard that they belong to.
+
+    source : the text that the tests' numbers are of. unchecked : standards that ask the same in
+    paragraphs that were not compared with their text.
+    """
 
     name: str
     checks: tuple[ToleranceCheck, ...]
+    source: str = ""
+    tests: tuple[StandardTest, ...] = ()
+    unchecked: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class BandResult:
+    """Largest deviation of a response, or of a figure `of` its oscillation, and the tolerance.
+
+    Both are in SI units; None where the flight has no such figure, or the simulation ended early
+    or does not oscillate.
+    """
+
+    channel: str
+    of: str
+    limit: float | None
+    deviation: float | None
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of a check on one manoeuvre: share of samples inside, and whether that is enough."""
+    """Result of a check on one manoeuvre: share of samples inside, and whether that is enough.
+
+    required : that share. test : number of its paragraph, or empty. bands : what deviated by how
+    much.
+    """
 
     check: str
     share: float
     passed: bool
+    required: float = 1.0
+    test: str = ""
+    bands: tuple[BandResult, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,12 +164,34 @@ def parse_tolerances(text: str, where: str = "tolerances") -> Tolerances:
     entries = document.get("check")
     if not isinstance(entries, list) or not entries:
         raise InputError("has no [[check]]", where, "add one with name and bands")
-    checks = tuple(_check(entry, f"{where}, check {k}") for k, entry in enumerate(entries, 1))
-    return Tolerances(str(document.get("name", where)), checks)
+    tests = tuple(
+        _test(entry, f"{where}, test {k}") for k, entry in enumerate(document.get("test", ()), 1)
+    )
+    numbers = [test.number for test in tests]
+    checks = tuple(
+        _check(entry, f"{where}, check {k}", numbers) for k, entry in enumerate(entries, 1)
+    )
+    return Tolerances(
+        str(document.get("name", where)),
+        checks,
+        str(document.get("source", "")),
+        tests,
+        tuple(str(name) for name in document.get("unchecked", ())),
+    )
 
 
-def _check(entry: Mapping[str, Any], where: str) -> ToleranceCheck:
-    _known(entry, ("name", "bands", "controls", "required_share"), where)
+def _test(entry: Mapping[str, Any], where: str) -> StandardTest:
+    _known(entry, ("number", "title", "condition", "not_judged"), where)
+    if not entry.get("number"):
+        raise InputError("has no number", where, 'for example number = "2.c.10"')
+    return StandardTest(**{name: str(value) for name, value in {"title": "", **entry}.items()})
+
+
+def _check(entry: Mapping[str, Any], where: str, tests: Sequence[str]) -> ToleranceCheck:
+    _known(entry, ("name", "bands", "controls", "required_share", "test"), where)
+    test = str(entry.get("test", ""))
+    if test and test not in tests:
+        raise InputError(f"no [[test]] has the number '{test}'", where, nearest(test, tests))
     controls = tuple(entry.get("controls", ()))
     for axis in controls:
         if axis not in CONTROLS:
@@ -131,7 +205,7 @@ def _check(entry: Mapping[str, Any], where: str) -> ToleranceCheck:
                          ' "2 deg/s" }]')  # fmt: skip
     if not isinstance(share, int | float) or not 0.0 < share <= 1.0:
         raise InputError(f"required_share is {share!r}", where, "give a number above 0, up to 1")
-    return ToleranceCheck(str(entry.get("name", where)), bands, controls, float(share))
+    return ToleranceCheck(str(entry.get("name", where)), bands, controls, float(share), test)
 
 
 def _band(entry: Mapping[str, Any], where: str) -> ToleranceBand:
@@ -182,20 +256,57 @@ def check_responses(
             known = oscillations or {}
             if all(b.of and b.channel in known for b in bands):
                 held = any(b.holds_for(*known[b.channel]) for b in bands)
-                results.append(CheckResult(check.name, float(held), held))
+                figures = _figure_results(bands, known)
+                results.append(CheckResult(check.name, float(held), held, 1.0, check.test, figures))
             continue
         counted = np.all([np.isfinite(flown[b.channel]) for b in bands], axis=0)
-        inside = np.any(
-            [
-                b.holds(_unwrapped(b.channel, simulated), _unwrapped(b.channel, flown))
-                for b in bands
-            ],
-            axis=0,
-        )
+        pairs = {b.channel: (_unwrapped(b.channel, simulated), _unwrapped(b.channel, flown))
+                 for b in bands}  # fmt: skip
+        inside = np.any([b.holds(*pairs[b.channel]) for b in bands], axis=0)
         if counted.any():
             share = float(np.mean(inside[counted]))
-            results.append(CheckResult(check.name, share, share >= check.required_share))
+            results.append(
+                CheckResult(
+                    check.name,
+                    share,
+                    share >= check.required_share,
+                    check.required_share,
+                    check.test,
+                    _band_results(bands, pairs, counted),
+                )
+            )
     return tuple(results)
+
+
+def _band_results(
+    bands: Iterable[ToleranceBand], pairs: Mapping[str, tuple[Array, Array]], counted: Array
+) -> tuple[BandResult, ...]:
+    """Of each response (simulated and flown, (n,)): the widest of its bands, and the largest
+    deviation over the samples that count."""
+    widest = dict.fromkeys(pairs, 0.0)
+    for band in bands:
+        widest[band.channel] = max(widest[band.channel], band.limit(pairs[band.channel][1]))
+    return tuple(
+        BandResult(name, "", widest[name], _finite(np.abs(ours - theirs)[counted].max()))
+        for name, (ours, theirs) in pairs.items()
+    )
+
+
+def _figure_results(bands: Iterable[ToleranceBand], known: Oscillations) -> tuple[BandResult, ...]:
+    """The same of figures of oscillations."""
+    found: dict[tuple[str, str], BandResult] = {}
+    for band in bands:
+        ours, theirs = known[band.channel]
+        limit, former = band.limit_of(theirs), found.get((band.channel, band.of))
+        if former is not None and former.limit is not None:
+            limit = max(limit, former.limit)
+        away = None if ours is None else _finite(band.deviation_of(ours, theirs))
+        found[band.channel, band.of] = BandResult(band.channel, band.of, _finite(limit), away)
+    return tuple(found.values())
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def response_agreement(

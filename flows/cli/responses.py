@@ -130,12 +130,15 @@ def validate(
     trimmed: Trimmed = False,
     tolerances: Tolerances = None,
     output: Output = None,
+    table: Annotated[
+        Path | None, typer.Option(help="CSV file to write: the qualification table for a QTG.")
+    ] = None,
     vehicle: Vehicle = None,
 ) -> None:
     """Fly a version and its baseline over the manoeuvres of its held-out flights, and judge the
     responses. Exits with 4 where a check fails.
 
-    Example: aerodb version validate candidate --output responses.html
+    Example: aerodb version validate candidate --output responses.html --table qualification.csv
     """
     from aerodb.flows.fly import validate_flow
     from aerodb.tasks.references import flights_to_judge, version_of
@@ -164,6 +167,11 @@ def validate(
     page = document.pop("page", None)
     say_responses(session, row.label, document)
     _write(session, output, page)
+    if table is not None:
+        from aerodb.report import qualification_csv
+
+        beside = catalogue.version_of_id(baseline).label if baseline else ""
+        _write(session, table, qualification_csv(document, row.label, beside))
     session.answer(document)
     if not document["passed"]:
         raise typer.Exit(4)
@@ -254,14 +262,15 @@ def say_responses(
 ) -> None:
     """Print the summary of `validate_flow` for a version of this label; without `verbose` the
     tolerances alone."""
-    from aerodb.report import channel_scale
+    from aerodb.report import channel_scale, feedback_words
 
     kind = "held-out" if document["independent"] else "identification (not independent)"
     session.say(
         f"version {label}: {document['manoeuvres']} manoeuvres of {len(document['flights'])} {kind}"
-        f" flights, {document['stabilised']} with stabilising feedback;"
-        f" tolerances {document['tolerances']}"
+        f" flights; tolerances {document['tolerances']}"
     )
+    for told in feedback_words(document):
+        session.say(told)
     rows = []
     for check in document["checks"]:
         before = check["before"]
@@ -279,6 +288,9 @@ def say_responses(
     )
     if not verbose:
         return
+    left = [test["number"] for test in document["not_covered"]]
+    if left:
+        session.say(f"not covered: {', '.join(left)}")
     session.say()
     told = [response for response in document["responses"] if response["manoeuvres"]]
     shown = []

@@ -15,7 +15,13 @@ from aerodb.flows.library.views import Data, Result, Summary, Values, number
 from aerodb.report import display_unit
 from aerodb.simulation import parse_tolerances
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps import default_tolerances, fly_window, manoeuvre_windows, responses_summary
+from aerodb.tasks.steps import (
+    default_tolerances,
+    fly_window,
+    manoeuvre_windows,
+    responses_summary,
+    standard_document,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -158,6 +164,7 @@ def validate(
             "flight": id,
             "version": one.name,
             "tolerances": limits.name,
+            "standard": standard_document(limits),
             "stretches": stretches,
         }
 

@@ -42,7 +42,14 @@ if TYPE_CHECKING:
     from .estimates_page import estimates_page
     from .expand import expand_flight
     from .export import FORMS, export_version
-    from .fly import default_tolerances, fly_version, fly_window, manoeuvre_windows, read_tolerances
+    from .fly import (
+        default_tolerances,
+        fly_version,
+        fly_window,
+        manoeuvre_windows,
+        read_tolerances,
+        standard_document,
+    )
     from .fly_manoeuvre import fly_manoeuvre
     from .frequency_response import respond
     from .importing import import_database, read_database

@@ -22,6 +22,7 @@ from aerodb.simulation import (
     Tolerances,
     at_rest_from,
     check_responses,
+    fastest_growth,
     fly_stretch,
     moved_controls,
     oscillation,
@@ -95,9 +96,10 @@ def fly_version(
         first second.
     tolerances : text; empty: those that come with aerodb.
 
-    Returns a document: flight, version, key, tolerances, stretches (since, until, kind, controls,
-    feedback, correction, responses, oscillations, checks, notes; where it was not flown, reason,
-    and what: the reason without the place).
+    Returns a document: flight, version, key, tolerances, standard (`standard_document`), stretches
+    (since, until, kind, condition, controls, feedback, correction, responses, oscillations, checks,
+    notes, and where feedback is closed open_loop; where it was not flown, reason, and what: the
+    reason without the place).
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -140,11 +142,22 @@ def fly_version(
         "version": version,
         "key": result.key,
         "tolerances": limits.name,
+        "standard": standard_document(limits),
         "stretches": [piece for piece, _ in pieces],
     }
     table = _long([columns for _, columns in pieces])
     result.keep(run, lambda path: write_results(path, table, {"document": document}))
     return document
+
+
+def standard_document(limits: Tolerances) -> dict[str, Any]:
+    """Return the standard that tolerances are of: source, unchecked, tests (number, title,
+    condition, not_judged); all are text."""
+    return {
+        "source": limits.source,
+        "unchecked": list(limits.unchecked),
+        "tests": [asdict(test) for test in limits.tests],
+    }
 
 
 def flown_responses(
@@ -262,12 +275,15 @@ def fly_window(
             wind="mean" if wind == "mean" else "measured",
         )
 
+    open_loop = None
     try:
         model, stretch = prepared(gains)
-        if stabilise and not gains:
+        if gains:
+            open_loop = prepared({})
+        elif stabilise:
             found = stabilising_feedback(model, stretch)
             if found:
-                gains = found
+                gains, open_loop = found, (model, stretch)
                 model, stretch = prepared(found)
     except InputError as error:
         return {**document, "reason": str(error), "what": error.without_place}, {}
@@ -279,7 +295,10 @@ def fly_window(
     controls = moved_controls(model, stretch)
     swings = {} if gains else _oscillations(model, stretch, simulated)
     checks = check_responses(limits, simulated, stretch.flown, controls, stretch.free, swings)
+    if open_loop is not None:
+        document["open_loop"] = _open_loop(*open_loop, limits, controls, trimmed, first)
     document |= {
+        "condition": _condition(flight, stretch),
         "controls": list(controls),
         "feedback": {f"{surface}:{channel}": gain for (surface, channel), gain in gains.items()},
         "correction": _corrections(flown, stretch, {surface for surface, _ in gains}),
@@ -308,6 +327,48 @@ def fly_window(
         name: (time, simulated[name], stretch.flown[name])
         for name in RESPONSES
         if name in stretch.flown
+    }
+
+
+#: Parts of the names of channels that tell the configuration of an aircraft.
+_CONFIGURATION: Final = ("flap", "slat", "gear", "brake", "spoiler")
+
+
+def _condition(flight: Flight, stretch: FlightStretch) -> dict[str, Any]:
+    """Condition at the start: V [m/s], altitude [m] or None, mass [kg], and the positions (SI) that
+    tell the configuration."""
+    at = int(np.searchsorted(flight.time, stretch.time[0]))
+    told = [name for name in flight.channels if any(part in name for part in _CONFIGURATION)]
+    positions = {name: float(flight[name][at]) for name in sorted(told)}
+    return {
+        "V": float(stretch.start["V"]),
+        "altitude": float(stretch.start["altitude"]) if "altitude" in flight else None,
+        "mass": float(stretch.series["mass"][0]),
+        "configuration": {name: at for name, at in positions.items() if np.isfinite(at)},
+    }
+
+
+def _open_loop(
+    model: FlightModel,
+    stretch: FlightStretch,
+    limits: Tolerances,
+    controls: Iterable[str],
+    trimmed: bool,
+    first: float,
+) -> dict[str, Any]:
+    """What the version does without the feedback: checks, when it ended [s], and the time in which
+    its fastest motion doubles [s], None where none grows. first : start of the flight [s]."""
+    if trimmed:
+        stretch, _ = with_trim_offset(model, stretch, BEFORE)
+    flown = fly_stretch(model, stretch)
+    simulated = {name: values[:, 0] for name, values in flown.channels.items()}
+    swings = _oscillations(model, stretch, simulated)
+    checks = check_responses(limits, simulated, stretch.flown, controls, stretch.free, swings)
+    growth = fastest_growth(model, stretch)
+    return {
+        "checks": [asdict(check) for check in checks],
+        "ended": float(stretch.time[flown.ended[0] - 1]) - first,
+        "doubling_time": float(np.log(2.0)) / growth if growth > 0.0 else None,
     }
 
 

@@ -29,7 +29,10 @@ def summarise_responses(
     Returns a document: version, baseline, independent, flights, tolerances, manoeuvres, checks
     (check, manoeuvres, passed, share; and of the baseline), responses (channel, rms error, Theil's
     fit and parts, improved: in how many manoeuvres; and of the baseline), oscillations (of flight,
-    version and baseline), failed, not_flown, stabilised, passed.
+    version and baseline), failed, not_flown, stabilised, passed, standard (`standard_document`),
+    cases (each check of each manoeuvre: what deviated by how much, SI, with feedback, open loop,
+    and of the baseline), not_covered (tests of the standard without a case), feedback (largest
+    correction [rad], open-loop checks, doubling_time [s]; None where none was closed).
     """
     access = access_workspace(workspace)
     labels = access.catalogue.flight_labels(d["flight"] for d in after)
@@ -88,6 +91,67 @@ def responses_summary(
             if "reason" in s
         ],
         "passed": bool(checks) and not failed,
+        **_qualification(after, before, labels),
+    }
+
+
+def _qualification(
+    after: Sequence[Document], before: Sequence[Document], labels: Mapping[str, str]
+) -> dict[str, Any]:
+    """Cases of the qualification table, the tests that no case covers, and what feedback did."""
+    standard = after[0].get("standard") if after else None
+    earlier = {
+        (d["flight"], s["since"], c["check"]): _case_of(s, c)
+        for d in before
+        for s in d["stretches"]
+        for c in s.get("checks", ())
+    }
+    cases = [
+        {"flight": d["flight"], "name": labels[d["flight"]]}
+        | {key: s[key] for key in ("since", "until", "kind")}
+        | {"condition": s.get("condition"), "check": c["check"], "test": c.get("test", "")}
+        | _case_of(s, c)
+        | {"before": earlier.get((d["flight"], s["since"], c["check"]))}
+        for d in after
+        for s in d["stretches"]
+        for c in s.get("checks", ())
+    ]
+    covered = {case["test"] for case in cases}
+    tests = standard["tests"] if standard else ()
+    return {
+        "standard": standard,
+        "cases": cases,
+        "not_covered": [test for test in tests if test["number"] not in covered],
+        "feedback": _feedback(cases, [s for d in after for s in d["stretches"]]),
+    }
+
+
+def _case_of(stretch: Document, check: Document) -> dict[str, Any]:
+    """Result of a check of a manoeuvre, and open loop where feedback was closed."""
+    known = stretch.get("open_loop")
+    alone = [c for c in known["checks"] if c["check"] == check["check"]] if known else []
+    keys = ("share", "required", "passed", "bands")
+    return {
+        **{key: check.get(key) for key in keys},
+        "correction": max(stretch["correction"].values(), default=None),
+        "open_loop": {key: alone[0].get(key) for key in keys} if alone else None,
+    }
+
+
+def _feedback(cases: Sequence[Document], stretches: Sequence[Document]) -> dict[str, Any] | None:
+    """What the feedback of stretches did, and how many checks hold without it."""
+    known = [s["open_loop"] for s in stretches if "open_loop" in s]
+    if not known:
+        return None
+    times = [each["doubling_time"] for each in known if each["doubling_time"] is not None]
+    alone = [case["open_loop"] for case in cases if case["open_loop"]]
+    return {
+        "correction": max(
+            (max(s["correction"].values()) for s in stretches if s.get("correction")), default=0.0
+        ),
+        "checks": len(alone),
+        "passed": sum(each["passed"] for each in alone),
+        "doubling_time": min(times, default=None),
     }
 
 

@@ -111,3 +111,22 @@ def test_figures_of_an_oscillation_have_bands_of_their_own() -> None:
         found = check_responses(tolerances, turning, turning, (), oscillations=swings)
         assert [result.passed for result in found] == [passed]
     assert check_responses(tolerances, flown(), flown(), ()) == ()
+
+
+def test_a_test_names_a_paragraph_that_is_listed() -> None:
+    check = '[[check]]\nname = "q"\ntest = "2.c.10"\nbands = [{ channel = "q", width = 1 }]\n'
+    with pytest.raises(InputError, match=r"no \[\[test\]\] has the number '2\.c\.10'"):
+        parse_tolerances(check)
+    listed = parse_tolerances(f'{check}[[test]]\nnumber = "2.c.10"\ntitle = "short period"\n')
+    (result,) = check_responses(listed, flown(), flown(), ())
+    assert (result.test, result.required) == ("2.c.10", 1.0)
+    assert (result.bands[0].limit, result.bands[0].deviation) == (1.0, 0.0)
+    with pytest.raises(InputError, match="has no number"):
+        parse_tolerances(f'{check}[[test]]\ntitle = "short period"\n')
+
+
+def test_the_deviation_of_a_simulation_that_ended_is_not_known() -> None:
+    tolerances, ended = parse_tolerances(default_tolerances()), flown()
+    ended["az"] = np.where(TIME > 5.0, np.nan, ended["az"])
+    found = {r.check: r for r in check_responses(tolerances, ended, flown(), ("pitch",))}
+    assert found["short period: normal acceleration"].bands[0].deviation is None
