@@ -8,13 +8,13 @@
 
 Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
 templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
-`decision` (five lines to decide on), `gate_lines` (what to decide a release on), `qualification` (the table for a QTG), `headlines`
-(sentences and error tables); `glossary`, `terms`, `numbers` (names of effects, channels and terms,
-numbers and units: everything that is shown uses these); `findings` (findings in words); `head`
-(where a result comes from); `flight_figures`, `figures`, `update_figures`, `database_figure`,
-`diff_figures`, `front_figure`, `lineage_figure` (figures); `reach` (where data end); `style`
-(colours, units, names as text); `decimation` (long records with fewer points); `flight_errors`
-(errors of single flights).
+`decision` (five lines to decide on), `gate_lines` (what to decide a release on), `qualification`
+(the table for a QTG), `headlines` (sentences and error tables); `glossary`, `terms`, `numbers`
+(names of effects, channels and terms, numbers and units: everything that is shown uses these);
+`findings` (findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
+`update_figures`, `database_figure`, `diff_figures`, `front_figure`, `lineage_figure` (figures);
+`reach` (where data end); `style` (colours, units, names as text); `decimation` (long records with
+fewer points); `flight_errors` (errors of single flights).
 """
 
 from typing import TYPE_CHECKING

@@ -127,8 +127,8 @@ def _within(responses: Mapping[str, Any]) -> str:
     """Return how many checks of responses are within tolerance, those of the baseline beside them,
     how many manoeuvres were flown with the feedback closed, and the open-loop result."""
     words = (
-        f"{count_within(responses)} within tolerance; feedback closed in {responses['stabilised']} of"
-        f" {responses['manoeuvres']} manoeuvres"
+        f"{count_within(responses)} within tolerance; feedback closed in"
+        f" {responses['stabilised']} of {responses['manoeuvres']} manoeuvres"
     )
     alone = responses.get("feedback")
     return f"{words} (open loop: {alone['passed']} of {alone['checks']})" if alone else words

@@ -37,13 +37,12 @@ _OUTCOME: Final = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a version did in a case, as text: largest deviation, time inside, result; correction is
-    the largest deflection of the feedback, and alone the outcome without it, if it was closed."""
+    """How a version did in a case, as text: largest deviation, share of time inside [%], result;
+    alone is the outcome without the feedback, if it was closed."""
 
     deviation: str
     inside: str
     result: str
-    correction: str
     alone: "Outcome | None"
 
 
@@ -225,12 +224,11 @@ def _in_order(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _outcome(found: Mapping[str, Any]) -> Outcome:
-    alone, moved = found.get("open_loop"), found.get("correction")
+    alone = found.get("open_loop")
     return Outcome(
         _deviation(found["bands"]),
-        f"{100.0 * found['share']:.0f} %",
+        f"{100.0 * found['share']:.0f}",
         "pass" if found["passed"] else "FAIL",
-        "" if moved is None else _TRADE.shown(moved, "rad", 2),
         _outcome(alone) if alone else None,
     )
 
@@ -240,10 +238,7 @@ def _outcome_cells(found: Mapping[str, Any] | None) -> list[str]:
         return [""] * len(_OUTCOME)
     told, moved = _outcome(found), found.get("correction")
     shown = (told, told.alone)
-    cells = [
-        [each.deviation, each.inside.removesuffix(" %"), each.result] if each else [""] * 3
-        for each in shown
-    ]
+    cells = [[each.deviation, each.inside, each.result] if each else [""] * 3 for each in shown]
     return [*cells[0], _plain(moved, _TRADE.scale("rad")[0], 3), *cells[1]]
 
 

@@ -269,8 +269,8 @@ def say_responses(
         f"version {label}: {document['manoeuvres']} manoeuvres of {len(document['flights'])} {kind}"
         f" flights; tolerances {document['tolerances']}"
     )
-    for told in feedback_words(document):
-        session.say(told)
+    for words in feedback_words(document):
+        session.say(words)
     rows = []
     for check in document["checks"]:
         before = check["before"]

@@ -1,6 +1,8 @@
 """Measured flights on a database that has nothing, by command: what ingest says, an update from two
 short records, the third predicted beyond what they flew, and the responses."""
 
+import csv
+
 import pytest
 
 from tests.support.command import aerodb, asked
@@ -77,11 +79,17 @@ def test_slopes_continue_where_no_flight_has_been_and_there_is_nothing_to_fade_t
     assert len(document["flights"]["identified"]) == 2
 
 
-def test_the_candidate_and_a_version_without_inputs_fly(workspace) -> None:
+def test_the_candidate_and_a_version_without_inputs_fly(workspace, tmp_path) -> None:
     root, made, document = workspace
+    file = tmp_path / "qualification.csv"
     flight = made["9752ed20"]["flight"]
     for version, against in ((document["label"], "parent"), ("v0001", "none")):
         given = ("version", "validate", version, "--flight", flight, "--against", against)
-        answer = aerodb(root, *given)
+        answer = aerodb(root, *given, "--table", str(file))
         assert answer.returncode == 4, answer.stderr  # judged, and outside the tolerances
         assert "rms error" in answer.stdout
+        assert "not covered: 2.c.1, " in answer.stdout
+        rows = list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
+        results = {row[f"{version}: result"] for row in rows}
+        assert "not covered" in results
+        assert any(name.startswith("v0001: open") for name in rows[0])
