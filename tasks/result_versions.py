@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 8,
     "update": 11,
     "gram": 13,
-    "close_loop": 38,
+    "close_loop": 39,
 }
 
 #: Names of versions that the product itself moves.

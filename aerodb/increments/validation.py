@@ -224,6 +224,10 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     was added is right about the changes within flights, and the level of the axis has another
     error, such as that of a centre of gravity or of a surface's zero.
 
+    What grew only about the means is excused where its mean square grew by less than the fraction
+    `UNCHANGED` of what that of the error as it is fell by: a level that was repaired beside a drag
+    whose small component along z is chance.
+
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small against each flight's constant, and a small growth there is chance.
     """
@@ -248,7 +252,10 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     return frozenset(
         axis
         for axis, (first, error) in whole.items()
-        if varying[axis][1] > varying[axis][0] * (1.0 + UNCHANGED)
+        if (
+            varying[axis][1] > varying[axis][0] * (1.0 + UNCHANGED)
+            and varying[axis][1] ** 2 - varying[axis][0] ** 2 > UNCHANGED * (first**2 - error**2)
+        )
         or (
             error > first * (1.0 + UNCHANGED)
             and not (excused[axis] and (falls([axis]) or (axis in forces and falls(forces))))

@@ -35,7 +35,7 @@ from aerodb.loop.stall_hysteresis import (
     one_stall,
     with_unused_states,
 )
-from aerodb.loop.zero_lift import about_zero_lift
+from aerodb.loop.turned_slopes import about_flown_mean, about_zero_lift
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
@@ -106,7 +106,7 @@ def run_loop(
     accept.check(library)
     known_before = source.looked_before(flights, library)
     given = _Given(source, tuple(flights), baseline, library, accept, without_gain, known_before)
-    end = _with_axis_models(given, _rounds(given), modelled)
+    end = _with_withheld(given, _with_axis_models(given, _rounds(given), modelled))
     stalled = any(_separates(finding) for finding in end.added)
     return LoopResult(
         baseline,
@@ -271,6 +271,31 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
     )
 
 
+def _with_withheld(given: _Given, state: _State) -> _State:
+    """The state with those confirmed terms that were withheld and make no axis worse where their
+    slopes are about the flown mean, one after the other; none beside increment models or a stall,
+    which estimate anew what is on their axes."""
+    if state.axis_models or state.database.states:
+        return state
+    for id in sorted(state.withheld):
+        finding = state.findings.get(id)
+        if finding is None or finding.verdict != "confirmed":
+            continue
+        source, flights, database = given.source, given.flights, state.database
+        candidate = _added(source, database, given.library, [finding], flights)
+        before = compared(source, flights, database)
+        worse = worse_axes(before, compared(source, flights, candidate))
+        turned = about_flown_mean(source, flights, database, candidate, worse)
+        if not worse_axes(before, compared(source, flights, turned)):
+            state = replace(
+                state,
+                database=turned,
+                added=(*state.added, finding),
+                withheld=state.withheld - {id},
+            )
+    return state
+
+
 def _traced(
     source: FlightSource,
     flights: Sequence[str],
@@ -375,10 +400,9 @@ def _bearable(
     """
     kept = list(new)
     candidate = _added(source, database, library, kept, flights)
+    before = compared(source, flights, database)
     for only_constants in (True, False):
-        worse = worse_axes(
-            compared(source, flights, database), compared(source, flights, candidate)
-        )
+        worse = worse_axes(before, compared(source, flights, candidate))
         if not worse:
             break
         kept = [

@@ -145,6 +145,18 @@ def test_an_axis_is_not_worse_when_its_level_is_anothers_and_its_changes_are_met
         assert worse_axes(before, after) == worse
 
 
+@pytest.mark.parametrize(("ripple", "worse"), [(1.02, set()), (1.2, {"CZ"})])
+def test_a_repaired_level_outweighs_a_chance_growth_about_the_mean(
+    ripple: float, worse: set[str]
+) -> None:
+    """A level of .5 is gone; the error about the mean, .1, has grown."""
+    changes = 0.1 * np.tile([1.0, -1.0], 20)
+    measured = list(3.0 + changes)
+    before = {"a": compared("a", measured, list(0.5 + changes), 0.1)}
+    after = {"a": compared("a", measured, list(ripple * changes), 0.1)}
+    assert worse_axes(before, after) == worse
+
+
 SPLIT = HoldOut(("a",), ("b",), "held-out")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerodb.effects import zero_lift_alpha
-from aerodb.loop.zero_lift import about_zero_lift
+from aerodb.loop.turned_slopes import about_flown_mean, about_zero_lift
 from aerodb.tables import AeroDatabase, Increment, Interval, parse
 from tests.aerodb.loop.test_axis_models import database, flights
 from tests.support.flights_in_memory import FlightsInMemory
@@ -75,3 +75,19 @@ def test_what_the_database_had_before_is_not_turned(source: FlightsInMemory) -> 
     flown = lacking(source, f"alpha + {-at!r}" if at < 0 else f"alpha - {at!r}")
     older = with_slope("alpha")
     assert about_zero_lift(flown, tuple(flown.flown), older, older) == older
+
+
+def test_about_the_flown_mean_a_slope_leaves_the_level(source: FlightsInMemory) -> None:
+    """Something else put the level off by as much as the slope brings: about the mean nothing moves."""
+    ids, before = tuple(source.flown), database(1.0)
+    turned = about_flown_mean(source, ids, before, with_slope("alpha"), {"CZ"})
+    mean = np.mean([source.flight(id)["alpha"].mean() for id in ids])
+
+    def level(model: AeroDatabase) -> float:
+        return float(np.mean([source.comparison(id, model).residual("CZ").mean() for id in ids]))
+
+    assert level(turned) == pytest.approx(level(before), abs=2e-4)
+    assert level(with_slope("alpha")) - level(before) == pytest.approx(-MORE * mean, rel=0.02)
+    assert "flown mean" in turned.increments[-1].note
+    other = about_flown_mean(source, ids, before, with_slope("alpha"), {"Cm"})
+    assert other.increments[-1].regressors == (parse("alpha"),)
