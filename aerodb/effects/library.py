@@ -166,6 +166,10 @@ def hypotheses_for(
     )
 
 
+#: What every flight has: an effect that changes with it is another shape of a parameter's.
+_CONDITION: Final = frozenset({"V", "mach", "qbar"})
+
+
 def _beside_parameters(possible: Sequence[Hypothesis], database: AeroDatabase) -> list[Hypothesis]:
     """The hypotheses without the library's derivatives by what the database reads, on the axes that
     its parameters reach: there the parameters say what is wrong, and each derivative would be an
@@ -173,7 +177,11 @@ def _beside_parameters(possible: Sequence[Hypothesis], database: AeroDatabase) -
     reached = {
         axis for each in possible if each.effect == model_parameter.PARAMETER for axis in each.axes
     }
-    read = {*database.inputs, *(h for h, (rate, _) in HAT_RATES.items() if rate in database.inputs)}
+    read = {
+        *_CONDITION,
+        *database.inputs,
+        *(h for h, (rate, _) in HAT_RATES.items() if rate in database.inputs),
+    }
     library = {template.effect for template in AERODYNAMIC}
     kept = {model_parameter.PARAMETER, "zero_offset"}
     return [

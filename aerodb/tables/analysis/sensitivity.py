@@ -70,7 +70,7 @@ def slopes_by_parameter(
     part = replace(
         database,
         terms=tuple(t for t in database.terms if parameter in depends_on(t.expression, database)),
-        increments=(),
+        increments=database.increments if database.depends_on_lift_increments else (),
     )
     if not part.terms:
         return {}

@@ -2,6 +2,7 @@
 right."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,18 @@ from aerodb.exchange.native import from_document, read_native, to_document
 from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
 from aerodb.simulation import flight_model
 from aerodb.simulation.parameter_covariance import parameter_covariance
-from aerodb.tables import sigma_of, slices, slopes_by_parameter, with_parameters
+from aerodb.tables import (
+    Increment,
+    Parameter,
+    Term,
+    Variable,
+    number,
+    parse,
+    sigma_of,
+    slices,
+    slopes_by_parameter,
+    with_parameters,
+)
 from tests.support.build_up import TEXT, build_up, flights
 from tests.support.flights_in_memory import FlightsInMemory
 
@@ -167,3 +179,28 @@ def test_slices_tell_the_error_of_a_parameter_and_where_its_flights_have_been(
     low, high = known.flown["beta"]
     np.testing.assert_array_equal(cut.inside, (low <= cut.at) & (cut.at <= high))
     assert cut.held["V"] == pytest.approx(np.mean(known.flown["V"]))
+
+
+def test_derivatives_stay_out_only_where_parameters_reach(source: FlightsInMemory) -> None:
+    """None by alpha or speed on the pitching moment, which wing and tail make; those of roll, which
+    are numbers, and of a landing gear, which the build-up does not know, stay."""
+    library = freeze_library(source, tuple(source.flown), build_up())
+    ids = {hypothesis.id for hypothesis in library.hypotheses}
+    assert not ids & {"alpha_slope@Cm", "mach_effect@Cm", "dynamic_pressure_effect@CZ"}
+    assert {"roll_damping@Cl", "zero_offset@Cm", "landing_gear@CX"} <= ids
+    assert sum(id.startswith("parameter@") for id in ids) == 5
+
+
+def test_a_parameter_of_the_lift_moves_the_drag_that_follows_the_whole_lift() -> None:
+    """Induced drag k (CL + increments)^2: the slope by the parameter holds the increment's share."""
+    variables = {"a": Variable(number(5.0), parameter=Parameter())}
+    terms = (
+        Term("lift", "C_lift", parse("a*alpha")),
+        Term("induced", "C_drag", parse("0.1*(a*alpha + C_lift_increments)^2")),
+    )
+    more = Increment("C_lift", (parse("1"),), np.array([0.3]), np.zeros((1, 1)))
+    whole = replace(build_up(), variables=variables, terms=terms, increments=(more,))
+    slopes = slopes_by_parameter(whole, "a", {"alpha": np.array([0.1]), "beta": np.array([0.0])})
+    drag = 2 * 0.1 * (5.0 * 0.1 + 0.3) * 0.1
+    expected = 0.1 * np.sin(0.1) - drag * np.cos(0.1)
+    np.testing.assert_allclose(slopes["CX"], [expected], rtol=1e-9)
