@@ -13,7 +13,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 4,
     "compare": 4,
     "import": 2,
-    "fly": 3,
+    "fly": 4,
     "estimate": 8,
     "update": 11,
     "gram": 13,

@@ -13,6 +13,7 @@ from aerodb.coefficients import Coefficients
 from aerodb.conditioning import STATES, Segment
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.physics import GRAVITY
 from aerodb.simulation import (
     RESPONSES,
     FlightModel,
@@ -46,6 +47,9 @@ from aerodb.vehicle import Vehicle
 #: What a manoeuvre is flown with before its start and after its end [s].
 BEFORE: Final = 1.0
 AFTER: Final = 8.0
+#: Least period of a phugoid, as a part of ``sqrt(2) pi V / g`` (Lanchester 1908): that from which
+#: segmentation searches it.
+PHUGOID_FROM: Final = 0.7
 #: Longest stretch of a flight without manoeuvres [s].
 LONGEST: Final = 20.0
 
@@ -376,15 +380,21 @@ def _oscillations(
     model: FlightModel, stretch: FlightStretch, simulated: Mapping[str, Array]
 ) -> dict[str, tuple[Oscillation | None, Oscillation]]:
     """Oscillations of the rates and the airspeed once the controls rest, where the flight has
-    them."""
+    them; of the airspeed only a phugoid."""
     inputs = [stretch.series[name] for name in model.inputs]
     rest = slice(at_rest_from(stretch.time, inputs), None)
     found = {}
     for name in "pqrV":
         flown = oscillation(stretch.time[rest], stretch.flown[name][rest])
-        if flown is not None:
+        if flown is not None and (name != "V" or _is_phugoid(flown, float(stretch.start["V"]))):
             found[name] = (oscillation(stretch.time[rest], simulated[name][rest]), flown)
     return found
+
+
+def _is_phugoid(swing: Oscillation, speed: float) -> bool:
+    """Whether the period [s] is that of a phugoid at a speed [m/s]: a fast swing of the airspeed is
+    a gust, or noise."""
+    return bool(swing.period > PHUGOID_FROM * np.sqrt(2.0) * np.pi * speed / GRAVITY)
 
 
 def _figures(found: Oscillation) -> dict[str, float]:

@@ -36,7 +36,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (4, "aa16a46dba22119e", "75ab953bf9aaf46f"),
     "gram": (13, "8ac14abcfe2eb788", "a62cda5b0f74e7f8"),
     "close_loop": (39, "11b359b489c5a72d", "1770900a248fac28"),
-    "fly": (3, "576d14c71026cd3b", "c1e07fb83cde1a03"),
+    "fly": (4, "f4ab20af1d2f52c1", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (8, "a98763e92ef7a181", "be09817f5df27dda"),
     "update": (11, "5c4ddcde8271b2d2", "6b1983884f9e9ae7"),
