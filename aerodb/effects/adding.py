@@ -27,6 +27,7 @@ from aerodb.tables import (
     continued,
     flown_envelope,
     normal,
+    parameter_inside,
     with_parameters,
 )
 
@@ -110,7 +111,7 @@ def _corrected(
         for name, interval in sorted(envelopes.get(PARAMETER, {}).items())
     }
     bounded = {
-        name: float(np.clip(database.parameters[name] + values[k], *_known(database, name).bounds))
+        name: parameter_inside(database, name, float(database.parameters[name] + values[k]))
         for k, name in zip(own, names, strict=True)
     }
     database = with_parameters(database, bounded)
@@ -119,16 +120,14 @@ def _corrected(
         correlations = [
             float(covariance[k, own[other]] / (sigma[row] * sigma[other])) for other in range(row)
         ]
+        variable = database.variables[name]
+        known = variable.parameter or Parameter()
         changed[name] = replace(
-            database.variables[name],
+            variable,
             uncertainty=normal(float(sigma[row]), names[:row], correlations),
-            parameter=replace(_known(database, name), flights=tuple(flights), flown=flown),
+            parameter=replace(known, flights=tuple(flights), flown=flown),
         )
     return replace(database, variables=changed)
-
-
-def _known(database: AeroDatabase, name: str) -> Parameter:
-    return database.variables[name].parameter or Parameter()
 
 
 def envelopes_of(

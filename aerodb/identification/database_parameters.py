@@ -19,10 +19,8 @@ from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
 from aerodb.support import Array, in_threads
-from aerodb.tables import AeroDatabase, sigma_of, with_parameters
+from aerodb.tables import AeroDatabase, ends_about, parameter_inside, sigma_of, with_parameters
 
-#: Half of the difference that gives a slope, as a part of the value.
-_STEP: Final = 0.01
 #: Variation, as a part of the largest value, below which a column is a constant.
 _STILL: Final = 1e-9
 #: The search ends when no value moves by more than this part of its standard error,
@@ -94,15 +92,10 @@ def within_bounds(fit: Fit, database: AeroDatabase) -> dict[str, float]:
     """Return the estimates of a fit that are of parameters of a database, inside their bounds, in
     their units."""
     return {
-        each.name: float(np.clip(each.value, *_bounds(each.name, database)))
+        each.name: parameter_inside(database, each.name, each.value)
         for each in fit.estimates
         if each.name in database.parameters and np.isfinite(each.value)
     }
-
-
-def _bounds(name: str, database: AeroDatabase) -> tuple[float, float]:
-    known = database.variables[name].parameter
-    return (-np.inf, np.inf) if known is None else known.bounds
 
 
 def _equation(
@@ -153,9 +146,7 @@ def _with_columns(
     now = beside({})
     columns: list[dict[str, Array]] = [{} for _ in flights]
     for k, name in enumerate(names):
-        value, (low, high) = present.parameters[name], _bounds(name, present)
-        half = _STEP * max(abs(value), 0.01)
-        ends = max(value - half, low), min(value + half, high)
+        ends = ends_about(present, name)
         below, above = (beside({name: end}) for end in ends)
         for slopes, first, last in zip(columns, below, above, strict=True):
             for axis in AXES:

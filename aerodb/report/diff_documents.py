@@ -16,6 +16,7 @@ from aerodb.tables import (
     Parameter,
     TermChange,
     Variable,
+    changed_parameters,
     sigma_of,
     slice_over,
     slices,
@@ -60,11 +61,10 @@ def parameter_changes(before: AeroDatabase, after: AeroDatabase) -> list[dict[st
             "name": name,
             "unit": after.variables[name].unit,
             "before": before.parameters[name],
-            "after": value,
+            "after": after.parameters[name],
             "standard_error": sigma_of(after.variables[name].uncertainty),
         }
-        for name, value in after.parameters.items()
-        if name in before.parameters and before.parameters[name] != value
+        for name in changed_parameters(before, after)
     ]
 
 

@@ -87,7 +87,7 @@ def run_planted(
     numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
     where = (here / "all", folder / "flights")
     ready = prepared(
-        craft, cell, numbers, seed, *where, measured_text(craft), _measured(craft, seed)
+        craft, cell, numbers, seed, *where, measured_text(craft), measured_wrongly(craft, seed)
     )
     clean = {
         str(number): channels_of(craft, number, CELLS[cell], folder / "flights")
@@ -125,7 +125,7 @@ def run_planted(
             yield line
 
 
-def _measured(craft: Airframe, seed: int) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def measured_wrongly(craft: Airframe, seed: int) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Log -> log, as wrong in mass properties and deflections as they were measured; the same of
     one seed."""
 
@@ -161,7 +161,7 @@ def run_outside(
                 seed,
                 *where,
                 measured_text(craft),
-                _measured(craft, seed),
+                measured_wrongly(craft, seed),
             )
         except RuntimeError as error:
             yield {"aircraft": aircraft, "outside": kind, "seed": seed, "refused": str(error)}

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.campaigns.closed_loop import _measured
+from tests.campaigns.closed_loop import measured_wrongly
 from tests.campaigns.fleet import airframe
 from tests.campaigns.planted import measured_text
 from tests.campaigns.runs import asked, prepared
@@ -22,7 +22,7 @@ VEHICLE = ("--vehicle", "t38")
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     craft, folder = airframe("T38"), tmp_path_factory.mktemp("parameters")
-    seen = _measured(craft, 11)
+    seen = measured_wrongly(craft, 11)
     numbers = [(55 + k) % 16 for k in range(6)]
     more = measured_text(craft)
     ready = prepared(craft, "declared", numbers, 11, folder / "all", folder / "flown", more, seen)

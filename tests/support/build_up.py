@@ -2,16 +2,13 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients import total_coefficients
 from aerodb.exchange.native import read_native, to_document
 from aerodb.tables import AeroDatabase, with_parameters
 from tests.support import effect_flights
-from tests.support.flights_in_memory import FlightsInMemory
-from tests.support.tracing_flights import FLOOR, coloured
+from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
 TEXT = (
     effect_flights.HEADER_ONLY
@@ -63,17 +60,7 @@ def build_up(values: Mapping[str, float] | None = None) -> AeroDatabase:
 
 def flights(seeds: range, truth: AeroDatabase, noise: float = 1.0) -> FlightsInMemory:
     """Flights of the aircraft `truth`; coloured noise on all coefficients."""
-    vehicle, rng, flown = effect_flights.vehicle(), np.random.default_rng(seeds.start), {}
-    for flight in effect_flights.flown_together(seeds, truth, vehicle):
-        made = total_coefficients(flight, vehicle, angular_acceleration="logged")
-        n = len(flight.time)
-        noisy = {
-            axis: values
-            + noise * FLOOR[axis] * (coloured(rng, n, step=flight.step) + rng.standard_normal(n))
-            for axis, values in made.values.items()
-        }
-        flown[flight.id] = (flight, replace(made, values=noisy))
-    return FlightsInMemory(vehicle, flown)
+    return noisy_flights(seeds, truth, np.random.default_rng(seeds.start), noise)
 
 
 #: Parameter -> the T-38's value in JSBSim's file, terms that use it, and the number there.

@@ -26,8 +26,15 @@ if TYPE_CHECKING:
     from .evaluation import Evaluation, Place, evaluate_database
     from .linear_terms import LinearTable, depends_on, linear_tables
     from .nodes import neutral_point, table_grids, vary
-    from .sensitivity import slopes_by, slopes_by_lift, slopes_by_parameter, with_parameters
-    from .slices import Slice, acts_on, slice_over, slices
+    from .sensitivity import (
+        ends_about,
+        parameter_inside,
+        slopes_by,
+        slopes_by_lift,
+        slopes_by_parameter,
+        with_parameters,
+    )
+    from .slices import Slice, acts_on, changed_parameters, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .unstated_inputs import height_outside_ground_effect, unstated_inputs
 

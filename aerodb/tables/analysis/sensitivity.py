@@ -74,9 +74,7 @@ def slopes_by_parameter(
     )
     if not part.terms:
         return {}
-    value, (low, high) = database.parameters[parameter], _bounds(database, parameter)
-    half = _PARAMETER_STEP * max(abs(value), 0.01)
-    ends = max(value - half, low), min(value + half, high)
+    ends = ends_about(database, parameter)
     below, above = (
         with_parameters(part, {parameter: end}).predict(channels).coefficients for end in ends
     )
@@ -87,9 +85,21 @@ def slopes_by_parameter(
     }
 
 
-def _bounds(database: AeroDatabase, parameter: str) -> tuple[float, float]:
+def ends_about(database: AeroDatabase, parameter: str) -> tuple[float, float]:
+    """Return the values of a parameter below and above its own, inside its bounds and in its unit,
+    between which a slope by it is taken."""
+    value = database.parameters[parameter]
+    half = _PARAMETER_STEP * max(abs(value), 0.01)
+    return (
+        parameter_inside(database, parameter, value - half),
+        parameter_inside(database, parameter, value + half),
+    )
+
+
+def parameter_inside(database: AeroDatabase, parameter: str, value: float) -> float:
+    """Return the value that is nearest to `value` inside the parameter's bounds, in its unit."""
     known = database.variables[parameter].parameter
-    return (-np.inf, np.inf) if known is None else known.bounds
+    return value if known is None else float(np.clip(value, *known.bounds))
 
 
 def with_parameters(database: AeroDatabase, values: Mapping[str, float]) -> AeroDatabase:

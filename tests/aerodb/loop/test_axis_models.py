@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.coefficients import total_coefficients
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.increments.validation import HoldOut
 from aerodb.loop import Accept, LoopResult, freeze_library, run_loop, validate_loop
 from aerodb.tables.database import AeroDatabase
 from tests.support import effect_flights
-from tests.support.flights_in_memory import FlightsInMemory
-from tests.support.tracing_flights import FLOOR, coloured
+from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
 #: What the flown aircraft has beyond the database on Cm, as the text of its derivatives.
 PLANTED = {
@@ -45,17 +43,7 @@ def database(share: float = 0.0) -> AeroDatabase:
 
 def flights(seeds: range, noise: float = 1.0) -> FlightsInMemory:
     """Flights of the aircraft with all differences; coloured noise on all coefficients."""
-    vehicle, rng, flown = effect_flights.vehicle(), np.random.default_rng(5), {}
-    for flight in effect_flights.flown_together(seeds, database(1.0), vehicle):
-        made = total_coefficients(flight, vehicle, angular_acceleration="logged")
-        n = len(flight.time)
-        noisy = {
-            axis: values
-            + noise * FLOOR[axis] * (coloured(rng, n, step=flight.step) + rng.standard_normal(n))
-            for axis, values in made.values.items()
-        }
-        flown[flight.id] = (flight, replace(made, values=noisy))
-    return FlightsInMemory(vehicle, flown)
+    return noisy_flights(seeds, database(1.0), np.random.default_rng(5), noise)
 
 
 @pytest.fixture(scope="module")
