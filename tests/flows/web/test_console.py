@@ -63,6 +63,8 @@ def pages(made: Made) -> dict[str, str]:
         f"/history?vehicle={NAME}": "declared increments estimated",
         "/work": "Nothing to do",
         f"/versions/{version}/promote": "Release v0002 of small-glider?",
+        f"/versions/{version}/promote?name=simulator": "Move simulator of small-glider to v0002?",
+        f"/versions/{made.baseline}/promote": "already points to v0001",
         "/rollback": "has no version to go back to",
         "/api": "/api/versions/{version}/evaluate",
     }
