@@ -10,6 +10,7 @@ from typing import Any, Final
 from aerodb.errors import StoreBusyError, StoreError, is_of_machinery
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps, requires
+from aerodb.storage.files import remove_abandoned
 from aerodb.storage.inbox import InboxFile
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
@@ -63,6 +64,8 @@ def sweep_flow(
                     faults.append(error)
         finally:
             _tell(access, files)
+        if files:  # a run that was killed may have left its workers' unfinished files
+            remove_abandoned(access.workspace)
     _check_progress(files, faults)
     left = [entry for entry in entries if entry.state in ("copying", "blocked")]
     waiting = [

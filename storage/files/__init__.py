@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         parts,
         pull,
         push,
+        remove_abandoned,
         require_unused,
         trim,
     )

@@ -220,7 +220,7 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
     them if the folder is still larger than `size`. What a killed process left unfinished goes too.
     """
     objects = required_objects(workspace)
-    _remove_abandoned(workspace)
+    remove_abandoned(workspace)
     size = load_settings(workspace.root).store.cache or None if size is None else size
     here = sorted(_cached(workspace)) if size is not None else []
     over = sum(entry[1] for entry in here) - (size or 0)
@@ -244,7 +244,7 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
     return TransferReport(len(gone), sum(gone), tuple(left) if over > 0 else ())
 
 
-def _remove_abandoned(workspace: Workspace) -> None:
+def remove_abandoned(workspace: Workspace) -> None:
     """Remove temporary files of processes that have ended: nobody may write those paths again."""
     for folder in STORE:
         for place in (workspace.root / folder).glob("??/.*.tmp"):

@@ -316,6 +316,15 @@ setattr(owner, name, killed)
 run_flow(sweep_flow, {}, Workspace.open(Path(sys.argv[1])), "direct")
 """
 
+#: Is killed while it writes a file.
+LATE = """
+import os, signal, sys
+from pathlib import Path
+from aerodb.storage.disk_errors import temporary_beside
+temporary_beside(Path(sys.argv[1])).write_bytes(b"half")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
 
 def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
     workspace: Workspace, logs: list[Path]
@@ -337,9 +346,15 @@ def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
         given = [str(workspace.root), owner, name, when]
         killed = run_forked(given, environment(), ROOT, code=KILLED)
         assert killed.returncode == -signal.SIGKILL, (owner, when, killed.stderr)
-    assert swept(workspace)["files"] == []
+    (workspace.root / "results" / "00").mkdir(exist_ok=True)
+    path = [str(workspace.root / "results" / "00" / "late.parquet")]
+    ended = run_forked(path, environment(), ROOT, code=LATE)  # a worker that outlived its run
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    shutil.copy(logs[1], box / "next.csv")
+    contents.add((box / "next.csv").read_bytes())
+    assert kinds(swept(workspace)) == {"next.csv": "stored"}
     assert left(workspace) == []
-    assert events(workspace, "stored") == [f"{NAME}/good.csv"]
+    assert events(workspace, "stored") == [f"{NAME}/good.csv", f"{NAME}/next.csv"]
     assert events(workspace, "duplicate") == []
     kept = [
         path for part in ("logs", "quarantine") for path in (workspace.root / part).rglob("*.csv")
@@ -349,6 +364,7 @@ def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
         assert sorted((log.name, log.status) for log in catalogue.logs()) == [
             ("bad.csv", "quarantined"),
             ("good.csv", "stored"),
+            ("next.csv", "stored"),
         ]
         assert verify(workspace, catalogue).problems == []
 
