@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 4,
     "import": 2,
     "fly": 4,
-    "estimate": 8,
+    "estimate": 9,
     "update": 11,
     "gram": 13,
     "close_loop": 39,

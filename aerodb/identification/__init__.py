@@ -17,8 +17,9 @@ While a log is being written, `OnlineEstimation` gives the estimates so far by r
 (`online`).
 
 A file may declare a linear model of the flights' channels instead (`parse_state_space`,
-`state_space_fit`: model_file); methods of equation error take its rows as equations
-(`state_equations`).
+`state_space_fit`: model_file), with steady values from what was recorded (`with_recorded_trim`);
+methods of equation error take its rows as equations (`state_equations`). `fitted_modes` gives the
+modes of what was found.
 
 Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
 with unknown parameters. `conversion` turns dimensional derivatives of linear models
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from .declared_terms import with_known_terms, with_terms
     from .derivative_file import converted, parse_derivative_file
     from .equations import no_database, no_database_beside, parameter_name
+    from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics
     from .identification_flight import IdentificationFlight
     from .method_comparison import MethodAgreement, compare_methods
@@ -48,5 +50,6 @@ if TYPE_CHECKING:
     )
     from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
     from .problem import fits_of
+    from .recorded_trim import with_recorded_trim
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

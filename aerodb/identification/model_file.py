@@ -123,6 +123,11 @@ class StateSpaceFile(Strict):
     parameter: list[ParameterTable] = []
     columns: dict[str, str] = {}
 
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names of the parameters in the matrices, scalars, in order."""
+        return _names(self.state_space)
+
     def model(self, records: Sequence[TimeHistory]) -> StateSpace | DelayedStateSpace:
         """Return the model of these records, A (s, s) and B (s, m), entries in SI units; a state
         starts as first measured where no output of its name says it better.

@@ -35,6 +35,16 @@ _LAGS: Final = 60
 #: Responses side by side.
 _COLUMNS: Final = 3
 
+#: Figure of a mode -> words and unit.
+_MODE_FIGURES: Final = {
+    "omega": ("natural frequency", "rad/s"),
+    "zeta": ("damping ratio", ""),
+    "period": ("period", "s"),
+    "time_constant": ("time constant", "s"),
+    "time_to_half": ("time to half", "s"),
+    "time_to_double": ("time to double", "s"),
+}
+
 #: Method -> record -> response -> time [s], fitted and residual, (n,) each.
 Response = tuple[Array, Array, Array]
 Responses = Mapping[str, Mapping[str, Mapping[str, Response]]]
@@ -67,6 +77,7 @@ def estimates_report(
         head=head,
         verdict=verdict,
         stayed=_stayed(document),
+        mode_figures=_MODE_FIGURES,
         correlations={
             entry["method"]: [
                 correlation_rows(each["names"], each["correlation"])

@@ -7,6 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
+from aerodb.flows.cli.mode_tables import print_modes
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Verbose
 from aerodb.flows.cli.vehicles import read_text
@@ -194,6 +195,11 @@ def _print(
         return
     session.say()
     _print_estimates(session, rows, [entry["method"] for entry in given])
+    for entry in given:
+        if entry.get("modes"):
+            session.say()
+            session.say(f"modes by {entry['method']}, with standard errors of the estimates")
+            print_modes(session, entry["modes"])
     if not verbose:
         session.say("assumptions, and what speaks against single estimates: -v")
         return

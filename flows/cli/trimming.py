@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from aerodb.errors import UnknownNameError
+from aerodb.flows.cli.mode_tables import print_modes, with_error
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.nomenclature import channel
@@ -170,21 +171,7 @@ def modes(session: Session, row: "VersionRow", flight: "StatedCondition") -> Non
 
     document = modes_document(session.catalogue(), row, flight)
     _print_trim(session, row, document)
-    columns = (
-        "omega", "zeta", "period", "time_constant", "time_to_half", "time_to_double",
-    )  # fmt: skip
-    session.table(
-        ["mode", "omega [rad/s]", "zeta", "period [s]", "T [s]", "half [s]", "double [s]", ""],
-        [
-            [
-                mode["name"],
-                *(_with_error(mode["figures"], mode["standard_errors"], name) for name in columns),
-                mode["note"],
-            ]
-            for mode in document["modes"]
-        ],
-        numbers=(1, 2, 3, 4, 5, 6),
-    )
+    print_modes(session, document["modes"])
     session.answer(document)
 
 
@@ -219,7 +206,7 @@ def sweep(
         rows = [
             [
                 f"{factor * point['value']:.6g}",
-                *(_with_error(point["coefficients"], point["standard_errors"], a) for a in axes),
+                *(with_error(point["coefficients"], point["standard_errors"], a) for a in axes),
             ]
             for point in points
         ]
@@ -286,19 +273,6 @@ def scaled(session: Session, name: str) -> tuple[float, str]:
     """Return factor of a variable to the unit that is printed, and its heading."""
     factor, label = session.units.scale(_unit_of(name))
     return factor, name if label == "-" else f"{name} [{label}]"
-
-
-def _with_error(
-    figures: dict[str, float | None], errors: dict[str, float] | None, name: str
-) -> str:
-    """A figure with its standard error, as far as both are known."""
-    if name not in figures:
-        return ""
-    value = figures[name]
-    if value is None:
-        return "infinite"
-    error = (errors or {}).get(name)
-    return f"{value:.4g}" if error is None else f"{value:.4g} ± {error:.2g}"
 
 
 def _sweep_row(

@@ -12,8 +12,10 @@ from aerodb.identification import (
     Method,
     chosen_methods,
     file_records,
+    fitted_modes,
     parse_state_space,
     state_space_fit,
+    with_recorded_trim,
 )
 from aerodb.recording import Recording
 from aerodb.storage.limits import Limits
@@ -39,12 +41,17 @@ def estimate_records(
     file, chosen = parse_state_space(model), chosen_methods(methods)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        records, notes = file_records(_opened(files, folder, limits, stack), file)
+        opened = _opened(files, folder, limits, stack)
+        records, notes = file_records(opened, file)
+        file, steady = with_recorded_trim(file, opened)
+        notes += steady
 
     def fitted(method: Method) -> list[Fit]:
         return [state_space_fit(method, records, file)]
 
-    fits, compared = fits_document(chosen, fitted, file.state_space.estimated)
+    fits, compared = fits_document(
+        chosen, fitted, file.state_space.estimated, lambda fit: fitted_modes(fit, file, records)
+    )
     document = {
         "records": [
             {

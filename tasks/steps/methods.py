@@ -16,13 +16,16 @@ from aerodb.identification import (
     compare_methods,
     declares_state_space,
     fits_of,
+    fitted_modes,
     flight_records,
     no_database_beside,
     parse_state_space,
     state_space_fit,
+    with_recorded_trim,
 )
 from aerodb.increments import parse_model_file
 from aerodb.report import fit_report
+from aerodb.simulation import Mode
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
@@ -31,6 +34,7 @@ from aerodb.tasks.steps.compare import compare_loaded
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
 from aerodb.tasks.steps.fly import flown_windows, manoeuvre_windows
 from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.view import modes_part
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Longest piece in which a whole flight is flown [s].
@@ -58,10 +62,10 @@ def estimate_by_methods(
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
     iterations, log_likelihood, notes, estimates, correlations, input_correlations, histories of
-    parameters that change, report; or reason where it gave none), parameters (parameter, estimates
-    by method, spread, furthest, agree), believe, preferred (that which is believed, or would be if
-    nothing contradicted it), reserved, reasons. Estimates are in the unit that each
-    states.
+    parameters that change, report, modes of a linear model; or reason where it gave none),
+    parameters (parameter, estimates by method, spread, furthest, agree), believe, preferred (that
+    which is believed, or would be if nothing contradicted it), reserved, reasons. Estimates are in
+    the unit that each states.
     """
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
@@ -83,14 +87,21 @@ def estimate_by_methods(
         return dict(read_results(path, ("time",))[1]["document"])
     given = identification_flights(access, flights, database, run, whole)
 
+    file, steady = None, list[str]()
+    if declares_state_space(model):
+        file, steady = with_recorded_trim(parse_state_space(model), given)
+
     def fitted(method: Method) -> list[Fit]:
-        if declares_state_space(model):
-            file = parse_state_space(model)
+        if file is not None:
             return [state_space_fit(method, flight_records(given, file), file)]
         return fits_of(method, given, parse_model_file(model), database)
 
+    def modes_of(fit: Fit) -> Sequence[Mode]:
+        return () if file is None else fitted_modes(fit, file, flight_records(given, file))
+
     estimated = frozenset[str]().union(*(each.estimated for each in given))
-    fits, compared = fits_document(chosen, fitted, estimated)
+    fits, compared = fits_document(chosen, fitted, estimated, modes_of)
+    compared["reasons"] += [each.removesuffix(".") for each in steady]
     compared["reasons"] += _left_out(fits, given)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
     table = _long([fit for each in fits.values() for fit in each])
@@ -153,11 +164,12 @@ def fits_document(
     methods: Sequence[Method],
     fitted: Callable[[Method], list[Fit]],
     estimated: Collection[str] = (),
+    modes_of: Callable[[Fit], Sequence[Mode]] = lambda fit: (),
 ) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
     """Return the fits of each method over all axes, empty where it gave none (its InputError is the
     reason); and the part of the document of `estimate_by_methods` that says what they are.
 
-    estimated : channels that no sensor measured.
+    estimated : channels that no sensor measured. modes_of : the modes of the model of a fit.
     """
     fits: dict[str, list[Fit]] = {}
     reasons: dict[str, str] = {}
@@ -171,7 +183,7 @@ def fits_document(
         "methods": [
             {"method": method.name, "kind": method.kind}
             | (
-                _answer(fits[method.name])
+                _answer(fits[method.name], modes_of)
                 if fits[method.name]
                 else {"reason": reasons[method.name]}
             )
@@ -193,7 +205,7 @@ def _no_database(access: WorkspaceAccess, flight: str, run: str) -> AeroDatabase
     return no_database_beside(found, access.vehicle(row.vehicle)[0].reference)
 
 
-def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
+def _answer(fits: Sequence[Fit], modes_of: Callable[[Fit], Sequence[Mode]]) -> dict[str, Any]:
     """Return what a document says of the fits of a method."""
     return {
         "assumes": list(dict.fromkeys(text for fit in fits for text in fit.assumes)),
@@ -221,7 +233,7 @@ def _answer(fits: Sequence[Fit]) -> dict[str, Any]:
             for name, history in each.items()
         ],
         "report": "\n".join(fit_report(fit) for fit in fits),
-    }
+    } | ({"modes": modes_part(found)} if (found := [m for f in fits for m in modes_of(f)]) else {})
 
 
 def _history(time: Array, record: str, name: str, history: Array) -> dict[str, Any]:

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         inspection_verdict,
         logs_page,
     )
+    from .mode_documents import modes_part
     from .online_estimates import online_estimates
     from .status import status_of
     from .table_documents import table_document

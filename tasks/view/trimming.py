@@ -13,7 +13,6 @@ from aerodb.simulation import (
     Growth,
     LinearModel,
     Margins,
-    Mode,
     Trim,
     expand_envelope,
     flown_of,
@@ -27,6 +26,7 @@ from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.tables import AeroDatabase, height_outside_ground_effect
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view.evaluation import database_of
+from aerodb.tasks.view.mode_documents import modes_part
 from aerodb.vehicle import parse_vehicle
 
 #: Largest number of points of a sweep.
@@ -139,7 +139,7 @@ def modes_document(
     return {
         "version": row.id,
         **_trim_part(found),
-        "modes": _modes_part(modes(linear)),
+        "modes": modes_part(modes(linear)),
         "linear": _linear_part(linear),
     }
 
@@ -200,7 +200,7 @@ def sweep_document(
             else {
                 "value": point.value,
                 **_trim_part(point.trim),
-                "modes": _modes_part(point.modes),
+                "modes": modes_part(point.modes),
             }
             for point in points
         ],
@@ -275,24 +275,6 @@ def _trim_part(found: Trim) -> dict[str, Any]:
         "controls": list(found.problem.controls),
         "notes": list(found.notes),
     }
-
-
-def _modes_part(found: Sequence[Mode]) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": mode.name,
-            "real": mode.eigenvalue.real,
-            "imaginary": mode.eigenvalue.imag,
-            "figures": {
-                name: value if math.isfinite(value) else None
-                for name, value in mode.figures.items()
-            },
-            "standard_errors": dict(mode.standard_errors) or None,
-            "participation": dict(mode.participation),
-            "note": mode.note,
-        }
-        for mode in found
-    ]
 
 
 def _linear_part(linear: LinearModel) -> dict[str, Any]:

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (39, "11b359b489c5a72d", "1770900a248fac28"),
     "fly": (4, "f4ab20af1d2f52c1", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (8, "a98763e92ef7a181", "be09817f5df27dda"),
+    "estimate": (9, "9473f21c53e05622", "be09817f5df27dda"),
     "update": (11, "5c4ddcde8271b2d2", "6b1983884f9e9ae7"),
 }
 

@@ -59,6 +59,22 @@ def test_hfb320_in_turbulence_by_command(measured, tmp_path) -> None:
             "Cm_q": (own["Mq"]["value"] / pitch, own["Mq"]["standard_error"] / pitch),
             "CL_alpha": (-own["Aza"]["value"] / lift - drag, own["Aza"]["standard_error"] / lift),
         }
+    for entry in document["methods"]:
+        own = {each["name"]: each["value"] for each in entry["estimates"]}
+        roots = np.linalg.eigvals(
+            [
+                [own["XV"], own["Xa"], -9.80665, 0.0],
+                [own["ZV"], own["Za"], 0.0, 1.0],
+                [0.0, 0.0, 0.0, 1.0],
+                [own["MV"], own["Ma"], 0.0, own["Mq"]],
+            ]
+        )
+        fast = max(roots, key=abs)
+        mode = entry["modes"][0]
+        assert mode["name"] == "short period"
+        assert mode["figures"]["omega"] == pytest.approx(abs(fast), rel=1e-6)
+        assert mode["figures"]["zeta"] == pytest.approx(-fast.real / abs(fast), rel=1e-6)
+        assert 0.0 < mode["standard_errors"]["omega"] < 0.1 * mode["figures"]["omega"]
     for name, (value, error) in found["filter-error"].items():
         assert abs(value - PUBLISHED[name]) < max(2.0 * error, 0.02 * abs(PUBLISHED[name])), name
     plain = found["output-error"]
