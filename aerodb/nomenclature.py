@@ -170,6 +170,12 @@ _AXIS_TEXT: Final[dict[str, tuple[str, str]]] = {
     "C_lift": ("lift over qbar S", "positive up, normal to the air-relative velocity"),
     "C_drag": ("drag over qbar S", "positive aft, along the air-relative velocity"),
     "C_side": ("side force over qbar S", "positive right, normal to lift and drag"),
+    "FX": ("force along body x [N]", "positive forward"),
+    "FY": ("force along body y [N]", "positive right"),
+    "FZ": ("force along body z [N]", "positive down"),
+    "MX": ("moment about body x [N m]", "positive right wing down"),
+    "MY": ("moment about body y [N m]", "positive nose up"),
+    "MZ": ("moment about body z [N m]", "positive nose right"),
 }
 
 #: Free inputs of imported databases that a state model computes along a flight; they then stand
@@ -244,12 +250,15 @@ FLAGS: Final[dict[str, int]] = {
 
 
 def axis_description(axis: str) -> str:
-    """Return the meaning of a coefficient axis; raises UnknownNameError with the nearest name."""
+    """Return the meaning of an axis of coefficients or loads.
+
+    Raises UnknownNameError with the nearest name.
+    """
     return f"{axis_quantity(axis)}, {_AXIS_TEXT[axis][1]}"
 
 
 def axis_quantity(axis: str) -> str:
-    """Return the quantity of a coefficient axis without its sign; raises as `axis_description`."""
+    """Return the quantity of such an axis without its sign; raises as `axis_description`."""
     if axis not in _AXIS_TEXT:
         raise UnknownNameError(f"unknown axis '{axis}'", remedy=nearest(axis, _AXIS_TEXT))
     return _AXIS_TEXT[axis][0]

@@ -159,7 +159,7 @@ def _reached(parameters: Sequence[str], database: AeroDatabase) -> frozenset[str
     """The body axes on which terms of the database use any of these parameters."""
     return frozenset(
         body
-        for term in database.terms
+        for term in database.coefficient_terms
         if not depends_on(term.expression, database).isdisjoint(parameters)
         for body in _BODY.get(term.axis, (term.axis,))
     )
@@ -200,7 +200,10 @@ def _supporting(
 ) -> tuple[Increment, ...]:
     """Least-squares increments on the axes on which neither the database nor the model file has
     any."""
-    axes = [*(term.axis for term in database.terms), *(i.axis for i in database.increments)]
+    axes = [
+        *(term.axis for term in database.coefficient_terms),
+        *(increment.axis for increment in database.increments),
+    ]
     filled = {body for axis in axes for body in _BODY.get(axis, (axis,))}
     found: list[Increment] = []
     for axis, terms in _SUPPORT.items():

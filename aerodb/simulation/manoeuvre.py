@@ -74,7 +74,7 @@ class Manoeuvre:
 
     condition : of the trim; `glides`: without thrust, the path angle is found. duration : [s].
     given : inputs and mass properties held, name -> text with unit. inputs : what is added to the
-    trimmed inputs.
+    trimmed inputs. thrust : input that holds the airspeed of the trim; empty: the vehicle's thrust.
     """
 
     name: str
@@ -83,6 +83,7 @@ class Manoeuvre:
     duration: float
     given: Mapping[str, str]
     inputs: tuple[Event | Wave, ...]
+    thrust: str = ""
 
     def series(self, time: Array) -> dict[str, Array]:
         """Return what is added to each input, (n,) at `time` [s]."""
@@ -106,7 +107,7 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     stated = document.get("trim")
     if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
         raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
-    _known(stated, (*_TRIM, "load_factor", "pull_up", "glide"), f"{where}, [trim]")
+    _known(stated, (*_TRIM, "load_factor", "pull_up", "glide", "thrust"), f"{where}, [trim]")
     values: dict[str, Any] = {
         name: quantity(stated[name], unit) for name, unit in _TRIM.items() if name in stated
     }
@@ -122,7 +123,10 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     )
     given = {name: str(value) for name, value in document.get("set", {}).items()}
     name = str(document.get("name", where))
-    return Manoeuvre(name, condition, glides, duration, given, inputs)
+    thrust = str(stated.get("thrust", ""))
+    if glides and thrust:
+        raise InputError("glide and thrust together", f"{where}, [trim]", "leave one of them out")
+    return Manoeuvre(name, condition, glides, duration, given, inputs, thrust)
 
 
 def _input(entry: Mapping[str, Any], where: str, duration: float) -> Event | Wave:

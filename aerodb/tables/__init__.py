@@ -15,7 +15,8 @@ The way through:
 
 Modules, from the bottom up: `expression`, `functions`, `program` (compiled expressions); `table`,
 `scattered`, `kernel` (interpolation); `reference`, `state_model`, `uncertainty`, `increment`;
-`definitions` and `database`. Package: `analysis`, what is computed from databases.
+`loads`, `prediction`, `definitions` and `database`. Package: `analysis`, what is computed from
+databases.
 """
 
 from typing import TYPE_CHECKING
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
         vary,
         with_parameters,
     )
-    from .database import AeroDatabase, Prediction, Term, Variable
+    from .database import AeroDatabase, Term, Variable
     from .definitions import CONSTANTS, LIFT_INCREMENTS, STATE_CHANNEL, value_of
     from .expression import (
         MAX_DEPTH,
@@ -88,8 +89,10 @@ if TYPE_CHECKING:
     from .functions import COMPARISONS, FUNCTIONS, Value
     from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
     from .instructions import Instructions, Machine
+    from .loads import LOAD_AXES, as_coefficient, coefficient_axis, load_shares, summed
     from .machine import execute
     from .parameter import Parameter, covariance_of, normal, sigma_of
+    from .prediction import Prediction
     from .program import AnyTable, Program, compile_program, evaluate
     from .reference import (
         HAT_RATES,

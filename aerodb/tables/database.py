@@ -5,13 +5,12 @@ add to the sum. Checks of the definitions are in `definitions`; standard errors 
 `evaluation`; file formats in `aerodb.exchange`.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, FORCE_AXES
@@ -21,6 +20,7 @@ from aerodb.tables.definitions import (
     LIFT_INCREMENTS,
     check_axis,
     check_definitions,
+    check_increment_axis,
     check_input,
     check_parameters,
     check_states,
@@ -30,18 +30,15 @@ from aerodb.tables.definitions import (
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
+from aerodb.tables.loads import LOAD_AXES, load_shares
 from aerodb.tables.parameter import Parameter
+from aerodb.tables.prediction import BLOCK, Prediction, blocks, joined, length_of
 from aerodb.tables.program import AnyTable, Program, compile_program
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, ReferenceGeometry, hat_rate, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
-
-#: Points evaluated in one pass. With more, the intermediate values no longer fit the processor's
-#: cache. Not a power of two: rows of such a length map to the same cache lines, which doubles the
-#: time.
-BLOCK: Final = 4000
 
 
 @dataclass(frozen=True)
@@ -66,31 +63,16 @@ class Variable:
 
 @dataclass(frozen=True)
 class Term:
-    """One additive contribution to a coefficient.
+    """One additive contribution to a coefficient or a load.
 
-    axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes.
+    axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes; or a load, FX FY FZ
+        [N] or MX MY MZ [N m] on body axes about the moment reference (`aerodb.tables.loads`).
     """
 
     name: str
     axis: str
     expression: Expression
     description: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Predicted coefficients on the six body axes.
-
-    Parameters
-    ----------
-    coefficients : axis -> (n,); moments about the database's own moment reference.
-    outside : (n,) true where any argument of any table lies outside its breakpoints.
-    outside_tables : table name -> (n,), only for tables with at least one such point.
-    """
-
-    coefficients: dict[str, Array]
-    outside: NDArray[np.bool_]
-    outside_tables: Mapping[str, NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +133,8 @@ class AeroDatabase:
         )
         for axis in self._axes:
             check_axis(axis, self.name)
+        for increment in self.increments:
+            check_increment_axis(increment.axis, self.name)
         names = [term.name for term in self.terms]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
@@ -199,8 +183,26 @@ class AeroDatabase:
         }
 
     @cached_property
+    def coefficient_terms(self) -> tuple[Term, ...]:
+        """The terms, dimensionless: loads [N, N m] as their share of the coefficients, summed by
+        axis.
+
+        Without loads these are `terms` themselves.
+        """
+        if self._axes.isdisjoint(LOAD_AXES):
+            return self.terms
+        shares = load_shares((term.axis, term.expression) for term in self.terms)
+        own = [term for term in self.terms if term.axis not in LOAD_AXES]
+        return (*own, *(Term(f"loads on {axis}", axis, each) for axis, each in shares))
+
+    @property
+    def has_loads(self) -> bool:
+        """Whether any term is a load in N or N m, so that coefficients depend on qbar."""
+        return self.coefficient_terms is not self.terms
+
+    @cached_property
     def _program(self) -> Program:
-        return self._compile(term.expression for term in self.terms)
+        return self._compile(term.expression for term in self.coefficient_terms)
 
     @cached_property
     def _axes(self) -> frozenset[str]:
@@ -335,14 +337,14 @@ class AeroDatabase:
         Raises InputError naming missing channels. Inputs that are not finite give coefficients
         that are not finite.
         """
-        n = _length(channels)
+        n = length_of(channels)
         values = self.resolved(self.needs, channels)
         if n <= BLOCK:
             return self._predict_block(values, n)
-        return _joined(
+        return joined(
             [
                 self._predict_block(block, min(BLOCK, n - start))
-                for start, block in _blocks(values, n)
+                for start, block in blocks(values, n)
             ],
             n,
         )
@@ -350,7 +352,7 @@ class AeroDatabase:
     def _predict_block(self, values: Mapping[str, Value], n: int) -> Prediction:
         run = self._program.run(values)
         totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
-        for term, value in zip(self.terms, run.values, strict=True):
+        for term, value in zip(self.coefficient_terms, run.values, strict=True):
             totals[term.axis] += value
         for increment in self.increments:
             if increment.acts_as_layer:
@@ -365,35 +367,3 @@ class AeroDatabase:
         for where in beyond.values():
             outside |= where
         return Prediction(totals, outside, beyond)
-
-
-def _length(channels: Mapping[str, Value]) -> int:
-    return max((np.size(value) for value in channels.values()), default=1)
-
-
-def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str, Value]]]:
-    """Yield consecutive blocks of the values (n,), each with the index of its first sample;
-    numbers unchanged."""
-    for start in range(0, n, BLOCK):
-        part = slice(start, start + BLOCK)
-        yield (
-            start,
-            {
-                name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value
-                for name, value in values.items()
-            },
-        )
-
-
-def _joined(blocks: list[Prediction], n: int) -> Prediction:
-    """Join the predictions of consecutive blocks into one of length n."""
-    coefficients = {
-        axis: np.concatenate([block.coefficients[axis] for block in blocks]) for axis in AXES
-    }
-    beyond: dict[str, NDArray[np.bool_]] = {}
-    for k, block in enumerate(blocks):
-        for table, where in block.outside_tables.items():
-            if table not in beyond:
-                beyond[table] = np.zeros(n, dtype=np.bool_)
-            beyond[table][k * BLOCK : (k + 1) * BLOCK] = where
-    return Prediction(coefficients, np.concatenate([block.outside for block in blocks]), beyond)

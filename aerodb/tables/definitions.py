@@ -8,6 +8,7 @@ from typing import Final
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import CHANNELS, axis_description, channel
 from aerodb.tables.expression import Expression, Negation, Number, check_identifier
+from aerodb.tables.loads import LOAD_AXES, coefficient_axis
 from aerodb.tables.parameter import Parameter
 from aerodb.tables.program import AnyTable
 from aerodb.tables.state_model import StateModel
@@ -143,12 +144,23 @@ def check_states(database: str, states: Iterable[StateModel], free_inputs: Conta
 
 
 def check_axis(axis: str, database: str) -> None:
-    """Raise InputError, with the nearest valid name, for an unknown coefficient axis
-    (`axis_description`)."""
+    """Raise InputError, with the nearest valid name, for an unknown axis of coefficients or
+    loads (`axis_description`)."""
     try:
         axis_description(axis)
     except UnknownNameError as error:
         raise InputError(error.what, f"database {database}", error.remedy) from None
+
+
+def check_increment_axis(axis: str, database: str) -> None:
+    """Raise InputError for an increment on a load (`aerodb.tables.loads`): flights identify
+    coefficients."""
+    if axis in LOAD_AXES:
+        raise InputError(
+            f"an increment on {axis}",
+            f"database {database}",
+            f"increments are on coefficients: {coefficient_axis(axis)}",
+        )
 
 
 def check_input(

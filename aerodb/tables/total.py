@@ -26,6 +26,7 @@ from aerodb.tables.expression import (
 )
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.instructions import Machine, machine
+from aerodb.tables.loads import LOAD_AXES, load_shares, summed
 from aerodb.tables.program import AnyTable
 from aerodb.tables.reference import HAT_RATES, WIND_AXES
 from aerodb.tables.state_model import Relay, StateModel
@@ -87,12 +88,15 @@ def total_coefficients(
         else:
             variables[state.name] = state.expression()
     estimates: dict[str, float] = dict(database.parameters)
-    sums: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
+    sums: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES, *LOAD_AXES)}
     for term in database.terms:
         factor = (factors or {}).get(term.name)
         sums[term.axis].append(
             term.expression if factor is None else times(Name(factor), term.expression)
         )
+    loads = [(axis, part) for axis in LOAD_AXES for part in sums.pop(axis)]
+    for axis, share in load_shares(loads):
+        sums[axis].append(share)
     lift: list[Expression] = []
     for k, increment in enumerate(database.increments):
         if not increment.acts_as_layer:
@@ -101,8 +105,8 @@ def total_coefficients(
         sums[increment.axis] += parts
         if increment.axis == "C_lift" and increment.induces_drag:
             lift += parts
-    variables[LIFT_INCREMENTS] = _sum(lift)
-    totals = _on_body_axes({axis: _sum(parts) for axis, parts in sums.items()})
+    variables[LIFT_INCREMENTS] = summed(lift)
+    totals = _on_body_axes({axis: summed(parts) for axis, parts in sums.items()})
     steady = [
         Number(0.0) if isinstance(state.law, Relay) else state.expression() for state in remembered
     ]
@@ -162,16 +166,6 @@ def _substituted(node: Expression, names: Mapping[str, Expression]) -> Expressio
     if isinstance(node, TableCall):
         return TableCall(node.table, tuple(_substituted(a, names) for a in node.arguments))
     return node
-
-
-def _sum(parts: list[Expression]) -> Expression:
-    """A sum as a balanced tree, so that its depth stays small."""
-    if not parts:
-        return Number(0.0)
-    if len(parts) == 1:
-        return parts[0]
-    half = len(parts) // 2
-    return plus(_sum(parts[:half]), _sum(parts[half:]))
 
 
 def _on_body_axes(sums: Mapping[str, Expression]) -> list[Expression]:

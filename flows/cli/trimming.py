@@ -35,6 +35,10 @@ Given = Annotated[
     list[str] | None,
     typer.Option("--set", help="NAME=VALUE: surfaces held, free inputs, other masses."),
 ]
+Thrust = Annotated[
+    str | None,
+    typer.Option(help="Input that holds the airspeed, such as an engine's throttle."),
+]
 Control = Annotated[
     list[str] | None,
     typer.Option(help="AXIS=INPUT: roll, pitch or yaw control; found without."),
@@ -69,6 +73,7 @@ class _Stated:
     fuel: Fuel = None
     given: Given = None
     control: Control = None
+    thrust: Thrust = None
     vehicle: Vehicle = None
     as_of: AsOf = None
 
@@ -85,7 +90,9 @@ class _Stated:
         def read(name: str, text: str | None) -> float | None:
             return None if text is None else value_of(name, text)
 
-        free = self.glide or (glides and self.climb is None)
+        if self.glide and self.thrust is not None:
+            raise InputError("--glide and --thrust together", remedy="leave one of them out")
+        free = self.glide or (glides and self.climb is None and self.thrust is None)
         return StatedCondition(
             Condition(
                 value_of("V", self.speed),
@@ -100,6 +107,7 @@ class _Stated:
             tuple(self.given or ()),
             tuple(self.control or ()),
             read("mass", self.fuel),
+            self.thrust,
         )
 
 

@@ -86,7 +86,9 @@ def _flown(
     catalogue: Catalogue, row: VersionRow, stated: Manoeuvre, stabilise: bool
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     steady = StatedCondition(
-        stated.condition, [f"{name}={value}" for name, value in stated.given.items()]
+        stated.condition,
+        [f"{name}={value}" for name, value in stated.given.items()],
+        thrust=stated.thrust or None,
     )
     trimmed = trim_of(catalogue, row, steady)
     model = trimmed.problem.model

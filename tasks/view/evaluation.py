@@ -147,7 +147,8 @@ def _point(database: AeroDatabase, at: str) -> _Point:
     """Return the point that a text gives."""
     point = point_of(at, database.inputs)
     unstated = unstated_inputs(database, point)
-    taken = {name: unstated[name] for name in unstated if name == "height_above_ground"}
+    shown = {"height_above_ground", *(("V", "rho", "qbar") if database.has_loads else ())}
+    taken = {name: unstated[name] for name in unstated if name in shown}
     zero = [name for name in unstated if name not in taken]
     return _Point(point, zero, taken, {**unstated, **point})
 

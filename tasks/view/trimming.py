@@ -44,12 +44,15 @@ class StatedCondition:
         properties that replace the vehicle's.
     controls : ``pitch=delta_elevator``, ``roll=delta_left-delta_right``; those not named are found.
     fuel : fuel mass [kg], for a vehicle with a table of it.
+    thrust : input of the version that holds the airspeed, such as an engine's throttle; None: the
+        thrust of the vehicle file.
     """
 
     condition: Condition
     given: Sequence[str] = ()
     controls: Sequence[str] = ()
     fuel: float | None = None
+    thrust: str | None = None
 
 
 class _Flown:
@@ -74,7 +77,7 @@ class _Flown:
             self.inputs["ground_altitude"] = self.ground
         self.condition = flight.condition
         self.options: dict[str, Any] = {
-            "thrust": flown.thrust,
+            "thrust": flight.thrust or flown.thrust,
             "limits": flown.limits,
             "controls": dict(_control(text) for text in flight.controls),
         }

@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from aerodb.exchange.native import read_native, to_document
-from aerodb.tables import AeroDatabase, with_parameters
+from aerodb.tables import AeroDatabase, parse, with_parameters
 from tests.support import effect_flights
 from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
@@ -56,6 +57,28 @@ delta_aileron = -0.16
 def build_up(values: Mapping[str, float] | None = None) -> AeroDatabase:
     """The build-up, with other values of some parameters."""
     return with_parameters(read_native(TEXT), values or {})
+
+
+def in_newtons(database: AeroDatabase) -> AeroDatabase:
+    """The same database with every term of forces, and of pitch and yaw, as a load."""
+    loads = {
+        "CX": ("FX", "qbar*S_ref"),
+        "CY": ("FY", "qbar*S_ref"),
+        "CZ": ("FZ", "qbar*S_ref"),
+        "Cm": ("MY", "qbar*S_ref*c_ref"),
+        "Cn": ("MZ", "qbar*S_ref*b_ref"),
+    }
+    terms = [
+        replace(
+            term,
+            axis=loads[term.axis][0],
+            expression=parse(f"({term.expression})*{loads[term.axis][1]}"),
+        )
+        if term.axis in loads
+        else term
+        for term in database.terms
+    ]
+    return replace(database, terms=tuple(terms))
 
 
 def flights(seeds: range, truth: AeroDatabase, noise: float = 1.0) -> FlightsInMemory:

@@ -56,7 +56,7 @@ def axes_of(database: AeroDatabase, parameter: str) -> tuple[str, ...]:
     """Body axes on which a term of the database uses the parameter, in their order."""
     found = {
         body
-        for term in database.terms
+        for term in database.coefficient_terms
         if parameter in depends_on(term.expression, database)
         for body in WIND_TO_BODY_AXES.get(term.axis, (term.axis,))
     }

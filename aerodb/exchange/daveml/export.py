@@ -36,6 +36,7 @@ from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.tables import (
     CONSTANTS,
     HAT_RATES,
+    LOAD_AXES,
     WIND_AXES,
     AeroDatabase,
     Expression,
@@ -44,9 +45,12 @@ from aerodb.tables import (
     Number,
     Operation,
     Term,
+    as_coefficient,
+    coefficient_axis,
     make_check_cases,
     parse,
     plus,
+    summed,
 )
 
 _TOLERANCE: Final = 1e-9  # of max(|C|, 1e-3): what the receiving program must achieve
@@ -139,7 +143,10 @@ def _totals(database: AeroDatabase) -> dict[str, Expression]:
 
 def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
     """Name of the variable that is already this total, as after an import; or empty."""
-    if axis in WIND_AXES or any(term.axis in WIND_AXES for term in database.terms):
+    if axis in (*WIND_AXES, *LOAD_AXES) or any(
+        term.axis in WIND_AXES or coefficient_axis(term.axis) == axis != term.axis
+        for term in database.terms
+    ):
         return ""
     for name, variable in database.variables.items():
         declared = variable.declared
@@ -159,9 +166,9 @@ def _write_outputs(
 ) -> None:
     """Write a variable per term and the six body-axis coefficients.
 
-    Forces in wind axes are transformed to body axes.
+    Forces in wind axes are transformed to body axes; loads become their share of a coefficient.
     """
-    parts: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
+    parts: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES, *LOAD_AXES)}
     for term in database.terms:
         if not outputs[term.axis]:
             parts[term.axis].append(_term(document, database, term))
@@ -174,6 +181,12 @@ def _write_outputs(
             parts[axis] = [Name(name)]
         for axis, expression in _wind_to_body(*(parts[axis][0] for axis in WIND_AXES)).items():
             parts[axis].append(expression)
+    for axis in LOAD_AXES:
+        if parts[axis]:
+            unit = "nm" if axis.startswith("M") else "n"
+            total = summed(parts[axis])
+            name = document.add_calculation(axis, "", unit, "sum of these loads", total)
+            parts[coefficient_axis(axis)].append(as_coefficient(axis, Name(name)))
     for axis in AXES:
         if outputs.get(axis):
             continue
@@ -185,9 +198,10 @@ def _term(document: DavemlDocument, database: AeroDatabase, term: Term) -> Expre
     """Return a term as a variable of its own, unless it is one already."""
     if isinstance(term.expression, Name) and term.expression.name in database.variables:
         return term.expression
+    unit = ("nm" if term.axis.startswith("M") else "n") if term.axis in LOAD_AXES else "nd"
     return Name(
         document.add_calculation(
-            term.name, "", "nd", term.description or f"term on {term.axis}", term.expression
+            term.name, "", unit, term.description or f"term on {term.axis}", term.expression
         )
     )
 

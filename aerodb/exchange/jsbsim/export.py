@@ -13,7 +13,7 @@ from lxml import etree
 
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.jsbsim.axes import FACTORS, body_forces
-from aerodb.exchange.jsbsim.elements import Element, function, node, prop, total
+from aerodb.exchange.jsbsim.elements import Element, function, node, prop, total, value
 from aerodb.exchange.jsbsim.mass_balance import MassBalance, location, mass_balance
 from aerodb.exchange.jsbsim.properties import (
     CHANNEL_PROPERTIES,
@@ -21,6 +21,7 @@ from aerodb.exchange.jsbsim.properties import (
     LIFT_SQUARED,
     OWN_CHANNEL,
     OWN_FREE,
+    POUND_FORCE,
     PROPERTIES,
     STALL_HYSTERESIS,
     described_property,
@@ -29,7 +30,16 @@ from aerodb.exchange.jsbsim.properties import (
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
 from aerodb.nomenclature import axis_description, channel
-from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, ReferenceGeometry, Term, parse
+from aerodb.tables import (
+    LOAD_AXES,
+    WIND_AXES,
+    AeroDatabase,
+    CheckCase,
+    ReferenceGeometry,
+    Term,
+    coefficient_axis,
+    parse,
+)
 
 _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
@@ -60,6 +70,10 @@ _STATEMENT: Final = (
     " with a minus sign. Rates are those relative to the air; angles are in radians. Where a"
     " coefficient is divided by speed or dynamic pressure these are at least 1e-6 ft/s and 1e-9"
     " psf."
+)
+_LOADS: Final = (
+    "A function whose description says [N] or [N m] is a load: it does not scale with dynamic"
+    " pressure. It is the database's value in pounds or foot-pounds."
 )
 _CASES: Final = (
     "What the database gives at these inputs (SI, radians, names of the database; above: which"
@@ -169,6 +183,8 @@ def _is_built_in(path: str) -> bool:
 
 def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Element]:
     yield node("documentation", text=_STATEMENT)
+    if database.has_loads:
+        yield node("documentation", text=_LOADS)
     for name, (path, scale) in sorted(writer.inputs.items()):
         if path.startswith((OWN_CHANNEL, OWN_FREE)):
             meaning = (
@@ -201,15 +217,15 @@ def _hysteresis(database: AeroDatabase) -> Iterable[Element]:
 
 
 def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
-    used = {term.axis for term in database.terms}
+    used = {coefficient_axis(term.axis) for term in database.terms}
     mixed = bool(used & set(WIND_AXES)) and bool(used & set(_BODY))
     forces = _WIND if used & set(WIND_AXES) and not mixed else _BODY
     names = _Names()
     written: dict[str, list[Element]] = {axis: [] for axis in (*forces, *_MOMENTS)}
     totals: dict[str, list[Term]] = {axis: [] for axis in WIND_AXES}
     for term in database.terms:
-        if term.axis in written:
-            written[term.axis].append(_term_function(term, writer, names))
+        if (axis := coefficient_axis(term.axis)) in written:
+            written[axis].append(_term_function(term, writer, names))
         else:
             totals[term.axis].append(term)
     if mixed:
@@ -229,6 +245,9 @@ def _term_function(term: Term, writer: FunctionWriter, names: "_Names") -> Eleme
 
 
 def _force(path: str, axis: str, coefficient: Element, note: str) -> Element:
+    if axis in LOAD_AXES:
+        unit = POUND_FORCE * FOOT if axis.startswith("M") else POUND_FORCE
+        return function(path, node("product", value(1.0 / unit), coefficient), note)
     factors = [prop(factor) for factor in FACTORS[axis]]
     return function(path, node("product", *factors, coefficient), note)
 

@@ -100,7 +100,7 @@ def declared_variance(
             variance[axis] += change**2
     acts = {
         term.axis
-        for term in database.terms
+        for term in database.coefficient_terms
         if depends_on(term.expression, database) & shifts.keys()
     }
     return variance, frozenset(acts)
@@ -109,7 +109,7 @@ def declared_variance(
 def _definitions(database: AeroDatabase) -> _Shifted:
     variables = {name: variable.expression for name, variable in database.variables.items()}
     return _Shifted(
-        tuple(term.expression for term in database.terms),
+        tuple(term.expression for term in database.coefficient_terms),
         variables,
         {**database.tables, **database.scattered},
     )
@@ -175,7 +175,7 @@ def _totals(
     """Sum of the terms on every body and wind axis, each (n,), without increments."""
     program = database.compiled(definitions.terms, definitions.variables, definitions.tables)
     totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
-    for term, value in zip(database.terms, program.run(values).values, strict=True):
+    for term, value in zip(database.coefficient_terms, program.run(values).values, strict=True):
         totals[term.axis] += value
     return totals
 

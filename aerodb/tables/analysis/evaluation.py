@@ -140,7 +140,7 @@ def _outside(
 ) -> dict[str, NDArray[np.bool_]]:
     """Per body axis (n,), where a table that it depends on is evaluated beyond its breakpoints."""
     beyond = {axis: np.zeros(n, dtype=np.bool_) for axis in AXES}
-    for term in database.terms if prediction.outside_tables else ():
+    for term in database.coefficient_terms if prediction.outside_tables else ():
         for table in depends_on(term.expression, database) & prediction.outside_tables.keys():
             for axis in BODY_AXES_OF.get(term.axis, (term.axis,)):
                 beyond[axis] |= prediction.outside_tables[table]

@@ -8,6 +8,7 @@ from aerodb.tables.analysis.arguments import ScaledChannel, channel_of, scaled_c
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
+from aerodb.tables.loads import LOAD_AXES
 from aerodb.tables.program import evaluate
 from aerodb.tables.uncertainty import Uncertainty
 
@@ -45,6 +46,8 @@ def linear_tables(database: AeroDatabase) -> list[LinearTable]:
     }
     linear = []
     for term in database.terms:
+        if term.axis in LOAD_AXES:  # its share of a coefficient is not linear: it is over qbar
+            continue
         for constant, factors, call in _products(term.expression, database, once, 1.0, ()):
             channels = tuple(scaled_channel(argument, database) for argument in call.arguments)
             named = [channel.name for channel in channels if channel]

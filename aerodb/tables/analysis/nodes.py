@@ -7,10 +7,12 @@ channel, scaled and offset (``alpha``, ``57.3*alpha``).
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.physics import DENSITY_0
 from aerodb.support import Array
 from aerodb.tables.analysis.arguments import table_calls
 from aerodb.tables.database import AeroDatabase
@@ -73,7 +75,7 @@ def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
 def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
     """Return table name -> axes of the terms that use it, directly or through variables."""
     axes: dict[str, set[str]] = {name: set() for name in (*database.tables, *database.scattered)}
-    for term in database.terms:
+    for term in database.coefficient_terms:
         pending, visited = [term.expression], set[str]()
         while pending:
             node = pending.pop()
@@ -90,14 +92,31 @@ def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
     return {name: frozenset(names) for name, names in axes.items()}
 
 
+def air_beside(stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return rho [kg/m3] and qbar [Pa] that belong to a stated airspeed V [m/s] and to each other:
+    those that are stated, and without any density that of the standard atmosphere at sea level.
+
+    >>> air_beside({"V": 40.0, "qbar": 800.0})
+    {'rho': 1.0, 'qbar': 800.0}
+    """
+    speed = stated["V"]
+    alone = 2.0 * stated["qbar"] / speed**2 if "qbar" in stated else DENSITY_0
+    rho = stated.get("rho", alone)
+    return {"rho": rho, "qbar": stated.get("qbar", 0.5 * rho * speed**2)}
+
+
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
-    """Inputs of `database` at zero (V at 1 m/s), moved to the nearest point inside the envelopes of
+    """Inputs of `database` at zero, moved to the nearest point inside the envelopes of
     `increments`.
+
+    V is 1 m/s, and with loads the air is that of `air_beside`.
 
     States are left out, so that they have their steady value.
     """
     states = {state.name for state in database.states}
     point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs if name not in states}
+    if database.has_loads:
+        point |= {n: v for n, v in air_beside({"V": 1.0}).items() if n in point}
     for increment in increments:
         for name, interval in increment.envelope.items():
             if name not in states:

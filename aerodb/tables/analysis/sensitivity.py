@@ -17,6 +17,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import LIFT_INCREMENTS
 from aerodb.tables.expression import Expression, Number, number
 from aerodb.tables.increment import Increment
+from aerodb.tables.loads import LOAD_AXES
 from aerodb.tables.reference import HAT_RATES
 
 #: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a
@@ -165,7 +166,12 @@ def _dependent(database: AeroDatabase, variable: str) -> AeroDatabase | None:
     themselves turn with it."""
     if database.on_wind_axes and variable in ("alpha", "beta"):
         return database
-    terms = tuple(term for term in database.terms if variable in uses(database, term.expression))
+    terms = tuple(
+        term
+        for term in database.terms
+        if variable in uses(database, term.expression)
+        or (variable == "qbar" and term.axis in LOAD_AXES)
+    )
     increments = tuple(
         item
         for item in database.increments

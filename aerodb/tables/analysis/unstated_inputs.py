@@ -1,11 +1,12 @@
 """Values of the inputs that a user does not state: a state in which the aircraft can be."""
 
-from collections.abc import Collection
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 
 from aerodb.tables.analysis.arguments import breakpoints_over
+from aerodb.tables.analysis.nodes import air_beside
 from aerodb.tables.database import AeroDatabase
 
 _HEIGHT: Final = "height_above_ground"
@@ -25,6 +26,8 @@ def height_outside_ground_effect(database: AeroDatabase) -> float | None:
         return max(ends)
     heights = database.reference.span * np.array(_SPANS)
     others = {name: 0.0 for name in database.inputs if name not in ("V", _HEIGHT)}
+    if database.has_loads:
+        others |= air_beside({"V": 1.0})
     left = [
         set(database.predict({**others, "V": 1.0, _HEIGHT: height}).outside_tables)
         for height in heights.tolist()
@@ -34,12 +37,12 @@ def height_outside_ground_effect(database: AeroDatabase) -> float | None:
     return float(inside[0] if inside else heights[0])
 
 
-def unstated_inputs(database: AeroDatabase, stated: Collection[str]) -> dict[str, float]:
+def unstated_inputs(database: AeroDatabase, stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return input -> value [SI] of the inputs that are not stated: zero; the height above ground
     outside ground effect.
 
-    An airspeed of 1 m/s: rates that are zero give the same at any. States that follow from the
-    others have no entry.
+    An airspeed of 1 m/s: rates that are zero give the same at any. Of a database with loads the air
+    is that of `air_beside`. States that follow from the others have no entry.
     """
     settled = {state.name for state in database.states}
     values = {n: 0.0 for n in database.inputs if n not in stated and n not in settled}
@@ -47,4 +50,7 @@ def unstated_inputs(database: AeroDatabase, stated: Collection[str]) -> dict[str
         values["V"] = 1.0
     if _HEIGHT in values:
         values[_HEIGHT] = height_outside_ground_effect(database) or 0.0
+    if database.has_loads:
+        air = air_beside({"V": values.get("V", 1.0), **stated})
+        values |= {name: air[name] for name in air if name in values}
     return values

@@ -24,7 +24,7 @@ from aerodb.tables import (
     slopes_by_parameter,
     with_parameters,
 )
-from tests.support.build_up import TEXT, build_up, flights
+from tests.support.build_up import TEXT, build_up, flights, in_newtons
 from tests.support.flights_in_memory import FlightsInMemory
 
 
@@ -81,6 +81,21 @@ def test_nothing_is_found_where_all_parameters_are_right(source: FlightsInMemory
     loop = closed(source, {})
     assert loop.findings == ()
     assert loop.candidate == loop.baseline
+
+
+def test_loads_are_traced_like_coefficients() -> None:
+    """The same build-up in N and N m flies: a wrong fin is named, and nothing where all is right."""
+    source = flights(range(60, 66), in_newtons(build_up()))
+    ids = tuple(source.flown)
+    found = []
+    for wrong in ({}, {"fin_CLa": 2.2}):
+        database = in_newtons(build_up(wrong))
+        library = freeze_library(source, ids, database)
+        found.append(run_loop(source, ids, database, library, Accept()).findings)
+    assert found[0] == ()
+    (finding,) = found[1]
+    assert (finding.subject, finding.verdict) == ("fin_CLa", "confirmed")
+    assert finding.ci95[0] < 0.6 < finding.ci95[1]
 
 
 @pytest.mark.campaign
