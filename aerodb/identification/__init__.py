@@ -24,7 +24,9 @@ modes of what was found.
 Beside it: `flight_dynamics` makes the equations of motion on a database a `FlightDynamics` model
 with unknown parameters. `conversion` turns dimensional derivatives of linear models
 (`matrix_derivatives`) into coefficients and back, with covariance (`coefficient_derivatives`,
-`dimensional_derivatives`); `parse_derivative_file` and `converted` do so for a file.
+`dimensional_derivatives`); `parse_derivative_file` and `converted` do so for a file. Such
+derivatives tell of tails by single equations (`tails_of`), or of a database's parameters by its own
+linear model (`back_out`).
 """
 
 from typing import TYPE_CHECKING
@@ -32,9 +34,11 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .back_out import BackedOut, back_out, of_motion
     from .candidate import update_by
+    from .conversion import Derivatives, LinearisedFlight, matrix_derivatives
     from .declared_terms import with_known_terms, with_terms
-    from .derivative_file import converted, parse_derivative_file
+    from .derivative_file import DerivativeFile, converted, parse_derivative_file, tails_of
     from .equations import no_database, no_database_beside, parameter_name
     from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics

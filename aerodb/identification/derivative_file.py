@@ -33,12 +33,26 @@ inputs = ["delta_aileron"]
 A = [[...], ...]
 B = [[...], ...]
 ```
+
+Estimates of one fit are correlated, and the tails that they are to tell of have tables:
+
+```toml
+[[correlation]]
+of = ["Mq", "Zq"]
+value = -0.4
+[tail.horizontal]                   # fields of `TailPlane`
+plane = "horizontal"
+area = "6.5 m^2"
+arm = "7.3 m"
+pressure_ratio = 1.05
+control = "delta_elevator"
+```
 """
 
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from aerodb.errors import InputError
 from aerodb.identification.conversion import (
@@ -51,7 +65,8 @@ from aerodb.identification.conversion import (
     exact,
     matrix_derivatives,
 )
-from aerodb.support import Strict, validated_toml
+from aerodb.identification.tail_planes import TailPlane, tail_parameters
+from aerodb.support import Array, Strict, validated_toml
 from aerodb.units import quantity
 
 #: Quantity of the flight -> its unit.
@@ -85,6 +100,29 @@ class MatrixEntry(Strict):
         return self
 
 
+class TailEntry(Strict):
+    """A tail; see `TailPlane`."""
+
+    plane: Literal["horizontal", "vertical"]
+    area: float = Field(gt=0.0)
+    arm: float = Field(gt=0.0)
+    pressure_ratio: float = Field(1.0, gt=0.0)
+    downwash: float = Field(0.0, ge=0.0, lt=1.0)
+    control: str = ""
+
+    @field_validator("area", "arm", mode="before")
+    @classmethod
+    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
+        return quantity(given, "m**2" if info.field_name == "area" else "m")
+
+
+class CorrelationEntry(Strict):
+    """The correlation of two derivatives."""
+
+    of: tuple[str, str]
+    value: float = Field(gt=-1.0, lt=1.0)
+
+
 class DerivativeFile(Strict):
     """The keys of the file; see the module docstring."""
 
@@ -95,6 +133,8 @@ class DerivativeFile(Strict):
     errors: dict[str, float] = {}
     derivatives: dict[str, tuple[float, float]] = {}
     linear_model: MatrixEntry | None = None
+    correlation: tuple[CorrelationEntry, ...] = ()
+    tail: dict[str, TailEntry] = {}
 
     @field_validator("flight", "errors", mode="before")
     @classmethod
@@ -128,7 +168,32 @@ class DerivativeFile(Strict):
             raise ValueError("it needs [derivatives] or [linear_model]")
         if any(error < 0.0 for _, error in self.derivatives.values()):
             raise ValueError("a standard error is negative")
+        for each in self.correlation:
+            for name in each.of:
+                if name not in self.derivatives:
+                    raise ValueError(f"a correlation is of '{name}', which is no derivative here")
+        if np.linalg.eigvalsh(self.correlations).min(initial=1.0) <= 0.0:
+            raise ValueError("the correlations contradict each other: they are of no covariance")
         return self
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (k, k) of the derivatives, without unit."""
+        names, matrix = list(self.derivatives), np.eye(len(self.derivatives))
+        for each in self.correlation:
+            row, column = (names.index(name) for name in each.of)
+            matrix[row, column] = matrix[column, row] = each.value
+        return matrix
+
+    @property
+    def stated(self) -> Derivatives:
+        """The derivatives as they stand in the file, (k,), SI, with covariance (k, k)."""
+        sigma = np.array([error for _, error in self.derivatives.values()])
+        return Derivatives(
+            tuple(self.derivatives),
+            np.array([value for value, _ in self.derivatives.values()]),
+            self.correlations * np.outer(sigma, sigma),
+        )
 
 
 def parse_derivative_file(text: str, where: str) -> DerivativeFile:
@@ -154,12 +219,8 @@ def converted(file: DerivativeFile) -> Derivatives:
         return coefficient_derivatives(
             exact(derivatives), flight, forces=file.forces, errors=file.errors
         )
-    names = tuple(file.derivatives)
-    given = Derivatives(
-        names,
-        np.array([value for value, _ in file.derivatives.values()]),
-        np.diag([error**2 for _, error in file.derivatives.values()]),
-    )
+    given = file.stated
+    names = given.names
     coefficients = [name.startswith("C") for name in names]
     if any(coefficients) and not all(coefficients):
         raise InputError(
@@ -180,6 +241,21 @@ def converted(file: DerivativeFile) -> Derivatives:
         given, _dimensional_names(names), flight, axes=file.axes, forces=file.forces,
         primed=file.primed, errors=file.errors,
     )  # fmt: skip
+
+
+def tails_of(file: DerivativeFile) -> list[Derivatives]:
+    """Return what the file's derivatives say of each of its tails (k,), with covariance (k, k).
+
+    Raises InputError as `tail_parameters` and `converted`.
+    """
+    if not file.tail:
+        return []
+    found = file.stated if any(name[0] == "C" for name in file.derivatives) else converted(file)
+    flight = LinearisedFlight(**file.flight)
+    return [
+        tail_parameters(found, flight, TailPlane(name, **entry.model_dump()))
+        for name, entry in file.tail.items()
+    ]
 
 
 def _dimensional_names(names: tuple[str, ...]) -> list[str]:

@@ -12,6 +12,7 @@ import typer
 
 from aerodb.errors import AeroError, GateRefusal, InputError, OpenQuestionsError, UnknownNameError
 from aerodb.flows.cli import (
+    backing_out,
     calibrations,
     closing,
     databases,
@@ -81,6 +82,7 @@ versions.app.command("impact")(lineage.impact)
 versions.app.command("diff")(differences.diff)
 for query in (trimming.trim, trimming.modes, trimming.sweep):
     versions.app.command(query.__name__)(query)
+versions.app.command("back-out")(backing_out.back_out)
 versions.app.command("export")(releases.export)
 versions.app.command("gate")(releases.gate)
 versions.app.command("promote")(releases.promote)

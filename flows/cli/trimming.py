@@ -128,7 +128,7 @@ def steady_flight(
     return stated.flight(glides(session.catalogue(), row))
 
 
-def _steady(command: Callable[..., None]) -> Callable[..., None]:
+def steady_command(command: Callable[..., None]) -> Callable[..., None]:
     """Return the command of a function of a session, a version and its steady flight: it has the
     options of `_Stated` and those of the function."""
     stated = inspect.signature(_Stated).parameters
@@ -155,7 +155,7 @@ def _steady(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-@_steady
+@steady_command
 def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
     """Find the steady flight of a version at a condition: angles, surfaces, thrust, with standard
     errors.
@@ -169,7 +169,7 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None
     session.answer(document)
 
 
-@_steady
+@steady_command
 def modes(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
     """Show the modes about a steady flight of a version; --json also gives the linear model.
 
@@ -183,7 +183,7 @@ def modes(session: Session, row: "VersionRow", flight: "StatedCondition") -> Non
     session.answer(document)
 
 
-@_steady
+@steady_command
 def sweep(
     session: Session,
     row: "VersionRow",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .backing_out import back_out_document
     from .channels import (
         FEWEST_POINTS,
         MOST_POINTS,

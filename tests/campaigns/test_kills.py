@@ -34,6 +34,7 @@ _MAY_REFUSE = {
     "version trim",
     "version modes",
     "version sweep",
+    "version back-out",
     "estimate-online",
 }
 #: Each command in one process; its name goes before its writes into the record.

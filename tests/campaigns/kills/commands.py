@@ -270,6 +270,14 @@ READS: Final[dict[str, tuple[str, ...]]] = {
     "version impact": ("{flight}",),
     "version trim": ("candidate", *_STEADY),
     "version modes": ("candidate", *_STEADY),
+    "version back-out": (
+        "candidate",
+        *_STEADY,
+        "--linear",
+        "{files}/model.toml",
+        "--parameter",
+        "tail_CLa",
+    ),
     "version sweep": (
         "candidate",
         *_STEADY,
