@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 9,
     "update": 11,
     "gram": 13,
-    "close_loop": 39,
+    "close_loop": 40,
 }
 
 #: Names of versions that the product itself moves.

@@ -9,6 +9,7 @@ where it predicts flights that were left out much better. docs/method/tracing.md
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,7 @@ from aerodb.increments import (
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
+from aerodb.loop.sensor_share import without_sensors
 from aerodb.loop.shapes import imitated_shapes
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment
@@ -108,7 +110,7 @@ def axis_models(
     without_gain: Collection[str] = (),
     late: Collection[str] = (),
     given: Collection[str] | None = None,
-    sensors: Collection[str] = (),
+    sensors: Mapping[str, float] = MappingProxyType({}),
     surfaces: Sequence[str] = (),
 ) -> tuple[AxisModels | None, tuple[str, ...]]:
     """Return the increment models that replace the singles on their axes, None where there are
@@ -119,8 +121,9 @@ def axis_models(
     other flights: on their axes others would stand in for them, and nothing is proposed. late : ids
     that may not enter, as these flights may have suggested them. given : ids of the terms, as more
     flights have decided; None: decided here, where the values that the other flights give must
-    predict each flight. sensors : ids of sensors found to be wrong: where terms would imitate one
-    that is wrong given the models as well, it is to be mended first, and nothing is proposed.
+    predict each flight. sensors : sensors found to be wrong (id -> error, SI): where terms would
+    imitate one that is wrong given the models as well, it is to be mended first, and nothing is
+    proposed; what they explain is no error that a model lowers.
     surfaces : ids of findings that a surface follows its log badly, whatever explains them as well:
     an axis most of whose model one of them explains stays as it is; so does one most of whose model
     a sensor explains that outdoes every single effect.
@@ -167,7 +170,7 @@ def axis_models(
             for axis, members in _on(axes, terms, hypotheses).items()
             if sum(each.effect != "zero_offset" for each in members) >= _MANY
         }
-        errors = _proved(estimator, candidate, models)
+        errors = _proved(estimator, candidate, models, library, sensors)
         if not errors or evidently_moving(source, flights, baseline, library):
             return None, ()
         proved = {axis: models[axis] for axis in errors}
@@ -344,10 +347,15 @@ def _square(axis: str, compared: Comparison, level: bool = False) -> float:
 
 
 def _proved(
-    estimator: _Estimator, candidate: AeroDatabase, models: Mapping[str, Sequence[Hypothesis]]
+    estimator: _Estimator,
+    candidate: AeroDatabase,
+    models: Mapping[str, Sequence[Hypothesis]],
+    library: Library,
+    sensors: Mapping[str, float],
 ) -> dict[str, tuple[float, float]]:
     """Axis -> errors (rms) with the singles and of the model on flights left out, where the model
-    is materially better, and better about the mean of every flight."""
+    is materially better than the singles and the sensors that were found to be wrong, and better
+    about the mean of every flight."""
     if not models:
         return {}
     flights = estimator.flights
@@ -358,7 +366,7 @@ def _proved(
 
     pairs = list(
         zip(
-            in_threads(lambda id: estimator.source.comparison(id, candidate), flights),
+            without_sensors(estimator.source, flights, candidate, library, sensors).values(),
             in_threads(alone, flights),
             strict=True,
         )

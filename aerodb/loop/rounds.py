@@ -27,6 +27,7 @@ from aerodb.loop.remarks import (
     on_withheld,
     on_without_gain,
 )
+from aerodb.loop.sensor_share import found_sensors
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_hysteresis import (
@@ -106,7 +107,7 @@ def run_loop(
     accept.check(library)
     known_before = source.looked_before(flights, library)
     given = _Given(source, tuple(flights), baseline, library, accept, without_gain, known_before)
-    end = _with_withheld(given, _with_axis_models(given, _rounds(given), modelled))
+    end = _turned(given, _with_withheld(given, _with_axis_models(given, _rounds(given), modelled)))
     stalled = any(_separates(finding) for finding in end.added)
     return LoopResult(
         baseline,
@@ -211,7 +212,8 @@ def _next_round(given: _Given, state: _State) -> _State:
     if not new:
         return state
     new, beside = _with_linear_terms(new, suspected, have)
-    candidate, kept = _bearable(source, database, library, new, flights)
+    sensors = found_sensors(traced.findings)
+    candidate, kept = _bearable(source, database, library, new, flights, sensors)
     return replace(
         state,
         database=candidate,
@@ -231,6 +233,7 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         return state
     library, known_before = given.library, given.known_before
     every = frozenset(hypothesis.id for hypothesis in library.hypotheses)
+    sensors = found_sensors(state.findings.values())
     models, not_added = axis_models(
         given.source,
         given.flights,
@@ -241,7 +244,7 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
         given.without_gain,
         every - (every if known_before is None else known_before),
         modelled,
-        [id for id, finding in state.findings.items() if finding.verdict == "sensor"],
+        sensors,
         [id for id, finding in state.findings.items() if finding.effect in SURFACE_MOTION],
     )
     state = replace(state, remarks=(*state.remarks, *not_added))
@@ -260,7 +263,9 @@ def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | 
     models = replace(models, traced=replace(models.traced, findings=tuple(members.values())))
     return replace(
         state,
-        database=about_zero_lift(given.source, given.flights, given.baseline, models.candidate),
+        database=about_zero_lift(
+            given.source, given.flights, given.baseline, models.candidate, library, sensors
+        ),
         traced=models.traced,
         findings=stays | members,
         added=(*added, *members.values()),
@@ -282,7 +287,8 @@ def _with_withheld(given: _Given, state: _State) -> _State:
         if finding is None or finding.verdict != "confirmed":
             continue
         source, flights, database = given.source, given.flights, state.database
-        candidate = _added(source, database, given.library, [finding], flights)
+        sensors = found_sensors(state.findings.values())
+        candidate = _added(source, database, given.library, [finding], flights, sensors)
         before = compared(source, flights, database)
         worse = worse_axes(before, compared(source, flights, candidate))
         turned = about_flown_mean(source, flights, database, candidate, worse)
@@ -294,6 +300,21 @@ def _with_withheld(given: _Given, state: _State) -> _State:
                 withheld=state.withheld - {id},
             )
     return state
+
+
+def _turned(given: _Given, state: _State) -> _State:
+    """The state with its slopes over alpha about the point that leaves the smallest constant beside
+    the sensors that later rounds have found, where no axis is worse than with the baseline."""
+    source, flights, library = given.source, given.flights, given.library
+    sensors = found_sensors(state.findings.values())
+    if not sensors or not state.added:
+        return state
+    turned = about_zero_lift(source, flights, given.baseline, state.database, library, sensors)
+    if turned is state.database:
+        return state
+    before = compared(source, flights, given.baseline)
+    worse = worse_axes(before, compared(source, flights, turned))
+    return state if worse else replace(state, database=turned)
 
 
 def _traced(
@@ -392,6 +413,7 @@ def _bearable(
     library: Library,
     new: Sequence[Finding],
     flights: Sequence[str],
+    sensors: Mapping[str, float],
 ) -> tuple[AeroDatabase, list[Finding]]:
     """The candidate with as many of the new findings as make no axis worse, and these findings.
 
@@ -399,7 +421,7 @@ def _bearable(
     together with terms that may not enter, a term can be right and still do harm.
     """
     kept = list(new)
-    candidate = _added(source, database, library, kept, flights)
+    candidate = _added(source, database, library, kept, flights, sensors)
     before = compared(source, flights, database)
     for only_constants in (True, False):
         worse = worse_axes(before, compared(source, flights, candidate))
@@ -410,7 +432,7 @@ def _bearable(
             for f in kept
             if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")
         ]
-        candidate = _added(source, database, library, kept, flights) if kept else database
+        candidate = _added(source, database, library, kept, flights, sensors) if kept else database
     return candidate, kept
 
 
@@ -432,9 +454,10 @@ def _added(
     library: Library,
     new: Sequence[Finding],
     flights: Sequence[str],
+    sensors: Mapping[str, float],
 ) -> AeroDatabase:
     """The database with the findings as increments inside the envelope of the flights that have
-    their channels.
+    their channels. sensors : found to be wrong beside them, id -> error.
     """
     if any(_separates(finding) for finding in new):
         database = added_stall(source, database, tuple(library.stall))
@@ -490,5 +513,5 @@ def _added(
             note,
             refit_of(finer),
         )
-    candidate = about_zero_lift(source, flights, database, candidate)
+    candidate = about_zero_lift(source, flights, database, candidate, library, sensors)
     return keep_slope_signs(Update(candidate, (), tuple(flights)), database).candidate

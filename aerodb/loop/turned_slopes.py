@@ -8,20 +8,24 @@ constant, the slope is added about the mean of what was flown, and the level sta
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Sequence, Set
+import operator
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from aerodb.coefficients import Comparison
 from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift
 from aerodb.loop.flight_source import FlightSource
-from aerodb.support import in_threads
+from aerodb.loop.frozen_library import Library
+from aerodb.loop.sensor_share import without_sensors
 from aerodb.tables import AeroDatabase, Expression, Name, number, parse, plus
 
 #: Axis of an increment -> body axis that shows its constant.
 _SHOWN_ON: Final = {"C_lift": "CZ", "CZ": "CZ", "Cm": "Cm"}
 _SLOPE: Final = parse("alpha")
+_TURNED: Final = "; alpha from zero lift, which leaves the smaller constant"
 
 
 def about_zero_lift(
@@ -29,21 +33,36 @@ def about_zero_lift(
     flights: Sequence[str],
     before: AeroDatabase,
     candidate: AeroDatabase,
+    library: Library,
+    sensors: Mapping[str, float],
 ) -> AeroDatabase:
     """Return the candidate, whose increments since `before` with a slope over alpha turn their
     curves about zero lift on each axis where that leaves these flights (ids) the smaller constant.
 
-    Constants are means over flights of measured - predicted, dimensionless. Raises InputError where
-    a flight lacks what is needed.
+    Constants are means over flights of measured - predicted, dimensionless, without what the
+    library's sensors found to be wrong (id -> error, SI) leave: a centre of gravity that is off has
+    a constant of its own. Raises InputError where a flight lacks what is needed.
     """
+    first = len(before.increments)
     turned = parse(from_zero_lift(before))
+    others = {
+        parse(from_zero_lift(replace(candidate, increments=candidate.increments[:place])))
+        for place in range(first + 1, len(candidate.increments))
+    }
+    known = {_SLOPE, turned, *others}
     for axis, body in _SHOWN_ON.items():
-        other = _turned(before, candidate, axis, turned)
-        if other is None:
+        pair = [
+            _about(candidate, first, axis, known, each, note)
+            for each, note in ((_SLOPE, ""), (turned, _TURNED))
+        ]
+        if turned == _SLOPE or pair[0] is pair[1]:
             continue
-        constants = [_constant(source, flights, each, body) for each in (candidate, other)]
-        if None not in constants and abs(constants[1] or 0.0) < abs(constants[0] or 0.0):
-            candidate = other
+        constants = [
+            _constant(without_sensors(source, flights, each, library, sensors), body)
+            for each in pair
+        ]
+        if None not in constants:
+            candidate = pair[abs(constants[1] or 0.0) < abs(constants[0] or 0.0)]
     return candidate
 
 
@@ -81,34 +100,31 @@ def about_flown_mean(
     return replace(candidate, increments=tuple(changed))
 
 
-def _turned(
-    before: AeroDatabase, candidate: AeroDatabase, axis: str, turned: Expression
-) -> AeroDatabase | None:
-    """The candidate with the slopes on an axis turned; None where it has none there."""
-    first = len(before.increments)
-    changed = [
-        replace(
-            each,
-            regressors=tuple(turned if one == _SLOPE else one for one in each.regressors),
-            note=f"{each.note}; alpha from zero lift, which leaves the smaller constant",
-        )
-        if number >= first and each.axis == axis and _SLOPE in each.regressors
-        else each
-        for number, each in enumerate(candidate.increments)
-    ]
-    if turned == _SLOPE or changed == [*candidate.increments]:
-        return None
-    return replace(candidate, increments=tuple(changed))
+def _about(
+    candidate: AeroDatabase,
+    first: int,
+    axis: str,
+    known: Set[Expression],
+    slope: Expression,
+    note: str,
+) -> AeroDatabase:
+    """The candidate whose increments on an axis, from number `first`, have `slope` in place of
+    those that are known."""
+    changed = list(candidate.increments)
+    for place, each in enumerate(changed):
+        regressors = tuple(slope if one in known else one for one in each.regressors)
+        if place >= first and each.axis == axis and regressors != each.regressors:
+            said = each.note.removesuffix(_TURNED) + note
+            changed[place] = replace(each, regressors=regressors, note=said)
+    same = all(map(operator.is_, changed, candidate.increments))
+    return candidate if same else replace(candidate, increments=tuple(changed))
 
 
-def _constant(
-    source: FlightSource, flights: Sequence[str], database: AeroDatabase, axis: str
-) -> float | None:
+def _constant(compared: Mapping[str, Comparison], axis: str) -> float | None:
     """Mean over flights of measured - predicted; None where no flight has a usable sample."""
-    compared = in_threads(lambda id: source.comparison(id, database), flights)
     means = [
         float(each.residual(axis)[each.usable[axis]].mean())
-        for each in compared
+        for each in compared.values()
         if axis in each.usable and each.usable[axis].any()
     ]
     return float(np.mean(means)) if means else None
