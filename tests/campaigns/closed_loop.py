@@ -116,7 +116,7 @@ def run_planted(
                     for finding in loop.found["findings"]
                     if planted.names(finding["hypothesis"])
                 }
-                line |= power(loop.found, planted, truth)
+                line |= power(loop.found, planted, truth) | {"levels": loop.found["levels"]}
                 held = [clean[str(ready.flights[f])] for f in loop.found["flights"]["held_out"]]
                 before = lacks(craft, wrong, planted.axis, held)
                 if loop.candidate is not None and held:

@@ -271,6 +271,7 @@ PLANTED: Mapping[str, Planted] = {
         by_pressure, ("dynamic_pressure_effect@C_lift",), "CZ", ("mach_effect@C_lift",),
         differs=("alpha_slope@C_lift",),
     ),
+    "offset of lift": Planted(added("LIFT", 0.05, *_FORCE), ("zero_offset@CZ",), "CZ"),
     "offset of Cm": Planted(added("PITCH", 0.02, *_MOMENT), ("zero_offset@Cm",), "Cm"),
 }  # fmt: skip
 

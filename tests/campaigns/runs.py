@@ -75,7 +75,7 @@ def prepared(
     biases = biases_of(cell, np.random.default_rng(key))
     # `seen` has drawn the zeros that `more` states.
     biases = {name: value for name, value in biases.items() if f"[sensors.{name}]" not in more}
-    flights, verdicts, start = {}, {}, time.process_time()
+    files = []
     for number in numbers:
         rng = np.random.default_rng([*key, number])
         if cell.fed:
@@ -91,12 +91,13 @@ def prepared(
             noise = noise_of(cell, tuple(channels), len(channels["V"]), rng)
         log = seen(shown(channels, noise, biases, cell))
         t = cell.step * np.arange(len(log["V"]))
-        file = write_csv(folder / f"{craft.vehicle}-{number}.csv", {"time": t, **log})
-        answer = asked(
-            workspace, "flight", "ingest", str(file), "--vehicle", craft.vehicle, "--direct"
-        )
-        flights[answer[0]["flight"]] = number
-        verdicts[answer[0]["flight"]] = answer[0]["consistency"]["verdict"]
+        files.append(write_csv(folder / f"{craft.vehicle}-{number}.csv", {"time": t, **log}))
+    start = time.process_time()
+    answers = asked(
+        workspace, "flight", "ingest", *map(str, files), "--vehicle", craft.vehicle, "--direct"
+    )
+    flights = {answer["flight"]: number for answer, number in zip(answers, numbers, strict=True)}
+    verdicts = {answer["flight"]: answer["consistency"]["verdict"] for answer in answers}
     cpu = (time.process_time() - start) / max(len(numbers), 1)
     return Prepared(folder, flights, verdicts, cpu)
 
