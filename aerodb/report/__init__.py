@@ -9,7 +9,8 @@
 Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
 templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
 `decision` (five lines to decide on), `gate_lines` (what to decide a release on), `qualification`
-(the table for a QTG), `headlines` (sentences and error tables); `glossary`, `terms`, `numbers`
+(the table for a QTG), `mode_table` (modes beside those of flights), `headlines` (sentences and
+error tables); `glossary`, `terms`, `numbers`
 (names of effects, channels and terms, numbers and units: everything that is shown uses these);
 `findings` (findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
 `update_figures`, `database_figure`, `diff_figures`, `front_figure`, `lineage_figure` (figures);
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from .lineage_figure import Graph, Relative, lineage_graph
     from .log_page import MOST_LOGS, LogStory, log_report, script_source
     from .loop_documents import loop_document, rival_remarks, stall_remarks
+    from .mode_table import COMPARED, mode_table, mode_words
     from .numbers import display_unit, for_people
     from .page import pdf, render
     from .qualification import feedback_words, qualification_csv

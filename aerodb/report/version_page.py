@@ -15,6 +15,7 @@ from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.headlines import error_rows, shown_axes
 from aerodb.report.lineage_figure import Graph
+from aerodb.report.mode_table import COMPARED
 from aerodb.report.page import render
 from aerodb.report.qualification import qualification_table
 from aerodb.report.reach import beyond_data, beyond_words
@@ -53,7 +54,8 @@ class VersionStory:
     moves : of names to it. flights : its own, not those of its ancestors. report : the document it
     was made with; that of an imported one has no ``axes``. gate : of `judge_version`. trim : what
     changes in trim and modes, in words. head : where it comes from. responses : of
-    `summarise_responses`, if the version was flown.
+    `summarise_responses`, if the version was flown. modes : beside those of flights, of
+    `mode_table`.
     """
 
     id: str
@@ -72,6 +74,7 @@ class VersionStory:
     graph: Graph
     head: Head
     responses: Mapping[str, Any] | None = None
+    modes: Mapping[str, Any] | None = None
 
 
 def version_report(story: VersionStory) -> str:
@@ -126,6 +129,7 @@ def version_report(story: VersionStory) -> str:
         ends=ends,
         slices=slices if len(slices) > 1 or changes is None or _several(changes) else [],
         curves=curves,
+        compared_figures=COMPARED,
         scales=response_scales(story.responses),
         qualification=qualification_table(story.responses),
     )

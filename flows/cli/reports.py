@@ -7,8 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.flows.cli.groups import Commands
+from aerodb.flows.cli.modes_beside import Beside, Flown, Method, beside_flights
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.trimming import steady_flight
 
 app = typer.Typer(
     name="report",
@@ -74,16 +76,35 @@ def version(
     output: Output,
     vehicle: Vehicle = None,
     pdf: Pdf = False,
+    flown: Flown = None,
+    method: Method = None,
+    beside: Beside = None,
+    speed: Annotated[
+        str | None, typer.Option(help="Airspeed of the modes beside --flown.", show_default=False)
+    ] = None,
+    altitude: Annotated[
+        str | None, typer.Option(help="Altitude of the modes beside --flown.", show_default=False)
+    ] = None,
 ) -> None:
-    """Write the report of a version: its lineage, and the differences from its parent.
+    """Write the report of a version: its lineage, the differences from its parent, and with --flown
+    its modes beside those of flights.
 
     Example: aerodb report version released --output version.html
     """
+    from aerodb.errors import InputError
     from aerodb.tasks.references import version_of
 
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
-    _write(session, {"kind": "version", "about": row.id}, output, pdf)
+    parameters: dict[str, Any] = {"kind": "version", "about": row.id}
+    if flown is not None:
+        if speed is None or altitude is None:
+            raise InputError(
+                "--flown needs the flight of its modes", remedy="give --speed and --altitude"
+            )
+        flight = steady_flight(session, row, speed, altitude, None, False, None, None)
+        parameters["modes"] = beside_flights(session, row, flight, flown, method, beside)
+    _write(session, parameters, output, pdf)
 
 
 def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from aerodb.errors import UnknownNameError
 from aerodb.flows.cli.mode_tables import print_modes, with_error
+from aerodb.flows.cli.modes_beside import Beside, Flown, Method, beside_flights, print_beside
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.nomenclature import channel
@@ -170,16 +171,27 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None
 
 
 @steady_command
-def modes(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
-    """Show the modes about a steady flight of a version; --json also gives the linear model.
+def modes(
+    session: Session,
+    row: "VersionRow",
+    flight: "StatedCondition",
+    flown: Flown = None,
+    method: Method = None,
+    beside: Beside = None,
+) -> None:
+    """Show the modes about a steady flight of a version, alone or beside those of flights; --json
+    also gives the linear model.
 
-    Example: aerodb version modes released --speed 70 --altitude 1000
+    Example: aerodb version modes released --speed 70 --altitude 1000 --flown estimate.json
     """
     from aerodb.tasks.view import modes_document
 
     document = modes_document(session.catalogue(), row, flight)
     _print_trim(session, row, document)
     print_modes(session, document["modes"])
+    if flown is not None:
+        document["beside"] = beside_flights(session, row, flight, flown, method, beside)
+        print_beside(session, document["beside"])
     session.answer(document)
 
 

@@ -166,8 +166,11 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
     return str(path)
 
 
-def version_page(version: str, *, workspace: str, run: str) -> str:
-    """Return the report (HTML, display units as [deg]) of a version (its id).
+def version_page(
+    version: str, *, workspace: str, run: str, modes: dict[str, Any] | None = None
+) -> str:
+    """Return the report (HTML, display units as [deg]) of a version (its id); modes : of
+    `modes_beside_flights`, for a section of their own.
 
     Reads version, report and flights from the catalogue. Raises UnknownNameError for an unknown id.
     """
@@ -220,6 +223,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             graph=lineage_of(access, row),
             head=head_of_version(access, row),
             responses=known_responses(access, row, row.parent),
+            modes=modes,
         )
     )
 

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         logs_page,
     )
     from .mode_documents import modes_part
+    from .modes_beside_flights import flown_modes, modes_beside_flights
     from .online_estimates import online_estimates
     from .status import status_of
     from .table_documents import table_document

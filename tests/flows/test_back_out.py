@@ -1,6 +1,7 @@
 """Parameters of a build-up from a linear model: the printed equations by hand, and a build-up whose
 downwash lags, of which the equations leave 35 % to the tail."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from aerodb.exchange.native import read_native
 from aerodb.identification import parse_derivative_file, tails_of
 from aerodb.tables import AeroDatabase, with_parameters
+from tests.aerodb.identification.test_fitted_modes import LATERAL, LONGITUDINAL, noisy, sweep
+from tests.aerodb.identification.test_fitted_modes import flown as flown_states
 from tests.aerodb.simulation.test_modes import TABLE_1, TABLE_2
 from tests.support.build_up import TEXT
 from tests.support.command import aerodb, asked
@@ -16,7 +19,10 @@ from tests.support.effect_flights import AREA, CHORD, SPAN, VEHICLE
 
 #: Gradient of the downwash at the tail of the build-up, and the tail's arm [m] and area share.
 DOWNWASH, ARM, SHARE = 0.35, 6.0, 0.2
-LAGGING = TEXT.replace("0.65*alpha + 6*q/V", "0.65*alpha + 0.35*6*alphadot/V + 6*q/V")
+#: The CG is forward of the wing, so that the short period oscillates.
+LAGGING = TEXT.replace("0.65*alpha + 6*q/V", "0.65*alpha + 0.35*6*alphadot/V + 6*q/V").replace(
+    '"0.15*wing_lift', '"-0.15*wing_lift'
+)
 TRUTH = {"tail_CLa": 3.6, "tail_tau": 0.5, "fin_CLa": 2.8, "wing_CLa": 4.4}
 WRONG = {"tail_CLa": 5.2, "tail_tau": 0.35, "fin_CLa": 4.1, "wing_CLa": 5.2}
 SPEED, ALTITUDE = 60.0, 1000.0
@@ -230,3 +236,112 @@ def test_refusals_say_what_to_do(
                      str(tmp_path / "linear.toml"), *parameters)  # fmt: skip
     assert refused.returncode == 3
     assert said in refused.stderr
+
+
+#: Inputs of the linear models in the build-up, and the names of their derivatives there.
+_INPUTS = {"Ze": "Zdelta_elevator", "Me": "Mdelta_elevator", "Ydr": "Ydelta_rudder",
+           "Ndr": "Ndelta_rudder", "La": "Ldelta_aileron"}  # fmt: skip
+_USED = ("Zw", "Mw", "Mq", "Ze", "Me", "Yv", "Nv", "Nr", "Ydr", "Ndr")
+#: Nothing is zero for granted: the build-up's elevator and pitch rate act along x as well.
+_LONGITUDINAL = (
+    LONGITUDINAL.replace('"-W0"', '"Xq - W0"')
+    .replace('[0, "Mw"', '["Mu", "Mw"')
+    .replace("b = [[0]", 'b = [["Xe"]')
+)
+
+
+def _recorded(linear: dict, trim: dict, states: tuple[str, ...], inputs: tuple[str, ...],
+              path: Path, seed: int) -> None:  # fmt: skip
+    """A table of one sweep per input of a linear model, with the steady flight and noise."""
+    rows = [linear["states"].index(name) for name in states]
+    columns = [linear["inputs"].index(name) for name in inputs]
+    a, b = np.array(linear["A"])[np.ix_(rows, rows)], np.array(linear["B"])[np.ix_(rows, columns)]
+    time = np.arange(0.0, 60.0, 0.04)
+    moved = np.stack([np.roll(sweep(time, 0.2, 9.0, 0.02), 250 * k) for k in range(len(inputs))])
+    steady = {
+        "u": SPEED * np.cos(trim["alpha"]),
+        "w": SPEED * np.sin(trim["alpha"]),
+        "theta": trim["theta"],
+    }
+    motion = noisy(flown_states(a, b, moved, time), states, seed)
+    motion += [[steady.get(name, 0.0)] for name in states]
+    held = {name: np.full(len(time), value) for name, value in steady.items() if name not in states}
+    names = ("time", *inputs, *states, *held)
+    np.savetxt(path, np.column_stack([time, *moved, *motion, *held.values()]), "%.9g", ",",
+               header=",".join(names), comments="")  # fmt: skip
+
+
+def _estimated(workspace: Path, folder: Path, name: str, model: str) -> dict:
+    (folder / f"{name}.toml").write_text(model)
+    document = asked(workspace, "estimate", "--model", str(folder / f"{name}.toml"),
+                     "--record", str(folder / f"{name}.csv"))  # fmt: skip
+    (folder / f"{name}.json").write_text(json.dumps(document))
+    return document["methods"][0]
+
+
+def test_from_sweeps_to_modes_beside_the_flight(
+    workspace: Path, flown: tuple[dict[str, float], str], tmp_path: Path
+) -> None:
+    """As the Caravan's: sweeps, linear models by output error, parameters from them with their
+    covariance, and tables 3 to 6 of the build-up before and after, by commands alone."""
+    found = asked(workspace, "version", "modes", "v0001", *AT)
+    linear, trim = found["linear"], found["channels"]
+    motions = {
+        "longitudinal": (("u", "w", "q", "theta"), ("delta_elevator",), _LONGITUDINAL),
+        "lateral": (("v", "p", "r", "phi"), ("delta_aileron", "delta_rudder"), LATERAL),
+    }
+    rows, correlations = [], []
+    for seed, (name, (states, inputs, model)) in enumerate(motions.items()):
+        _recorded(linear, trim, states, inputs, tmp_path / f"{name}.csv", seed)
+        answer = _estimated(workspace, tmp_path, name, model)
+        own = {each["name"]: each for each in answer["estimates"]}
+        used = [each for each in _USED if each in own]
+        rows += [
+            f"{_INPUTS.get(n, n)} = [{own[n]['value']!r}, {own[n]['standard_error']!r}]"
+            for n in used
+        ]
+        (told,) = answer["correlations"]
+        for k, one in enumerate(used):
+            for other in used[:k]:
+                i, j = told["names"].index(one), told["names"].index(other)
+                correlations.append(
+                    f'[[correlation]]\nof = ["{_INPUTS.get(one, one)}", '
+                    f'"{_INPUTS.get(other, other)}"]\nvalue = {told["correlation"][i][j]!r}'
+                )
+    text = "\n".join([flown[1], "[derivatives]", *rows, *correlations, ""])
+    (tmp_path / "flown.toml").write_text(text)
+    names = ("tail_CLa", "tail_tau", "fin_CLa", "wing_CLa")
+    backed = backed_out(workspace, str(tmp_path / "flown.toml"), *names)
+    corrected = (workspace.parent / "wrong.toml").read_text()
+    for each in backed["parameters"]:
+        assert abs(each["value"] - TRUTH[each["name"]]) < 4.0 * each["standard_error"], each
+        corrected = corrected.replace(
+            f"{each['name']} = {{ value = {each['start']}",
+            f"{each['name']} = {{ value = {each['value']!r}",
+        )
+    (tmp_path / "corrected.toml").write_text(corrected)
+    version = asked(workspace, "database", "import", str(tmp_path / "corrected.toml"))["label"]
+    farthest = 0.0
+    for name in motions:
+        given = ("--flown", str(tmp_path / f"{name}.json"), "--beside", "v0002")
+        beside = asked(workspace, "version", "modes", version, *AT, *given)["beside"]
+        assert beside["labels"] == ["v0002", version]
+        errors = {(row["mode"], row["figure"]): list(row["errors"].values())
+                  for row in beside["rows"]}  # fmt: skip
+        for (mode, figure), (before, after) in errors.items():
+            if figure == "omega" and mode in ("short period", "Dutch roll"):
+                farthest = max(farthest, abs(before))
+                assert abs(after) < 8.0, (mode, before, after)
+    assert farthest > 15.0
+    shown = aerodb(workspace, "version", "modes", version, *AT, *given).stdout
+    assert "beside the linear model of the flights by output-error" in shown
+    page = tmp_path / "page.html"
+    asked(workspace, "report", "version", version, "--output", str(page), *given, *AT)
+    assert "Modes beside the flights" in page.read_text()
+    refused = aerodb(workspace, "report", "version", version, "--output", str(page), *given)
+    assert "--flown needs the flight of its modes" in refused.stderr
+    (tmp_path / "no.json").write_text("{}")
+    refused = aerodb(
+        workspace, "version", "modes", version, *AT, "--flown", str(tmp_path / "no.json")
+    )
+    assert "it holds no modes of a linear model" in refused.stderr
