@@ -45,7 +45,14 @@ if TYPE_CHECKING:
     from .findings import meaning
     from .fit_report import fit_report
     from .flight_page import FlightStory, flight_report
-    from .gate_lines import count_passed, derivative_words, gate_rows, release_lines
+    from .gate_lines import (
+        count_passed,
+        count_within,
+        derivative_words,
+        gate_rows,
+        release_lines,
+        version_lines,
+    )
     from .glossary import (
         advice_words,
         channel_words,

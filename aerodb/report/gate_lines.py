@@ -12,6 +12,7 @@ from typing import Any, Final
 from aerodb.increments import AT_LEAST
 from aerodb.report.decision import decision
 from aerodb.report.terms import term_unit
+from aerodb.units import SI, UnitSystem
 
 #: Most changes and open points that a line names.
 _MOST: Final = 4
@@ -103,6 +104,20 @@ def release_lines(
         ("open", [*told.get("left", ()), *_first([] if gate is None else gate["notes"], "more")]),
     ]
     return [(label, texts) for label, texts in lines if texts]
+
+
+def version_lines(
+    report: Mapping[str, Any], label: str, units: UnitSystem = SI
+) -> list[tuple[str, Sequence[str]]]:
+    """Return label and texts of what a version is, without asking the gate: what was found, proof,
+    and what is left; none for an import, whose report has no ``axes``.
+
+    report : of the version; label : its name. Errors are rms of dimensionless coefficients.
+    """
+    if "axes" not in report:
+        return []
+    told = dict(decision({**report, "label": label}, units, "below").lines)
+    return [(name, told[name]) for name in ("found", "proved", "left") if name in told]
 
 
 def _first(texts: Sequence[str], rest: str) -> list[str]:

@@ -22,7 +22,9 @@ from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
 
 if TYPE_CHECKING:
-    from aerodb.storage.catalogue import FlightRow
+    from collections.abc import Sequence
+
+    from aerodb.storage.catalogue import FlightRow, Impact, LogRow
 
 app = typer.Typer(name="flight", cls=Commands, no_args_is_help=True, help="Flights: ingested logs.")
 
@@ -189,13 +191,21 @@ def show(
     row = catalogue.flight(flight, vehicle)
     log, impact = catalogue.log(row.log_sha256), catalogue.impact(row.id)
     document = flight_details(WorkspaceAccess(session.workspace(), catalogue), row)
-    session.say(
-        f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at"
-        f" {1 / row.step:.4g} Hz, mapping {row.mapping}"
+    session.headlines(
+        f"{row.vehicle}: {_called(row, log)} is {_judged(document)} ({_when(row)},"
+        f" {row.duration:.1f} s at {1 / row.step:.4g} Hz)",
+        [
+            ("because", _reasons(session, document)),
+            ("used by", ", ".join(_uses(impact)) or "no version yet"),
+        ],
+        f"aerodb flight compare {row.id[:12]} released"
+        if catalogue.names(row.vehicle).get("released")
+        else f"aerodb database import FILE --vehicle {row.vehicle}",
     )
+    session.say()
     session.say(
-        f"log {visible(log.name) if log else '?'} ({row.log_sha256[:12]}),"
-        f" {log.status if log else 'unknown'}"
+        f"flight {row.id[:12]}, mapping {row.mapping}; log {visible(log.name) if log else '?'}"
+        f" ({row.log_sha256[:12]}), {log.status if log else 'unknown'}"
     )
     say_damage(session, log.damage if log else (), "  damage")
     say_repeats(session, document["repeats"])
@@ -209,9 +219,37 @@ def show(
         for r in document["results"]
     ]
     session.table(["step", "key", "made"], results)
-    for use in impact:
-        session.say(f"{use.version.label} is based on it: {use.role.replace('_', ' ')}")
     session.answer(document)
+
+
+def _called(row: "FlightRow", log: "LogRow | None") -> str:
+    """Return the flight's name, or the file of its log."""
+    return visible(row.name or (Path(log.name).name if log else "") or row.id[:12])
+
+
+def _judged(document: dict[str, Any]) -> str:
+    """Return the verdict on a flight with its meaning, or why it does not count."""
+    if document["retracted"]:
+        return "retracted"
+    if any(entry["counts"] for entry in document["repeats"]):
+        return "a repeat of another, and does not count"
+    meaning = _MEANINGS.get(document["verdict"], "")
+    return f"{document['verdict']}: {meaning}" if meaning else document["verdict"]
+
+
+def _reasons(session: Session, document: dict[str, Any]) -> str:
+    """Return the first reason of the verdict in a line, and how many more there are."""
+    retracted = document["retracted"]
+    reasons = [retracted] if retracted else list(document["reasons"])
+    reasons = reasons or [entry["sentence"] for entry in document["suspicions"]]
+    if not reasons:
+        return ""
+    more = f" (and {len(reasons) - 1} more below)" if len(reasons) > 1 else ""
+    return f"{session.fitting(reasons[0], 13 + len(more))}{more}"
+
+
+def _uses(impact: "Sequence[Impact]") -> list[str]:
+    return [f"{use.version.label} ({use.role.replace('_', ' ')})" for use in impact]
 
 
 @app.command()

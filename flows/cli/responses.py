@@ -81,7 +81,8 @@ def fly(
     }
     document = session.run(fly_flow, parameters, direct=True)
     page = document.pop("page", None)
-    session.say(f"version {row.label} over flight {document['flight'][:12]}")
+    name = catalogue.flight_labels([document["flight"]])[document["flight"]]
+    session.say(f"{row.vehicle}: {row.label} over {name}: {_flown_words(document)}")
     _say_stretches(session, document)
     _write(session, output, page)
     session.answer(document)
@@ -257,6 +258,37 @@ def _swing(found: dict[str, float] | None) -> tuple[str, str]:
     return f"{found['period']:.2f} s", f"zeta {found['zeta']:.3f} +- {found['sigma_zeta']:.3f}"
 
 
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _flown_words(document: dict[str, Any]) -> str:
+    """Return how many checks of the stretches are within tolerance, and how many were not flown."""
+    flown = [stretch for stretch in document["stretches"] if "reason" not in stretch]
+    checks = [check["passed"] for stretch in flown for check in stretch["checks"]]
+    left = len(document["stretches"]) - len(flown)
+    words = f"{sum(checks)} of {len(checks)} checks within tolerance"
+    return f"{words}; {left} of {len(document['stretches'])} stretches not flown" if left else words
+
+
+def _within_words(document: dict[str, Any]) -> str:
+    """Return how many checks are within tolerance, or why nothing was judged."""
+    from aerodb.report import count_within
+
+    if document["checks"]:
+        return f"checks within tolerance: {count_within(document)}"
+    if document["manoeuvres"]:
+        return "nothing is judged: the tolerances name no manoeuvre of these flights"
+    why = [entry["reason"].split("; ")[0] for entry in document["not_flown"]]
+    return f"nothing is judged: {why[0] if why else 'these flights have no manoeuvre'}"
+
+
+def _remedy(document: dict[str, Any]) -> str:
+    """Return what the first stretch that was not flown asks for."""
+    reasons = [entry["reason"].partition("; ")[2] for entry in document["not_flown"]]
+    return next((reason for reason in reasons if reason), "hold out flights with manoeuvres")
+
+
 def say_responses(
     session: Session, label: str, document: dict[str, Any], verbose: bool = True
 ) -> None:
@@ -264,13 +296,22 @@ def say_responses(
     tolerances alone."""
     from aerodb.report import channel_scale, feedback_words
 
-    kind = "held-out" if document["independent"] else "identification (not independent)"
-    session.say(
-        f"version {label}: {document['manoeuvres']} manoeuvres of {len(document['flights'])} {kind}"
-        f" flights; tolerances {document['tolerances']}"
+    kind = "held-out" if document["independent"] else "identification, not independent,"
+    left = [test["number"] for test in document["not_covered"]]
+    session.headlines(
+        f"{label}: {_within_words(document)}",
+        [
+            (
+                "flown",
+                f"{_count(document['manoeuvres'], 'manoeuvre')} of"
+                f" {_count(len(document['flights']), f'{kind} flight')}; tolerances"
+                f" {document['tolerances']}",
+            ),
+            ("not covered", ", ".join(left)),
+            ("feedback", " ".join(feedback_words(document))),
+        ],
+        "" if document["manoeuvres"] else _remedy(document),
     )
-    for words in feedback_words(document):
-        session.say(words)
     rows = []
     for check in document["checks"]:
         before = check["before"]
@@ -283,15 +324,14 @@ def say_responses(
                 f"{before['share']:.0%}" if before and before["share"] is not None else "",
             ]
         )
-    session.table(
-        ["check", "within tolerance", "of the time", "baseline", "of the time"], rows, range(1, 5)
-    )
+    if rows:
+        session.say()
+        columns = ["check", "within tolerance", "of the time", "baseline", "of the time"]
+        session.table(columns, rows, range(1, 5))
     if not verbose:
         return
-    left = [test["number"] for test in document["not_covered"]]
-    if left:
-        session.say(f"not covered: {', '.join(left)}")
-    session.say()
+    if document["responses"]:
+        session.say()
     told = [response for response in document["responses"] if response["manoeuvres"]]
     shown = []
     for response in told:
@@ -303,7 +343,8 @@ def say_responses(
             better = f"{response['improved']} of {before['manoeuvres']}"
         shown.append(_row(session, response, earlier, better))
     columns = ["response", "rms of flight", "rms error", "baseline", "better in"]
-    session.table([*columns, "fit", "bias", "variance", "covariance"], shown, range(1, 9))
+    if shown:
+        session.table([*columns, "fit", "bias", "variance", "covariance"], shown, range(1, 9))
     if document["oscillations"]:
         session.say()
         session.table(

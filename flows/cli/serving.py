@@ -107,7 +107,7 @@ def _loop_text(loop: dict[str, Any]) -> str:
     if loop["error"]:
         return f"{start}: failed: {loop['error']}"
     if not loop["due"]:
-        return f"{start}: not due, {loop['new']} of {loop['after']} new flights"
+        return f"{start}: not due, {loop['new']} new flights (needs {loop['after']})"
     return f"{start}: candidate {loop['label']}" if loop["label"] else f"{start}: nothing was added"
 
 
@@ -120,7 +120,11 @@ def status(context: typer.Context) -> None:
 
     session: Session = context.obj
     document = status_of(_access(session))
-    serving = document["serve"]
+    serving, todo = document["serve"], document["todo"]
+    things = "1 thing" if len(todo) == 1 else f"{len(todo)} things"
+    session.say(f"{things} to do:" if todo else "nothing to do")
+    for sentence in todo:
+        session.say(f"- {sentence}")
     where = (
         f"yes, process {serving.get('pid')} at {serving.get('url')}" if serving["running"] else "no"
     )
@@ -147,7 +151,7 @@ def status(context: typer.Context) -> None:
         session.table(["key", "log", "vehicle", "why"], rows[:_LISTED])
     for entry in document["vehicles"]:
         loops = "; ".join(
-            f"{d['way']}: {d['new']} of {d['after']} new flights" for d in entry["loops"]
+            f"{d['way']}: {d['new']} new flights (needs {d['after']})" for d in entry["loops"]
         )
         session.say(
             f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate"
@@ -159,9 +163,6 @@ def status(context: typer.Context) -> None:
                 [e["log"] or e["flight"][:12], _first_line(e["reason"])] for e in entry["rejected"]
             ]
             session.table(["flight", "why"], cells)
-    session.say("to do: nothing" if not document["todo"] else "to do:")
-    for sentence in document["todo"]:
-        session.say(f"- {sentence}")
     session.answer(document)
 
 

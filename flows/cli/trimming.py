@@ -166,6 +166,8 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None
     from aerodb.tasks.view import trim_document
 
     document = trim_document(session.catalogue(), row, flight)
+    session.say(_steady_words(session, row, document))
+    session.say()
     _print_trim(session, row, document)
     session.answer(document)
 
@@ -187,11 +189,14 @@ def modes(
     from aerodb.tasks.view import modes_document
 
     document = modes_document(session.catalogue(), row, flight)
-    _print_trim(session, row, document)
+    session.say(f"{_steady_words(session, row, document)}; {_stability(document['modes'])}")
+    session.say()
     print_modes(session, document["modes"])
     if flown is not None:
         document["beside"] = beside_flights(session, row, flight, flown, method, beside)
         print_beside(session, document["beside"])
+    session.say()
+    _print_trim(session, row, document)
     session.answer(document)
 
 
@@ -256,6 +261,28 @@ def sweep(
             at = session.units.shown(point["value"], _unit_of(variable), 6)
             session.say(f"{variable} {at}: {point['reason']}")
     session.answer(document)
+
+
+def _steady_words(session: Session, row: "VersionRow", document: dict[str, Any]) -> str:
+    """Return the steady flight in a line: the condition, and what it takes."""
+    channels, inputs = document["channels"], document["inputs"]
+    told = [("alpha", channels["alpha"]), ("climb", channels["climb"])]
+    told += [(name, value) for name, value in inputs.items() if _rounded(value)]
+    words = ", ".join(
+        f"{name} {session.units.shown(_rounded(value), _unit_of(name), 3)}" for name, value in told
+    )
+    at = session.units.shown(channels["V"], "m/s", 3)
+    return f"{row.vehicle}: {row.label} flies steadily at {at} with {words}"
+
+
+def _stability(found: list[dict[str, Any]]) -> str:
+    """Return which modes grow, or that none does."""
+    growing = [
+        f"{mode['name']} doubles in {mode['figures']['time_to_double']:.3g} s"
+        for mode in found
+        if mode["figures"].get("time_to_double") is not None
+    ]
+    return ", ".join(growing) or f"no mode grows ({len(found)} modes)"
 
 
 def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:

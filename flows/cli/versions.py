@@ -180,21 +180,30 @@ def show(
     """
     import numpy as np
 
-    from aerodb.report import beyond_words, parameter_row
+    from aerodb.report import beyond_words, parameter_row, version_lines
     from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import database_of, version_details
+    from aerodb.tasks.view import database_of, version_details, waiting
 
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
     database = database_of(catalogue, row)
     document = version_details(catalogue, row)
-    session.say(
-        f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
-        f" {database.name}"
+    names = [name for name, id in catalogue.names(row.vehicle).items() if id == row.id]
+    candidate = waiting(catalogue, row.vehicle)
+    waits = candidate is not None and candidate.id == row.id
+    session.headlines(
+        f"{row.vehicle}: {row.label} {_standing(names, waits, document['stale'])}",
+        [
+            (label, "; ".join(texts).replace("\u2212", "-"))
+            for label, texts in version_lines(document["report"], row.label, session.units)
+        ],
+        f"aerodb version gate {row.label} --vehicle {row.vehicle}" if waits else "",
     )
+    session.say()
     session.say(
-        f"{len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)}"
+        f"{database.name} ({row.id[:12]}), made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
+        f" {len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)}"
         " increments from flights"
     )
     for reason in document["stale"]:
@@ -228,6 +237,15 @@ def show(
     for sentence in beyond_words(database.increments, units=session.units):
         session.say(sentence)
     session.answer({**document, **folds})
+
+
+def _standing(names: "Sequence[str]", waits: bool, stale: "Sequence[str]") -> str:
+    """Return whether a version waits for a decision, is stale, or has names."""
+    if stale:
+        return "is stale: it should be made once more"
+    if waits:
+        return "waits for your decision"
+    return f"is {' and '.join(sorted(names))}" if names else "has no name"
 
 
 @app.command()

@@ -267,10 +267,10 @@ def inspection_lines(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     unused = {*surfaces, *document["zero"], *document["empty"]}
     moved = [name for name in surfaces if name not in (*document["zero"], *document["empty"])]
     return [
-        ("measured", " ".join(n for n in document["channels"] if n not in unused)),
-        ("computed", " ".join(document["computed"])),
         ("reconstructed", "; ".join(_angles(document["outlook"]))),
         ("not possible", "; ".join(dict.fromkeys(e["what"] for e in document["not_possible"]))),
+        ("measured", " ".join(n for n in document["channels"] if n not in unused)),
+        ("computed", " ".join(document["computed"])),
         ("all zero", " ".join(document["zero"])),
         ("no number", " ".join(document["empty"])),
         ("surfaces", _surfaces(moved, document["servo_outputs"])),

@@ -10,6 +10,7 @@ from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import LoopSettings, Schedule, Settings, load_settings
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
+from aerodb.tasks.view.version_documents import waiting
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: Largest number of entries listed of each kind; the counts include all.
@@ -68,7 +69,10 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
         ][:_LISTED],
         "free_bytes": shutil.disk_usage(access.workspace.root).free,
     }
-    return {**document, "todo": _todo(document, settings.limits.reserve)}
+    return {
+        **document,
+        "todo": [*_todo(document, settings.limits.reserve), *_decisions(access)],
+    }
 
 
 def _settings(access: WorkspaceAccess) -> tuple[Settings, str]:
@@ -165,6 +169,17 @@ def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, sta
     except AeroError as error:
         return str(error)
     return "" if state.baseline else "no database is released: aerodb database import FILE"
+
+
+def _decisions(access: WorkspaceAccess) -> list[str]:
+    """Return which versions wait for a decision, and the command that shows what to decide on."""
+    candidates = (waiting(access.catalogue, row.name) for row in access.catalogue.vehicles())
+    return [
+        f"{row.label} of {row.vehicle} waits for a decision: aerodb version gate {row.label}"
+        f" --vehicle {row.vehicle}"
+        for row in candidates
+        if row is not None
+    ]
 
 
 def _todo(document: dict[str, Any], reserve: int) -> list[str]:

@@ -120,6 +120,18 @@ def visit(page: Any, address: str, path: str) -> None:
     page.wait_for_load_state("networkidle")
 
 
+class Clicks:
+    """Clicks on a page, counted."""
+
+    def __init__(self, page: Any) -> None:
+        self.page, self.made = page, 0
+
+    def on(self, what: str) -> None:
+        self.made += 1
+        self.page.click(what)
+        self.page.wait_for_load_state("networkidle")
+
+
 def barriers(page: Any, options: dict[str, Any] = _ALL) -> list[tuple[str, str, list[Any]]]:
     """What axe-core finds with these options of its: rule, help, elements."""
     found = axe.Axe().run(page, options=options).response["violations"]

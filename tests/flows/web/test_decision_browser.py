@@ -9,7 +9,7 @@ import pytest
 from aerodb.report import gate_rows
 from aerodb.report.glossary import with_true_signs
 from aerodb.storage.workspace import Workspace
-from tests.support.browser import look_everywhere, visit, watched
+from tests.support.browser import Clicks, look_everywhere, visit, watched
 from tests.support.command import asked
 from tests.support.console_workspace import served
 from tests.support.shared_workspace import SharedWorkspaces
@@ -39,18 +39,6 @@ def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
 def address(workspace: Workspace) -> Iterator[str]:
     with served(workspace) as opened:
         yield opened
-
-
-class Clicks:
-    """Clicks on a page, counted."""
-
-    def __init__(self, page: Any) -> None:
-        self.page, self.made = page, 0
-
-    def on(self, what: str) -> None:
-        self.made += 1
-        self.page.click(what)
-        self.page.wait_for_load_state("networkidle")
 
 
 def released(workspace: Workspace) -> str:
