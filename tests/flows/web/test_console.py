@@ -61,7 +61,7 @@ def pages(made: Made) -> dict[str, str]:
         f"/findings/{version}": "Estimated increments",
         f"/findings/{h('a loop')}": "nothing is proved yet; 1 suspicion",
         f"/history?vehicle={NAME}": "declared increments estimated",
-        "/work": "Nothing to do",
+        "/work": "v0002 of small-glider waits for a decision",
         f"/versions/{version}/promote": "Release v0002 of small-glider?",
         f"/versions/{version}/promote?name=simulator": "Move simulator of small-glider to v0002?",
         f"/versions/{made.baseline}/promote": "already points to v0001",
