@@ -71,10 +71,12 @@ if TYPE_CHECKING:
         FourierRegression,
         LinearEquation,
         RecursiveLeastSquares,
+        fourier_regression,
         frequency_domain_regression,
         normalised_recursive_least_squares,
         recursive_least_squares,
         regression,
+        running_frequencies,
     )
     from .spectra import (
         FrequencyResponse,

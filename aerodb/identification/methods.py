@@ -47,6 +47,7 @@ _METHODS = (
     Method(
         "frequency-domain", "equation error", ("aerodb.estimation", "frequency_domain_regression")
     ),
+    Method("fourier-regression", "equation error", ("aerodb.estimation", "fourier_regression")),
     Method("recursive", "equation error", ("aerodb.estimation", "recursive_least_squares")),
     Method(
         "normalised-recursive",

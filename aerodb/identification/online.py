@@ -21,6 +21,7 @@ from aerodb.estimation import (
     LinearEquation,
     Parameters,
     RecursiveLeastSquares,
+    running_frequencies,
 )
 from aerodb.flight import Flight
 from aerodb.identification.equations import SHORTEST, axis_equations, no_database
@@ -42,8 +43,6 @@ _EDGE = 4.0
 _LEAST_EDGE = 1.0
 #: Time constants after which a surface's lag has settled.
 _SETTLED = 6.0
-#: Frequencies of Fourier transform regression, from the highest over this number to the highest.
-_FREQUENCIES: Final = 20
 #: The flight's name in the equations.
 _NAME: Final = "online"
 
@@ -172,8 +171,7 @@ class OnlineEstimation:
     ) -> RecursiveLeastSquares | FourierRegression:
         if self.settings.method == "fourier-regression":
             highest = self.settings.highest or 0.5 * bandwidth_of(flight, self.vehicle)
-            lowest = highest / _FREQUENCIES
-            return FourierRegression(parameters, np.arange(lowest, highest, 0.5 * lowest))
+            return FourierRegression(parameters, running_frequencies(highest))
         return RecursiveLeastSquares(
             parameters,
             forgetting=self.settings.forgetting,

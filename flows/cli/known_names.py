@@ -4,9 +4,9 @@ from typing import Final
 
 #: `aerodb.identification.METHODS`.
 METHODS: Final = (
-    "regression, frequency-domain, recursive, normalised-recursive, principal-components,"
-    " total-least-squares, instrumental-variables, stepwise, orthogonal-functions, output-error,"
-    " filter-error, ekf, ukf, multiple-shooting"
+    "regression, frequency-domain, fourier-regression, recursive, normalised-recursive,"
+    " principal-components, total-least-squares, instrumental-variables, stepwise,"
+    " orthogonal-functions, output-error, filter-error, ekf, ukf, multiple-shooting"
 )
 #: `aerodb.storage.readers.read_log`.
 LOGS: Final = "ULog, DataFlash, MCAP, MAT, CSV, ASCII or Parquet"

@@ -10,8 +10,8 @@
 4. `frequency_domain_regression` is least squares between finite Fourier transforms
    (`finite_fourier`): what lies outside the band does not matter.
 5. `RecursiveLeastSquares` (with forgetting, normalised or not) and `FourierRegression` take one
-   sample after the other, with constant memory. `recursive_least_squares` and
-   `normalised_recursive_least_squares` run them through records.
+   sample after the other, with constant memory. `recursive_least_squares`,
+   `normalised_recursive_least_squares` and `fourier_regression` run them through records.
 
 `equation_error` holds what the methods in time share; `linear_solution` what those over a band and
 sample by sample do. Method and references: docs/method/equation-error.md.
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from .recursive import (
         FourierRegression,
         RecursiveLeastSquares,
+        fourier_regression,
         normalised_recursive_least_squares,
         recursive_least_squares,
+        running_frequencies,
     )
     from .regression_fit import regression
     from .stepwise import orthogonal_functions, stepwise

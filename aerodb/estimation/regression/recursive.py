@@ -15,7 +15,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.estimation.fit import Fit
 from aerodb.estimation.parameters import Parameters
-from aerodb.estimation.regression.finite_fourier import STILL, BandRecord
+from aerodb.estimation.regression.finite_fourier import STILL, BandRecord, band_of
 from aerodb.estimation.regression.frequency_domain import ASSUMES, band_fit
 from aerodb.estimation.regression.linear_equation import LinearEquation
 from aerodb.estimation.regression.linear_solution import (
@@ -38,6 +38,9 @@ _ROWS = 16
 _CORRELATED = 3
 #: Stretches below which standard errors are known to be too small.
 _FEWEST_STRETCHES = 20
+#: Frequencies of Fourier transform regression: from the highest over this number to the highest, in
+#: steps of half the lowest.
+_FREQUENCIES = 20
 
 
 class RecursiveLeastSquares:
@@ -198,14 +201,15 @@ class FourierRegression:
         self._last = time
         self.samples += 1
 
-    def fit(self) -> Fit:
-        """Return the estimates so far, in SI units. Raises InputError before the second sample."""
+    def record(self) -> BandRecord:
+        """The transforms so far at the m frequencies, SI. Raises InputError before the second
+        sample."""
         if self.samples < 2:
             raise InputError("one sample is too few", remedy="wait for more")
         step = (self._last - self._start) / (self.samples - 1)
         k = len(self._parameters.items)
         spectra, mean = step * self._transforms, self._sum / self.samples
-        record = BandRecord(
+        return BandRecord(
             spectra[:, :k],
             spectra[:, k],
             spectra[:, k + 1 :],
@@ -214,16 +218,52 @@ class FourierRegression:
             self._varies,
             step * self.samples,
         )
-        fit = band_fit(self._parameters, [record], self._frequencies)
-        return Fit(
-            method="fourier-regression",
-            estimates=fit.estimates,
-            names=fit.names,
-            covariance=fit.covariance,
-            degrees_of_freedom=max(fit.free, 1.0),
-            assumes=(*ASSUMES, "Parameters do not change."),
-            notes=fit.notes,
-        )
+
+    def fit(self) -> Fit:
+        """Return the estimates so far, in SI units. Raises InputError before the second sample."""
+        return _fourier_fit(self._parameters, [self.record()], self._frequencies)
+
+
+def running_frequencies(highest: float) -> Array:
+    """Return the frequencies [Hz], (m,), of Fourier transform regression up to about `highest`."""
+    lowest = highest / _FREQUENCIES
+    return np.arange(lowest, highest, 0.5 * lowest)
+
+
+def fourier_regression(equation: LinearEquation, *, highest: float | None = None) -> Fit:
+    """Fourier transform regression of whole records: the running transforms at their ends.
+
+    highest : frequency [Hz]; None: where 95 % of the motion of every regressor lies below. It is
+    the batch form of what `FourierRegression` gives while a log is written; the frequencies do not
+    depend on the length of the record, as those of `frequency_domain_regression` do.
+
+    Values are in SI units. Raises InputError for a record of one sample, and a band that the
+    records do not hold.
+    """
+    band = band_of(equation, None, highest, None)
+    frequencies = running_frequencies(float(band[-1]) if highest is None else highest)
+    records = []
+    for each in equation.records:
+        running = FourierRegression(equation.parameters, frequencies)
+        for time, regressors, response in zip(
+            each.time, each.regressors, each.response, strict=True
+        ):
+            running.update(float(time), regressors, float(response))
+        records.append(running.record())
+    return with_histories(_fourier_fit(equation.parameters, records, frequencies), equation)
+
+
+def _fourier_fit(parameters: Parameters, records: list[BandRecord], frequencies: Array) -> Fit:
+    fit = band_fit(parameters, records, frequencies)
+    return Fit(
+        method="fourier-regression",
+        estimates=fit.estimates,
+        names=fit.names,
+        covariance=fit.covariance,
+        degrees_of_freedom=max(fit.free, 1.0),
+        assumes=(*ASSUMES, "Parameters do not change."),
+        notes=fit.notes,
+    )
 
 
 def recursive_least_squares(equation: LinearEquation, *, forgetting: float = 1.0) -> Fit:
