@@ -112,6 +112,7 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("thrust", "N", "total thrust along the thrust line, forward", ""),
     ("thrust_left", "N", "thrust of the left engine", ""),
     ("thrust_right", "N", "thrust of the right engine", ""),
+    ("throttle", "1", "throttle position, 0 idle to 1 full", ""),
     # Non-dimensional rates: docs/reference/conventions.md, "Axes, signs, units"; Klein & Morelli
     # (2006), eq. 3.2
     ("p_hat", "1", "p b / (2 V)", "Klein & Morelli 2006"),

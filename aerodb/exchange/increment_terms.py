@@ -5,7 +5,6 @@ inside the envelope and beyond it. Such formats cannot hold the covariance and t
 remain with the version in the catalogue.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from typing import Final
@@ -21,15 +20,13 @@ from aerodb.tables import (
     Increment,
     Interval,
     Name,
-    Negation,
     Number,
-    Operation,
-    TableCall,
     Term,
     Variable,
     number,
     parse,
     plus,
+    substituted,
     times,
 )
 
@@ -72,36 +69,15 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
     total = {LIFT_INCREMENTS: reduce(plus, of_lift) if of_lift else Number(0)}
     return replace(
         database,
-        terms=tuple(replace(term, expression=substitute(term.expression, total)) for term in terms),
+        terms=tuple(
+            replace(term, expression=substituted(term.expression, total)) for term in terms
+        ),
         variables={
-            name: replace(variable, expression=substitute(variable.expression, total))
+            name: replace(variable, expression=substituted(variable.expression, total))
             for name, variable in variables.items()
         },
         increments=(),
     )
-
-
-def substitute(expression: Expression, replacements: Mapping[str, Expression]) -> Expression:
-    """Return `expression` with the names in `replacements` replaced."""
-    if isinstance(expression, Name):
-        return replacements.get(expression.name, expression)
-    if isinstance(expression, Negation):
-        return Negation(substitute(expression.operand, replacements))
-    if isinstance(expression, Operation):
-        left, right = (
-            substitute(side, replacements) for side in (expression.left, expression.right)
-        )
-        return Operation(expression.operator, left, right)
-    if isinstance(expression, Call):
-        return Call(
-            expression.function,
-            tuple(substitute(each, replacements) for each in expression.arguments),
-        )
-    if isinstance(expression, TableCall):
-        return TableCall(
-            expression.table, tuple(substitute(each, replacements) for each in expression.arguments)
-        )
-    return expression
 
 
 def _unused(stem: str, taken: set[str]) -> str:
@@ -139,7 +115,7 @@ def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Ex
         if estimate == 0.0:
             continue
         addends.append(
-            reduce(times, [substitute(regressor, held), *acting, number(float(estimate))])
+            reduce(times, [substituted(regressor, held), *acting, number(float(estimate))])
         )
     return variables, reduce(plus, addends) if addends else Number(0)
 

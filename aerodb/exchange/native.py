@@ -18,6 +18,7 @@ import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.exchange.increment_notes import decode_note, note_without_structure
+from aerodb.exchange.native_parts import made_of, written_parts
 from aerodb.exchange.native_schema import (
     DatabaseFile,
     Document,
@@ -66,9 +67,11 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
     Breakpoints that do not increase and shapes that do not match are refused.
     """
     file = validated_toml(DatabaseFile, text, where)
-    if not file.terms and not file.derivatives:
+    if not file.terms and not file.derivatives and not file.parts:
         raise InputError(
-            "neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]"
+            "neither terms nor derivatives nor parts",
+            where,
+            "write [[terms]], [derivatives.<axis>] or [parts.<name>]",
         )
     return _database(file, (), where)
 
@@ -84,10 +87,14 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
             for axis, entries in file.derivatives.items()
             for term in _derivative_terms(axis, entries)
         ]
+        reference = ReferenceGeometry(**dict(file.reference))
+        variables = _variables(file, where)
+        known = (*variables, *file.tables, *file.scattered, *file.free_inputs)
+        made = made_of(file.parts, reference, known)
         return AeroDatabase(
             name=file.name,
-            reference=ReferenceGeometry(**dict(file.reference)),
-            variables=_variables(file, where),
+            reference=reference,
+            variables={**variables, **made.variables},
             tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
             scattered={
                 name: ScatteredTable(
@@ -99,12 +106,13 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
                 )
                 for name, t in file.scattered.items()
             },
-            terms=tuple(terms),
+            terms=(*terms, *made.terms),
             increments=increments,
             states=tuple(_state(entry) for entry in file.states),
             free_inputs=file.free_inputs,
             description=file.description,
             source=file.source,
+            parts=file.parts,
         )
     except InputError as error:
         location = f"{where}: {error.where}" if error.where else where
@@ -273,6 +281,7 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
     nested lists.
     """
     reference = database.reference
+    parts = written_parts(database)
     return {
         "format": DOCUMENT_FORMAT,
         "name": database.name,
@@ -295,7 +304,9 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
                 **_parameter_document(v.parameter),
             }
             for name, v in database.variables.items()
+            if not (parts and v.part)
         },
+        **({"parts": parts} if parts else {}),
         "tables": {
             name: {
                 "arguments": list(table.arguments),
@@ -325,6 +336,7 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
                 "description": t.description,
             }
             for t in database.terms
+            if not (parts and t.part)
         ],
         "increments": [_increment_document(increment) for increment in database.increments],
         **(

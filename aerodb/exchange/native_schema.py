@@ -103,6 +103,7 @@ class DatabaseFile(Strict):
     reference: ReferenceFile
     free_inputs: dict[str, str] = Field(default_factory=dict)
     parameters: dict[str, ParameterFile] = Field(default_factory=dict)
+    parts: dict[str, dict[str, Any]] = Field(default_factory=dict)
     variables: dict[str, VariableFile] = Field(default_factory=dict)
     states: tuple[StateFile, ...] = ()
     tables: dict[str, TableFile] = Field(default_factory=dict)

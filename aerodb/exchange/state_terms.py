@@ -7,9 +7,9 @@ provides.
 from dataclasses import replace
 
 from aerodb.errors import InputError
-from aerodb.exchange.increment_terms import substitute, with_increments_as_terms
+from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.nomenclature import CHANNELS
-from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable
+from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable, substituted
 
 
 def without_states(database: AeroDatabase) -> AeroDatabase:
@@ -67,10 +67,11 @@ def with_state_replaced(database: AeroDatabase, name: str, by: Expression) -> Ae
     if by == Name(name):
         return database
     terms = tuple(
-        replace(term, expression=substitute(term.expression, {name: by})) for term in database.terms
+        replace(term, expression=substituted(term.expression, {name: by}))
+        for term in database.terms
     )
     variables = {
-        key: replace(variable, expression=substitute(variable.expression, {name: by}))
+        key: replace(variable, expression=substituted(variable.expression, {name: by}))
         for key, variable in database.variables.items()
     }
     return replace(database, terms=terms, variables=variables)

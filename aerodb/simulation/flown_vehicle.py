@@ -28,7 +28,7 @@ class FlownVehicle:
     model : the database with the vehicle's propulsion.
     masses : each of `MASS_PROPERTIES`.
     propulsion : of a vehicle whose thrust is an input ("thrust"); else a further force.
-    limits : input -> lower and upper limit [rad].
+    limits : input -> lower and upper limit [rad], of a throttle 0 and 1.
     """
 
     vehicle: Vehicle
@@ -72,7 +72,8 @@ def flown_of(
         for line in lines
     )
     model = flight_model(database, engines=propulsion)
-    limits = {n: ends for n, ends in surface_limits(vehicle).items() if n in model.inputs}
+    known = {**surface_limits(vehicle), "throttle": (0.0, 1.0)}
+    limits = {n: ends for n, ends in known.items() if n in model.inputs}
     return FlownVehicle(vehicle, model, masses, propulsion, limits)
 
 

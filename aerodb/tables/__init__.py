@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .algebra import cancel, plus, times
+    from .algebra import cancel, plus, substituted, times
     from .analysis import (
         QUANTITIES,
         CheckCase,

@@ -1,6 +1,26 @@
-"""Algebra on expressions: sums, products, and exact division by a factor."""
+"""Algebra on expressions: sums, products, exact division by a factor, and replaced names."""
 
-from aerodb.tables.expression import Expression, Name, Negation, Number, Operation
+from collections.abc import Mapping
+
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall
+
+
+def substituted(expression: Expression, names: Mapping[str, Expression]) -> Expression:
+    """Return `expression` with the names that `names` has replaced."""
+    if isinstance(expression, Name):
+        return names.get(expression.name, expression)
+    if isinstance(expression, Negation):
+        return Negation(substituted(expression.operand, names))
+    if isinstance(expression, Operation):
+        left, right = (substituted(side, names) for side in (expression.left, expression.right))
+        return Operation(expression.operator, left, right)
+    if isinstance(expression, Call):
+        arguments = tuple(substituted(each, names) for each in expression.arguments)
+        return Call(expression.function, arguments)
+    if isinstance(expression, TableCall):
+        arguments = tuple(substituted(each, names) for each in expression.arguments)
+        return TableCall(expression.table, arguments)
+    return expression
 
 
 def times(left: Expression, right: Expression) -> Expression:

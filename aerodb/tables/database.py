@@ -51,6 +51,7 @@ class Variable:
     declared : further attributes from the source, as text: DAVE-ML's id, name, sign, symbol, role.
     uncertainty : declared by the source; None where there is none.
     parameter : where flight can correct it; its expression is then a number. None otherwise.
+    part : the part that it was made of (`AeroDatabase.parts`); empty where it is written itself.
     """
 
     expression: Expression
@@ -59,6 +60,7 @@ class Variable:
     declared: Mapping[str, str] = field(default_factory=dict)
     uncertainty: Uncertainty | None = None
     parameter: Parameter | None = None
+    part: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,14 @@ class Term:
 
     axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes; or a load, FX FY FZ
         [N] or MX MY MZ [N m] on body axes about the moment reference (`aerodb.tables.loads`).
+    part : as of a variable.
     """
 
     name: str
     axis: str
     expression: Expression
     description: str = ""
+    part: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,8 @@ class AeroDatabase:
     A channel that one of `states` computes has its steady value unless it is given;
     `states_along` integrates it along a flight.
 
+    `parts` are entries as written; their variables and terms are among `variables` and `terms`.
+
     Raises InputError for an unknown name, table or axis (with the nearest valid one), a wrong
     number of table arguments, and variables that are defined by each other.
     """
@@ -106,6 +112,7 @@ class AeroDatabase:
     source: str = ""
     scattered: Mapping[str, ScatteredTable] = field(default_factory=dict)
     states: tuple[StateModel, ...] = ()
+    parts: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "states", tuple(self.states))

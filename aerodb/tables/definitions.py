@@ -96,7 +96,7 @@ def check_definitions(
     neither channels nor constants.
 
     database : its name, for messages. tables : key and table, on grids and on scattered points.
-    Names: `check_identifier`.
+    free_inputs : one with the name of a channel is that channel. Names: `check_identifier`.
     """
     defined: dict[str, str] = {}
     tables = list(tables)
@@ -108,8 +108,9 @@ def check_definitions(
     for kind, names in definitions:
         for name in names:
             check_identifier(name)
+            hidden = name in CHANNELS and kind != "free input"  # which would be that channel
             other = defined.get(name) or (
-                "channel" if name in CHANNELS else "constant" if name in CONSTANTS else ""
+                "channel" if hidden else "constant" if name in CONSTANTS else ""
             )
             if other:
                 raise InputError(

@@ -11,19 +11,10 @@ from functools import reduce
 from typing import Final
 
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.tables.algebra import plus, times
+from aerodb.tables.algebra import plus, substituted, times
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import LIFT_INCREMENTS
-from aerodb.tables.expression import (
-    Call,
-    Expression,
-    Name,
-    Negation,
-    Number,
-    Operation,
-    TableCall,
-    number,
-)
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.instructions import Machine, machine
 from aerodb.tables.loads import LOAD_AXES, load_shares, summed
@@ -137,7 +128,7 @@ def _layer(number_: int, increment: Increment, estimates: dict[str, float]) -> l
         name = f"{_ESTIMATE}_{increment.axis}_{number_}_{k}"
         estimates[name] = float(increment.estimates[k])
         factors = [_weight(name, increment.envelope[name]) for name in sorted(increment.fading(k))]
-        parts.append(reduce(times, [Name(name), _substituted(regressor, held), *factors]))
+        parts.append(reduce(times, [Name(name), substituted(regressor, held), *factors]))
     return parts
 
 
@@ -149,23 +140,6 @@ def _weight(name: str, interval: Interval) -> Expression:
     beyond = Call("max", (Operation("-", low, x), Operation("-", x, high)))
     cells = Operation("/", beyond, Number(interval.cell))
     return Call("clip", (Operation("-", Number(2.0), cells), Number(0.0), Number(1.0)))
-
-
-def _substituted(node: Expression, names: Mapping[str, Expression]) -> Expression:
-    """The expression with names replaced."""
-    if isinstance(node, Name):
-        return names.get(node.name, node)
-    if isinstance(node, Negation):
-        return Negation(_substituted(node.operand, names))
-    if isinstance(node, Operation):
-        return Operation(
-            node.operator, _substituted(node.left, names), _substituted(node.right, names)
-        )
-    if isinstance(node, Call):
-        return Call(node.function, tuple(_substituted(a, names) for a in node.arguments))
-    if isinstance(node, TableCall):
-        return TableCall(node.table, tuple(_substituted(a, names) for a in node.arguments))
-    return node
 
 
 def _on_body_axes(sums: Mapping[str, Expression]) -> list[Expression]:

@@ -19,7 +19,7 @@ DOCUMENTS = (
 )
 #: Packages of the API beside the library, in the order in which a flight passes them.
 PACKAGES = (
-    *("logs", "conditioning", "suspicions", "consistency", "coefficients", "tables"),
+    *("logs", "conditioning", "suspicions", "consistency", "coefficients", "tables", "parts"),
     *("increments", "effects", "tracing", "loop", "estimation", "identification", "simulation"),
     *("exchange", "report", "signals", "physics", "support", "vehicle"),
 )

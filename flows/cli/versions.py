@@ -181,6 +181,7 @@ def show(
     import numpy as np
 
     from aerodb.report import beyond_words, parameter_row, version_lines
+    from aerodb.tables import LOAD_AXES
     from aerodb.tasks.references import version_of
     from aerodb.tasks.view import database_of, version_details, waiting
 
@@ -215,10 +216,24 @@ def show(
     if checks := document["report"].get("file_checks"):
         session.say(("" if checks["passed"] else "WARNING: ") + checks["sentence"])
     database, folds = _consolidated(session, database) if consolidated else (database, {})
+    made = {name: [t for t in database.terms if t.part == name] for name in database.parts}
     session.table(
         ["axis", "term", "expression"],
-        [[t.axis, t.name, str(t.expression)] for t in database.terms],
+        [[t.axis, t.name, str(t.expression)] for t in database.terms if not t.part],
     )
+    if database.parts:
+        session.table(
+            ["part", "kind", "loads", "description"],
+            [
+                [
+                    name,
+                    entry["kind"],
+                    " ".join(a for a in LOAD_AXES if any(a == t.axis for t in made[name])),
+                    str(entry.get("description", "")),
+                ]
+                for name, entry in database.parts.items()
+            ],
+        )
     if database.parameters:
         session.table(
             ["parameter", "value", "+-", "unit", "bounds", "flights"],

@@ -29,7 +29,7 @@ from aerodb.exchange.jsbsim.properties import (
 )
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
-from aerodb.nomenclature import axis_description, channel
+from aerodb.nomenclature import CHANNELS, axis_description, channel
 from aerodb.tables import (
     LOAD_AXES,
     WIND_AXES,
@@ -129,9 +129,14 @@ def export_jsbsim(
 
 
 def free_properties(database: AeroDatabase) -> dict[str, str]:
-    """Return the JSBSim property of each free input: that of its source, or one of its own."""
+    """Return the JSBSim property of each free input: that of its source, or one of its own.
+
+    One with the name of a channel is that channel.
+    """
     properties = {}
     for name, description in database.free_inputs.items():
+        if name in CHANNELS:
+            continue
         found = described_property(description)
         limits_missing = found == STALL_HYSTERESIS and hysteresis_limits(description) is None
         properties[name] = found if found and not limits_missing else f"{OWN_FREE}{name}"

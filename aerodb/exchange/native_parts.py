@@ -1,0 +1,30 @@
+"""Parts in the native forms of a database: read as they are written, and written as they were."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from aerodb.parts import Expansion, expand
+from aerodb.tables import AeroDatabase, ReferenceGeometry
+
+
+def made_of(
+    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Collection[str]
+) -> Expansion:
+    """Return what parts are in a database, in SI units; nothing of none.
+
+    known : names that the database has beside them. Raises InputError as `aerodb.parts.expand`.
+    """
+    return expand(parts, reference, known) if parts else Expansion({}, ())
+
+
+def written_parts(database: AeroDatabase) -> dict[str, Any]:
+    """Return the parts of a database as they were written; empty where something has changed what
+    they are, so that their variables and terms [SI] are what counts."""
+    if not database.parts:
+        return {}
+    own = {name: v for name, v in database.variables.items() if not v.part}
+    known = (*own, *database.tables, *database.scattered, *database.free_inputs)
+    again = made_of(database.parts, database.reference, known)
+    made = {name: v for name, v in database.variables.items() if v.part}
+    same = made == again.variables and again.terms == tuple(t for t in database.terms if t.part)
+    return {name: dict(entry) for name, entry in database.parts.items()} if same else {}

@@ -1,0 +1,182 @@
+"""Parts as written become the variables and load terms of a database."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.nomenclature import channel
+from aerodb.parts import body, engine, fuselage, section, surface
+from aerodb.parts.entry import Disc, Entry
+from aerodb.parts.frame import MOTION
+from aerodb.parts.writing import Writer
+from aerodb.support import validated
+from aerodb.tables import CONSTANTS, HAT_RATES, ReferenceGeometry, Term, Variable, parse
+
+#: Kind -> its keys, and what writes it.
+_WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
+    "section": (section.Section, section.write),
+    "surface": (surface.Surface, surface.write),
+    "fuselage": (fuselage.Fuselage, fuselage.write),
+    "engine": (engine.Engine, engine.write),
+    "body": (body.Body, body.write),
+}
+KINDS: Final[tuple[str, ...]] = tuple(_WRITERS)
+#: Of which part the variables are that all parts share.
+_SHARED: Final = "parts"
+#: Key -> signs by which its values are those of the mirror image.
+_MIRRORED: Final = {
+    **dict.fromkeys(("position", "root", "tip", "direction"), (1.0, -1.0, 1.0)),
+    "axes": (-1.0, 1.0, -1.0),
+}
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """What parts are in a database: variables by name, and load terms."""
+
+    variables: Mapping[str, Variable]
+    terms: tuple[Term, ...]
+
+
+def expand(
+    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Collection[str]
+) -> Expansion:
+    """Return the variables and load terms [N, N m] of parts as they are written.
+
+    Parameters
+    ----------
+    parts : name -> entry of the file.
+    reference : of the database; loads are about its moment reference.
+    known : variables, parameters, tables and free inputs that the database has beside them.
+
+    Raises InputError, with the place such as ``[parts.tail] position``, for an unknown kind or key,
+    a missing one, names that two things have, an unknown name or engine, and parts whose flow
+    depends on each other.
+    """
+    point = np.array(reference.moment_reference)
+    written: list[Writer] = []
+    discs: dict[str, Disc] = {}
+    entries = [_entry(name, part) for name, part in parts.items()]
+    entries.sort(key=lambda each: not isinstance(each[0], engine.Engine))  # slipstreams first
+    for entry, name, place in entries:
+        for sided, writer in _sides(entry, name, place):
+            disc = _WRITERS[entry.kind][1](sided, writer, point, discs)
+            if isinstance(disc, Disc):
+                discs[writer.name] = disc
+            written.append(writer)
+    _check_names(written, known)
+    variables = {name: v for writer in written for name, v in writer.variables.items()}
+    terms = tuple(term for writer in written for term in writer.terms)
+    trees = [each.expression for each in variables.values()] + [each.expression for each in terms]
+    used = {name for tree in trees for name in tree.names}
+    meaning = "velocity through the air along body"
+    motion = {
+        name: Variable(parse(text), "m/s", f"{meaning} {axis}", part=_SHARED)
+        for axis, (name, text) in zip("xyz", MOTION.items(), strict=True)
+        if name in used
+    }
+    return Expansion(motion | variables, terms)
+
+
+def _entry(name: str, part: Any) -> tuple[Entry, str, str]:
+    """A part as its kind reads it, its name, and its place in the file."""
+    place = f"[parts.{name}]"
+    try:
+        Variable(parse(name))
+    except InputError as error:
+        raise InputError(error.what, place, error.remedy) from None
+    if not isinstance(part, Mapping) or not isinstance(part.get("kind"), str):
+        raise InputError("a part without kind", place, f"kinds: {', '.join(KINDS)}")
+    kind = part["kind"]
+    if kind not in _WRITERS:
+        raise InputError(f"unknown kind '{kind}'", place, nearest(kind, KINDS))
+    return validated(_WRITERS[kind][0], part, place), name, place
+
+
+def _sides(entry: Entry, name: str, place: str) -> Iterable[tuple[Entry, Writer]]:
+    """The part itself, or its right and its left."""
+    lateral = [getattr(entry, key)[1] for key in ("position", "root", "tip") if hasattr(entry, key)]
+    if not entry.mirror:
+        side = -1.0 if sum(lateral) < 0.0 else 1.0
+        return [(entry, Writer(name, name, place, side))]
+    if sum(lateral) <= 0.0:
+        raise InputError("a mirrored part that is not on the right", place, "give it a positive y")
+    other = {
+        key: tuple(sign * x for sign, x in zip(signs, getattr(entry, key), strict=True))
+        for key, signs in _MIRRORED.items()
+        if hasattr(entry, key)
+    }
+    return [
+        (entry, Writer(name, f"{name}_right", place, 1.0)),
+        (entry.model_copy(update=other), Writer(name, f"{name}_left", place, -1.0)),
+    ]
+
+
+def _check_names(written: list[Writer], known: Collection[str]) -> None:
+    """Raise InputError for names that are taken, unknown names, and loops."""
+    owner = dict.fromkeys(known, "the database")
+    owner |= dict.fromkeys(MOTION, "all parts")
+    for writer in written:
+        for name in (*writer.variables, writer.name):
+            if name in owner and owner[name] != writer.where:
+                raise InputError(
+                    f"'{name}' is a name of {owner[name]} too",
+                    writer.where,
+                    "choose another name for the part",
+                )
+            owner[name] = writer.where
+    variables = {name: v.expression for w in written for name, v in w.variables.items()}
+    names = {*known, *variables, *MOTION, *CONSTANTS, *HAT_RATES}
+    for writer in written:
+        trees = {name: variable.expression for name, variable in writer.variables.items()}
+        trees |= {term.name: term.expression for term in writer.terms}
+        for of, tree in trees.items():
+            place = f"{writer.where} {writer.keys.get(of, '')}".strip()
+            for name in sorted(tree.names - names):
+                _check_channel(name, names, place)
+            for table in sorted(tree.tables - set(known)):
+                raise InputError(f"no table or function '{table}'", place, nearest(table, known))
+    _check_loops(written, variables)
+
+
+def _check_channel(name: str, names: Collection[str], place: str) -> None:
+    try:
+        channel(name)
+    except UnknownNameError:
+        raise InputError(f"unknown name '{name}'", place, nearest(name, names)) from None
+
+
+def _check_loops(written: list[Writer], variables: Mapping[str, Any]) -> None:
+    """Raise InputError for variables of parts that use each other, at the downwash that closes the
+    loop where there is one."""
+    state: dict[str, int] = {}  # 1 while its own are visited, 2 afterwards
+    for begin in variables:
+        path: list[str] = []
+        pending = [(begin, False)]
+        while pending:
+            name, left = pending.pop()
+            if left:
+                state[path.pop()] = 2
+            elif state.get(name) == 1:
+                raise _loop(path[path.index(name) :], written)
+            elif name not in state:
+                state[name] = 1
+                path.append(name)
+                pending.append((name, True))
+                inside = variables[name].names & variables.keys()
+                pending += [(each, False) for each in sorted(inside) if state.get(each) != 2]
+
+
+def _loop(names: list[str], written: list[Writer]) -> InputError:
+    of = {name: writer for writer in written for name in writer.variables}
+    at = next((name for name in names if name.endswith("_downwash")), names[0])
+    parts = list(dict.fromkeys(of[name].part for name in names))
+    return InputError(
+        f"the flow at {' and '.join(parts)} depends on each other:"
+        f" {' uses '.join([*names, names[0]])}",
+        f"{of[at].where} {of[at].keys.get(at, '')}".strip(),
+        "let one of them use the aircraft's alpha",
+    )

@@ -1,0 +1,234 @@
+"""Section: a strip of a lifting surface, with lift and drag of its local flow.
+
+The velocity at the strip is ``v + w x r``, with the slipstream of an engine, in the plane across
+the span: by simple sweep theory the flow along the span does nothing. The downwash turns it. With
+its components u and w and its size V, the angle of attack is
+
+    alpha = atan2(w, u) + incidence + sum of tau delta,
+
+and the forces are those of lift and drag across and along this flow:
+
+    X = (rho/2) S V (C_L w - C_D u),    Z = -(rho/2) S V (C_L u + C_D w).
+
+A flap of the chord ratio E in thin-airfoil theory has the effectiveness
+tau = 1 - (theta - sin theta)/pi with cos theta = 2 E - 1, of which a real one reaches a part.
+
+References
+----------
+"Aerodynamic Model Update Using Parameter Identification Supporting a Cessna Grand Caravan
+Engineering Simulation" (component build-up of sections and sub-sections); McCormick, Aerodynamics,
+Aeronautics and Flight Mechanics (1995), sections 3.4 and 8.1; Jones, NACA Report 863 (1947), sweep.
+"""
+
+import math
+from collections.abc import Mapping
+from functools import reduce
+from typing import Annotated
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from aerodb.errors import InputError, nearest
+from aerodb.parts.engine import growth, slipstream
+from aerodb.parts.entry import (
+    Disc,
+    Discs,
+    Formula,
+    Placed,
+    Slipstreamed,
+    text_or_table,
+    write_loads,
+)
+from aerodb.parts.frame import Frame, lifting
+from aerodb.parts.writing import Writer
+from aerodb.support import Array, Strict
+from aerodb.tables import Call, Expression, Name, Negation, Number, Operation, number, plus, times
+from aerodb.units import Metres, Radians, in_unit
+
+Area = Annotated[float, in_unit("m^2"), Field(gt=0)]
+
+
+class Flap(Strict):
+    """A control of a section: its effectiveness d alpha/d delta is `effectiveness`, or that of a
+    plain flap of this `chord_ratio` times its `efficiency`."""
+
+    effectiveness: Formula | None = None
+    chord_ratio: float | None = Field(default=None, gt=0, lt=1)
+    efficiency: Formula = "1"
+
+
+Control = Mapping[
+    str,
+    Annotated[
+        Annotated[Formula, Tag("text")] | Annotated[Flap, Tag("table")],
+        Discriminator(text_or_table),
+    ],
+]
+
+
+class Lifting(Slipstreamed):
+    """What sections and surfaces share.
+
+    Parameters
+    ----------
+    lift, drag : coefficients over the section's area, of local names: alpha, V, qbar, u, v, w; the
+        drag may use lift.
+    moment : coefficient over area and chord, nose up, about the position; 0 where it is not given.
+    downwash : [rad], down; names are the aircraft's (alpha) and other parts' (wing_alpha).
+    """
+
+    lift: Formula
+    drag: Formula = "0"
+    moment: Formula | None = None
+    downwash: Formula | None = None
+
+
+class Section(Lifting, Placed):
+    """A strip of a lifting surface.
+
+    Parameters
+    ----------
+    area : [m2]. chord : [m], where there is a moment.
+    incidence, dihedral, sweep : leading edge up, tip up, tip aft [rad]; a fin has 90 deg dihedral,
+        and its lift is to the left.
+    control : deflection -> effectiveness, an expression, or a `Flap`.
+    """
+
+    area: Area
+    chord: Metres | None = Field(default=None, gt=0)
+    incidence: Radians = 0.0
+    dihedral: Radians = 0.0
+    sweep: Radians = 0.0
+    control: Control = {}
+
+
+def flap_effectiveness(chord_ratio: float) -> float:
+    """Return the effectiveness of a plain flap in thin-airfoil theory, dimensionless.
+
+    chord_ratio : of flap and section, between 0 and 1; ValueError outside.
+
+    >>> round(flap_effectiveness(0.25), 4)
+    0.609
+    """
+    theta = math.acos(2.0 * chord_ratio - 1.0)
+    return 1.0 - (theta - math.sin(theta)) / math.pi
+
+
+def write(entry: Section, writer: Writer, reference_point: Array, discs: Discs) -> None:
+    """Write a section.
+
+    reference_point : (3,) [m], where moments are about. discs : of the engines. Raises InputError
+    for a formula that cannot be read, a moment without chord and an engine that is not there.
+    """
+    axes = lifting(writer.side, entry.dihedral, entry.sweep)
+    frame = Frame(np.array(entry.position) - reference_point, axes)
+    u, v, w = (frame.velocity(k) for k in range(3))
+    disc = standing_in(entry, writer, discs)
+    if disc is not None:
+        grown = Number(growth(disc, frame))
+        slip = (times(grown, slipstream(disc, frame, k)) for k in range(3))
+        u, v, w = (plus(one, other) for one, other in zip((u, v, w), slip, strict=True))
+    if entry.downwash is not None:
+        u, w = turned_down(u, w, downwash(entry.downwash, writer))
+    x, z, moment = strip_forces(entry, writer, u, v, w)
+    writer.act(frame, (x, None, z), (None, moment, None))
+    write_loads(entry, writer, frame)
+
+
+def standing_in(entry: Lifting, writer: Writer, discs: Discs) -> Disc | None:
+    """Return the disc of the engine in whose slipstream a part stands; None where in none.
+
+    Raises InputError for an engine that is not there or has no diameter [m].
+    """
+    if not entry.slipstream:
+        return None
+    named = writer.text(entry.slipstream)
+    if named not in discs:
+        raise InputError(
+            f"no engine '{named}' with a diameter",
+            f"{writer.where} slipstream",
+            nearest(named, discs) if discs else 'write a part of kind "engine" with a diameter',
+        )
+    return discs[named]
+
+
+def downwash(text: str, writer: Writer) -> Name:
+    """Define the downwash angle [rad] of a part; InputError for a formula that cannot be read."""
+    return writer.define("downwash", writer.parsed(text, "downwash"), "downwash")
+
+
+def strip_forces(
+    entry: Section, writer: Writer, u: Expression, v: Expression, w: Expression
+) -> tuple[Expression, Expression, Expression | None]:
+    """Define flow and forces of a strip.
+
+    Parameters
+    ----------
+    u, v, w : velocity [m/s] along x, along the span, and normal; downwash included.
+
+    Returns
+    -------
+    Forces along x and z [N] and the moment about the span [N m], None without one. Raises
+    InputError as `write` does.
+    """
+    u, w = writer.define("u", u), writer.define("w", w)
+    writer.offer("v", v)
+    two = Number(2.0)
+    square = plus(Operation("^", u, two), Operation("^", w, two))
+    speed = writer.define("V", Call("sqrt", (square,)))
+    writer.offer("qbar", times(times(Number(0.5), Name("rho")), Operation("^", speed, two)))
+    writer.define("alpha", _effective(entry, writer, Call("atan2", (w, u))), "control")
+    lift = writer.define("lift", writer.read(entry.lift, "lift"), "lift")
+    drag = writer.read(entry.drag, "drag")
+    x, z = times(lift, w), times(lift, u)
+    if drag != Number(0.0):
+        drag = writer.define("drag", drag, "drag")
+        x, z = Operation("-", x, times(drag, u)), plus(z, times(drag, w))
+    scale = times(times(Number(0.5 * entry.area), Name("rho")), speed)
+    moment = None
+    if entry.moment is not None:
+        if entry.chord is None:
+            raise InputError(
+                "a moment without chord", f"{writer.where} chord", "give the chord of the section"
+            )
+        own = times(writer.read(entry.moment, "moment"), Number(entry.chord))
+        moment = times(times(scale, speed), own)
+    return (
+        writer.define("x", times(scale, x)),
+        writer.define("z", Negation(times(scale, z))),
+        moment,
+    )
+
+
+def turned_down(u: Expression, w: Expression, angle: Expression) -> tuple[Expression, Expression]:
+    """Return the velocity (u, w) [m/s] in a flow that is turned down by an angle [rad]."""
+    cos, sin = Call("cos", (angle,)), Call("sin", (angle,))
+    return (
+        plus(times(u, cos), times(w, sin)),
+        Operation("-", times(w, cos), times(u, sin)),
+    )
+
+
+def _effective(entry: Section, writer: Writer, flow: Expression) -> Expression:
+    """The angle of attack of a strip in a flow, with its incidence and deflections."""
+    parts = [flow] if entry.incidence == 0.0 else [flow, number(entry.incidence)]
+    for key, value in entry.control.items():
+        place = f"control.{key}"
+        deflection = writer.parsed(key, place)
+        parts.append(times(_effectiveness(value, writer, place), deflection))
+    return reduce(plus, parts)
+
+
+def _effectiveness(value: Formula | Flap, writer: Writer, place: str) -> Expression:
+    if not isinstance(value, Flap):
+        return writer.parsed(value, place)
+    if (value.effectiveness is None) == (value.chord_ratio is None):
+        raise InputError(
+            "it has effectiveness and chord_ratio, or neither",
+            f"{writer.where} {place}",
+            "give one of the two",
+        )
+    if value.effectiveness is not None:
+        return writer.parsed(value.effectiveness, place)
+    plain = number(flap_effectiveness(float(value.chord_ratio or 0.0)))
+    return times(writer.parsed(value.efficiency, place), plain)

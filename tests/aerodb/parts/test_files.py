@@ -1,0 +1,112 @@
+"""Parts in files and documents: stored as they are written, found again, and refused with the place."""
+
+from dataclasses import replace
+
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.exchange.daveml.export import export_daveml
+from aerodb.exchange.daveml.reader import import_daveml
+from aerodb.exchange.jsbsim.check_cases import check_in_jsbsim, jsbsim_check_cases
+from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
+from aerodb.exchange.native import database_document_sha256, from_document, read_native, to_document
+from aerodb.simulation import Condition, flight_model, linear_model, modes, trim
+from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
+from aerodb.tables import failed_check_cases, make_check_cases, parse, with_parameters
+from tests.support.parts import MASSES, TEXT, aircraft
+
+
+def test_a_build_up_is_stored_as_it_is_written() -> None:
+    own = aircraft()
+    document = to_document(own)
+    assert document["parts"]["wing"]["control"]["delta_aileron"]["span"] == [0.6, 0.95]
+    assert set(document["variables"]) == set(own.parameters)
+    assert document["terms"] == []
+    again = from_document(document)
+    assert to_document(again) == document
+    assert failed_check_cases(again, make_check_cases(own)) == ()
+
+
+def test_a_corrected_parameter_leaves_the_parts_as_they_are() -> None:
+    before, after = to_document(aircraft()), to_document(aircraft({"wing_slope": 5.4}))
+    assert before["parts"] == after["parts"]
+    assert after["variables"]["wing_slope"]["expression"] == "5.4"
+    assert database_document_sha256(aircraft()) != database_document_sha256(
+        aircraft({"wing_slope": 5.4})
+    )
+
+
+def test_what_something_else_has_changed_is_stored_as_terms() -> None:
+    own = aircraft()
+    at = next(k for k, term in enumerate(own.terms) if term.name == "propeller_FX")
+    changed = replace(own.terms[at], expression=parse("0.5*propeller_thrust"))
+    half = replace(own, terms=(*own.terms[:at], changed, *own.terms[at + 1 :]))
+    document = to_document(half)
+    assert "parts" not in document
+    again = from_document(document)
+    assert failed_check_cases(again, make_check_cases(half)) == ()
+
+
+def test_terms_and_parts_stand_beside_each_other() -> None:
+    text = TEXT + '\n[derivatives.Cm]\nalpha = -0.1\n[[terms]]\nname = "more"\naxis = "CX"\n'
+    more = read_native(text + 'expression = "0.01*wing_right_3_lift"\n')
+    document = to_document(more)
+    assert [term["name"] for term in document["terms"]] == ["more", "Cm_alpha"]
+    assert failed_check_cases(from_document(document), make_check_cases(more)) == ()
+
+
+def test_a_build_up_is_trimmed_and_has_modes() -> None:
+    model = flight_model(aircraft())
+    limits = {"throttle": (0.0, 1.0)}
+    found = trim(model, Condition(55.0, 1000.0), MASSES, thrust="throttle", limits=limits)
+    assert 0.0 < found.series["throttle"] < 1.0
+    assert abs(found.series["delta_aileron"]) < 1e-9
+    names = {mode.name for mode in modes(linear_model(found))}
+    assert {"short period", "phugoid", "Dutch roll", "roll"} <= names
+
+
+def test_other_simulators_compute_the_same() -> None:
+    """JSBSim, flying the exported file, and the exported DAVE-ML, read back."""
+    own = with_parameters(aircraft(), {"wing_zero": 0.31})
+    cases = jsbsim_check_cases(own, 20)
+    agreement = check_in_jsbsim(
+        own,
+        loaded_in_jsbsim(export_jsbsim(own, name="parts", cases=cases)),
+        cases,
+        input_properties(own),
+    )
+    assert agreement.passed, agreement.errors
+    again = import_daveml(export_daveml(own), name="again")
+    assert failed_check_cases(again, make_check_cases(again)) == ()
+
+
+REFUSED = [
+    ('position = [0.0, 0.0, 0.1]\nthrust', 'thrust', r"\[parts.propeller\]: position: Field required"),
+    ('kind = "engine"', 'kind = "motor"', r"\[parts.propeller\]: unknown kind 'motor'"),
+    ('kind = "engine"\n', "", r"\[parts.propeller\]: a part without kind"),
+    ('slipstream = "propeller"', 'slipstream = "propellor"', r"\[parts.tail\] slipstream: no engine 'propellor'(?s:.*)'propeller'"),
+    ("diameter = 1.9\n", "", r"\[parts.tail\] slipstream: no engine 'propeller' with a diameter"),
+    ('lift = "tail_slope*alpha"', 'lift = "tale_slope*alpha"', r"\[parts.tail\] lift: unknown name 'tale_slope'(?s:.*)'tail_slope'"),
+    ('lift = "tail_slope*alpha"', 'lift = "tail_slope*alpha)"', r"\[parts.tail\] lift: unexpected '\)'"),
+    ('lift = "tail_slope*alpha"', 'lyft = "tail_slope*alpha"', r"\[parts.tail\]: unknown key 'lyft'(?s:.*)'lift'"),
+    ('THRUST(V, throttle)"', 'THRUSH(V, throttle)"', r"\[parts.propeller\] thrust: no table or function 'THRUSH'"),
+    ("[parts.fin]", "[parts.tail]", r"(?i)tail"),
+    ("[parts.fin]", "[parts.wing_left]", r"\[parts.wing_left\]: '.*' is a name of \[parts.wing\] too"),
+    ("[parts.fin]", "[parts.2fin]", r"\[parts.2fin\]"),
+    ('downwash = "0.02 + tail_downwash*alpha"', 'downwash = "0.1*fin_1_lift"\n', r"\[parts.(tail|fin)\] downwash: the flow at .* depends on each other"),
+    ("bounds = [0.0, 0.8], description = \"downwash", 'bounds = [0.5, 0.8], description = "downwash', r"parameter tail_downwash: value 0.38 lies outside its bounds 0.5 to 0.8"),
+    ("span = [0.6, 0.95]", "span = [0.95, 0.6]", r"\[parts.wing\]: control.delta_aileron(.span)?: span"),
+    ("chord_ratio = 0.22\n", "", r"\[parts.wing\] control.delta_aileron: it has effectiveness and chord_ratio, or neither"),
+    ("root = [-1.95, 0.3, -0.7]", "root = [-1.95, -9.3, -0.7]", r"\[parts.wing\]: a mirrored part that is not on the right"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "says"), REFUSED)
+def test_a_wrong_part_is_refused_with_its_place(old: str, new: str, says: str) -> None:
+    text = TEXT
+    if "fin_1_lift" in new:
+        fin = 'lift = "fin_slope*alpha"\n'
+        text = text.replace(fin, fin + 'downwash = "0.1*tail_right_1_lift"\n')
+    assert text.count(old) == 1
+    with pytest.raises(InputError, match=says):
+        read_native(text.replace(old, new))

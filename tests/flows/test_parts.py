@@ -1,0 +1,88 @@
+"""An aircraft made of parts, by the commands: imported, shown, trimmed, flown and exported."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.command import aerodb, asked
+from tests.support.parts import TEXT, VEHICLE
+
+AT = ("--speed", "55", "--altitude", "1000", "--thrust", "throttle")
+MANOEUVRE = """
+name = "elevator and rudder"
+duration = "30 s"
+[trim]
+V = "55 m/s"
+altitude = "1000 m"
+thrust = "throttle"
+[[input]]
+target = "delta_elevator"
+amplitude = "2 deg"
+start = "2 s"
+[[input]]
+target = "delta_rudder"
+amplitude = "3 deg"
+start = "12 s"
+"""
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("parts")
+    (folder / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
+    (folder / "parts.toml").write_text(TEXT, encoding="utf-8")
+    asked(folder / "workspace", "vehicle", "add", str(folder / "vehicle.toml"))
+    asked(folder / "workspace", "database", "import", str(folder / "parts.toml"))
+    return folder / "workspace"
+
+
+def test_a_version_shows_its_parts_as_they_are_written(workspace: Path) -> None:
+    text = aerodb(workspace, "version", "show", "v0001").stdout
+    assert "propeller" in text
+    assert "engine" in text
+    assert "wing_right_3_lift" not in text
+    assert "tail_slope" in text
+
+
+def test_it_is_trimmed_by_its_throttle_and_has_modes(workspace: Path) -> None:
+    found = asked(workspace, "version", "modes", "v0001", *AT)
+    assert 0.3 < found["inputs"]["throttle"] < 1.0
+    assert abs(found["channels"]["climb"]) < 1e-9
+    names = {mode["name"]: mode for mode in found["modes"]}
+    assert {"short period", "phugoid", "Dutch roll", "roll"} <= set(names)
+    without = aerodb(workspace, "version", "trim", "v0001", *AT, "--glide")
+    assert "--glide and --thrust together" in without.stderr
+
+
+def test_it_flies_a_manoeuvre_from_its_trim(workspace: Path, tmp_path: Path) -> None:
+    file = tmp_path / "manoeuvre.toml"
+    file.write_text(MANOEUVRE, encoding="utf-8")
+    flown = asked(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    assert flown["ended"] == pytest.approx(30.0)
+    start, least, greatest = flown["responses"]["alpha"]
+    assert least < start - 0.01
+    assert greatest > start + 0.01
+    assert flown["responses"]["beta"][2] > 0.005
+
+
+def test_a_point_without_stated_air_has_that_of_its_airspeed(workspace: Path) -> None:
+    at = asked(workspace, "version", "evaluate", "v0001", "--at", "alpha=2deg,V=50")
+    assert at["taken_as"]["qbar"] == pytest.approx(0.5 * 1.225 * 2500, rel=1e-5)
+    assert "qbar" not in at["taken_as_zero"]
+    assert -1.0 < at["coefficients"]["CZ"] < -0.2
+
+
+def test_other_simulators_get_it(workspace: Path, tmp_path: Path) -> None:
+    """The command checks each file in JSBSim, or by reading it back, before it answers."""
+    for form, name in (("jsbsim", "aero.xml"), ("daveml", "aero.dml")):
+        target = tmp_path / name
+        asked(workspace, "version", "export", "v0001", "--format", form, "--output", str(target))
+        assert "tail_slope" in target.read_text(encoding="utf-8")
+
+
+def test_a_wrong_part_is_said_with_its_place(workspace: Path, tmp_path: Path) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text(TEXT.replace("position = [0.0, 0.0, 0.1]\n", ""), encoding="utf-8")
+    refused = aerodb(workspace, "database", "import", str(file))
+    assert refused.returncode == 3
+    assert "wrong.toml: [parts.propeller]: position: Field required" in refused.stderr

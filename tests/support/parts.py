@@ -1,0 +1,131 @@
+"""A light aircraft made of 40 strips, fuselage and propeller, as its file is written."""
+
+from aerodb.exchange.native import read_native
+from aerodb.tables import AeroDatabase, with_parameters
+
+HEAD = """\
+name = "light aircraft of parts"
+[reference]
+area = 16.0
+chord = 1.5
+span = 11.0
+moment_reference = [-2.0, 0.0, 0.0]
+"""
+
+TEXT = (
+    HEAD
+    + """\
+[parameters]
+wing_slope = { value = 5.0, unit = "1/rad", bounds = [3.0, 7.0], description = "lift slope of the wing's strips" }
+wing_zero = { value = 0.28, bounds = [-0.2, 0.8], description = "lift of the wing's strips at no angle of attack" }
+wing_drag = { value = 0.011, bounds = [0.004, 0.04], description = "least drag of the wing's strips" }
+tail_slope = { value = 3.8, unit = "1/rad", bounds = [1.0, 7.0], description = "lift slope of the tail" }
+tail_downwash = { value = 0.38, bounds = [0.0, 0.8], description = "downwash at the tail by alpha" }
+fin_slope = { value = 3.0, unit = "1/rad", bounds = [0.5, 6.0], description = "lift slope of the fin" }
+elevator_part = { value = 0.8, bounds = [0.2, 1.2], description = "efficiency of the elevator" }
+aileron_part = { value = 0.7, bounds = [0.2, 1.2], description = "efficiency of the ailerons" }
+rudder_part = { value = 0.75, bounds = [0.2, 1.2], description = "efficiency of the rudder" }
+body_drag = { value = 0.16, bounds = [0.02, 0.6], description = "drag of the fuselage over its cross section" }
+
+[tables.THRUST]                      # N, over airspeed and throttle
+arguments = ["V", "throttle"]
+breakpoints = [[0.0, 20.0, 40.0, 60.0, 80.0], [0.0, 0.5, 1.0]]
+values = [
+    [0.0, 1400.0, 2600.0], [-60.0, 1150.0, 2250.0], [-160.0, 800.0, 1850.0],
+    [-300.0, 380.0, 1350.0], [-480.0, -100.0, 800.0],
+]
+
+[parts.propeller]
+kind = "engine"
+position = [0.0, 0.0, 0.1]
+thrust = "THRUST(V, throttle)"
+diameter = 1.9
+
+[parts.wing]
+kind = "surface"
+mirror = true
+root = [-1.95, 0.3, -0.7]
+tip = [-1.95, 5.5, -0.85]
+root_chord = 1.55
+tip_chord = 1.35
+incidence = "1 deg"
+twist = "-2 deg"
+strips = 14
+lift = "wing_slope*alpha + wing_zero"
+drag = "wing_drag + 0.045*lift^2"
+moment = "-0.04"
+[parts.wing.control.delta_aileron]
+chord_ratio = 0.22
+efficiency = "-side*aileron_part"    # right and left move against each other, (R - L)/2
+span = [0.6, 0.95]
+
+[parts.tail]
+kind = "surface"
+mirror = true
+root = [-6.6, 0.0, -0.4]
+tip = [-6.7, 1.7, -0.4]
+root_chord = 1.0
+tip_chord = 0.8
+incidence = "-1 deg"
+strips = 4
+lift = "tail_slope*alpha"
+drag = "0.01 + 0.08*lift^2"
+downwash = "0.02 + tail_downwash*alpha"
+slipstream = "propeller"
+control = { delta_elevator = { chord_ratio = 0.35, efficiency = "elevator_part" } }
+
+[parts.fin]
+kind = "surface"
+root = [-6.5, 0.0, -0.5]
+tip = [-6.9, 0.0, -2.0]
+root_chord = 1.3
+tip_chord = 0.8
+strips = 4
+lift = "fin_slope*alpha"
+drag = "0.01 + 0.1*lift^2"
+control = { delta_rudder = { chord_ratio = 0.3, efficiency = "-rudder_part" } }   # positive to the left
+
+[parts.fuselage]
+kind = "fuselage"
+position = [-2.4, 0.0, 0.1]
+area = 1.5
+drag = "body_drag"
+sideforce = "-0.35*beta"
+volume = 4.5
+inertia_factor = 0.85
+"""
+)
+
+MASSES = {"mass": 1100.0, "cg_x": -2.0, "Ixx": 1300.0, "Iyy": 1800.0, "Izz": 2700.0, "Ixz": 90.0}
+
+
+def aircraft(values: dict[str, float] | None = None) -> AeroDatabase:
+    """The aircraft, with other values of some parameters."""
+    return with_parameters(read_native(TEXT), values or {})
+
+
+VEHICLE = """\
+name = "light-aircraft"
+[reference]
+area = 16.0
+chord = 1.5
+span = 11.0
+[points]
+moment_reference = [-2.0, 0.0, 0.0]
+imu = [-1.8, 0.0, 0.1]
+air_data = [0.5, 1.0, 0.0]
+[mass]
+source = "constant"
+mass = 1100.0
+cg = [-2.0, 0.0, 0.0]
+Ixx = 1300.0
+Iyy = 1800.0
+Izz = 2700.0
+Ixz = 90.0
+[surfaces.elevator]
+limits = ["-25 deg", "25 deg"]
+[surfaces.aileron]
+limits = ["-20 deg", "20 deg"]
+[surfaces.rudder]
+limits = ["-25 deg", "25 deg"]
+"""
