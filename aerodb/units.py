@@ -4,6 +4,7 @@
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,13 +29,140 @@ def _registry() -> Any:
     return registry
 
 
-_SPELLINGS = {
-    "": "dimensionless",
-    "-": "dimensionless",
-    "1": "dimensionless",
-    "g": "g0",
-    "lbs": "lbf",
+#: What tools write -> the unit as pint knows it; G and R as accelerations and temperatures have it.
+_SPELLINGS: Final = {
+    **dict.fromkeys(("", "-", "1"), "dimensionless"),
+    **{"g": "g0", "G": "g0", "lbs": "lbf", "R": "degR", "C": "degC", "F": "degF"},
+    **{"NM": "nautical_mile", "kN": "kN"},
 }
+#: The same in any case and with any spaces; words of which the case decides are not among them.
+_ANY_CASE: Final = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "degtrue", "degmag"), "deg"),
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **dict.fromkeys(("deg/s", "deg/sec", "degs/sec", "degree/s", "degrees/s", "dps"), "deg/s"),
+    **dict.fromkeys(("degrees/second", "degree/second", "degs/s"), "deg/s"),
+    **dict.fromkeys(("rad/s", "rad/sec", "rads/s", "radians/s", "rads/sec"), "rad/s"),
+    **dict.fromkeys(("deg/s2", "deg/s^2", "deg/s/s", "deg/sec2", "deg/sec^2"), "deg/s^2"),
+    **dict.fromkeys(("rad/s2", "rad/s^2", "rad/s/s", "rad/sec2", "rad/sec^2"), "rad/s^2"),
+    **dict.fromkeys(("kt", "kts", "kn", "knot", "knots", "ktas", "kias", "kcas", "keas"), "knot"),
+    **dict.fromkeys(("m/s", "m/sec", "mps", "ms-1", "ms^-1", "meters/sec", "meter/s"), "m/s"),
+    **dict.fromkeys(("ft/s", "ft/sec", "fps", "feet/s", "feet/sec"), "ft/s"),
+    **dict.fromkeys(("ft/min", "fpm", "feet/min"), "ft/min"),
+    **dict.fromkeys(("km/h", "kmh", "kph", "km/hr"), "km/h"),
+    **{"mph": "mile/hour", "cm/s": "cm/s", "mm/s": "mm/s"},
+    **dict.fromkeys(("m/s2", "m/s^2", "m/s/s", "m/sec2", "m/sec^2", "mps2", "ms-2"), "m/s^2"),
+    **dict.fromkeys(("ft/s2", "ft/s^2", "ft/s/s", "ft/sec2", "ft/sec^2", "fps2"), "ft/s^2"),
+    **dict.fromkeys(("g", "gs", "g's"), "g0"),
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("ft", "feet", "foot"), "ft"),
+    **dict.fromkeys(("in", "inch", "inches"), "inch"),
+    **{"km": "km", "cm": "cm", "mm": "mm", "nmi": "nautical_mile"},
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds", "millisecond"), "ms"),
+    **dict.fromkeys(("us", "usec", "micros", "microseconds", "microsecond"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nanoseconds", "nanosecond"), "ns"),
+    **dict.fromkeys(("min", "mins", "minute", "minutes"), "minute"),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), "hour"),
+    **dict.fromkeys(("degc", "celsius", "centigrade"), "degC"),
+    **dict.fromkeys(("degf", "fahrenheit"), "degF"),
+    **dict.fromkeys(("k", "kelvin", "degk"), "K"),
+    **dict.fromkeys(("degr", "rankine"), "degR"),
+    **dict.fromkeys(("pa", "pascal", "n/m2", "n/m^2"), "Pa"),
+    **{"hpa": "hPa", "kpa": "kPa", "mbar": "mbar", "mb": "mbar", "bar": "bar", "psi": "psi"},
+    **dict.fromkeys(("psf", "lbf/ft2", "lbf/ft^2", "lb/ft2", "lb/ft^2", "lbs/ft2"), "psf"),
+    **dict.fromkeys(("lbs/ft^2", "lbsf/ft2"), "psf"),
+    **dict.fromkeys(("inhg", "inchhg", "in.hg", "inhga"), "inHg"),
+    **dict.fromkeys(("kg/m3", "kg/m^3"), "kg/m^3"),
+    **dict.fromkeys(("slug/ft3", "slug/ft^3", "slugs/ft3", "slugs/ft^3"), "slug/ft^3"),
+    **{"kg": "kg", "lb": "lb", "slug": "slug", "slugs": "slug", "n": "N", "newton": "N"},
+    **{"lbf": "lbf", "newtons": "N", "ratio": "dimensionless"},
+    **dict.fromkeys(("%", "pct", "percent"), "percent"),
+}
+#: What tools write behind a unit about the quantity, not the unit.
+_QUALIFIERS: Final = re.compile(r"(?<=[a-z])\s*_?(msl|agl|amsl|asl|baro|wgs|gps|true|mag)$")
+#: Units of columns that are no channels, in rows of units.
+_OTHER_UNITS: Final = frozenset(
+    [
+        "volts",
+        "volt",
+        "v",
+        "mv",
+        "amps",
+        "amp",
+        "a",
+        "ma",
+        "mah",
+        "w",
+        "rpm",
+        "gals",
+        "gal",
+        "gph",
+        "pph",
+        "hz",
+        "khz",
+        "bool",
+        "enum",
+        "ident",
+        "text",
+        "string",
+        "crsr",
+        "#",
+        "none",
+        "n/a",
+        "yyyy-mm-dd",
+        "yyy-mm-dd",
+        "hh:mm:ss",
+        "hh:mm",
+        "dd.mm.yyyy",
+        "utc",
+        "count",
+        "counts",
+        "int",
+        "float",
+        "pixel",
+        "dbm",
+        "c",
+        "f",
+        "r",
+    ]
+)
+
+
+def spelled(unit: str) -> str:
+    """Return a unit as pint knows it, from what tools write; unknown text as it is.
+
+    >>> spelled("KTAS"), spelled("deg/sec^2"), spelled("ft MSL"), spelled("R"), spelled("slug")
+    ('knot', 'deg/s^2', 'ft', 'degR', 'slug')
+    """
+    if unit in _SPELLINGS:
+        return _SPELLINGS[unit]
+    plain = unit.strip()
+    for sign, word in _SIGNS.items():
+        plain = plain.replace(sign, word)
+    short = re.sub(r"\s+", "", plain.lower())
+    for key in (short, _QUALIFIERS.sub("", plain.lower()).strip(), _QUALIFIERS.sub("", short)):
+        if key in _ANY_CASE:
+            return _ANY_CASE[key]
+    return _SPELLINGS.get(plain, plain)
+
+
+_SIGNS: Final = {"°": "deg", "º": "deg", "µ": "u", "μ": "u", "²": "^2", "³": "^3", "⁻¹": "^-1"}
+
+
+def is_spelled(text: str) -> bool:
+    """Return whether a text is a unit as logs write it, such as ``KTAS`` or ``ft msl``.
+
+    >>> is_spelled("ft msl"), is_spelled("time"), is_spelled("deg C")
+    (True, False, True)
+    """
+    words = text.strip()
+    return (
+        words in ("", "-")
+        or words in _SPELLINGS
+        or spelled(words) != words
+        or words.lower() in _ANY_CASE
+        or words.lower() in _OTHER_UNITS
+    )
 
 
 @lru_cache(maxsize=256)
@@ -51,8 +179,8 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
     Raises InputError for an unknown unit, or one of another dimension.
     """
     try:
-        source = _registry().Unit(_SPELLINGS.get(unit, unit))
-        target = _registry().Unit(_SPELLINGS.get(to, to))
+        source = _registry().Unit(spelled(unit))
+        target = _registry().Unit(spelled(to))
         zero, one = (
             float(_registry().Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0)
         )
@@ -79,7 +207,7 @@ def si_conversion(unit: str) -> tuple[float, float]:
     Raises InputError for an unknown unit.
     """
     conversion(unit, unit)  # an unknown one is an error
-    base = f"{_registry().Quantity(1.0, _SPELLINGS.get(unit, unit)).to_base_units().units}"
+    base = f"{_registry().Quantity(1.0, spelled(unit)).to_base_units().units}"
     return conversion(unit, base)
 
 

@@ -1,11 +1,11 @@
-"""Reader of text tables: CSV (comma, semicolon, tab) and whitespace-separated columns, with or
-without a header line."""
+"""Reader of text tables as tools write them: CSV (comma, semicolon, tab, pipe) and columns between
+blanks, with or without a header line."""
 
 import csv
 import io
 import re
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -13,16 +13,24 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
+from aerodb.storage.readers.text_cells import is_number, numbers_of
+from aerodb.storage.readers.text_layout import SAMPLE, Layout, closing_lines, text_layout
+from aerodb.units import is_spelled
 
-_UNIT = re.compile(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*")
-_SYMBOLS = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
-_NEWLINE = 0x0A
+_UNIT: Final = re.compile(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*")
+#: What stands behind a comma or a slash, or in the last brackets but an index: ``alpha,__deg`` of
+#: X-Plane, ``alpha / deg``.
+_BEHIND: Final = re.compile(r"(.*?)\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?")
+_INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
+_SYMBOLS: Final = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
+_NEWLINE: Final = 0x0A
+_UTF16: Final = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns (n,) by name as float64, units from the header, damage, and the names of text
-    columns."""
+    """Columns (n,) by name as float64, units from the header, damage, and in `metadata` what was
+    not read or not read as it stands."""
 
     columns: dict[str, NDArray[Any]]
     units: dict[str, str]
@@ -33,43 +41,51 @@ class TextTable:
 def read_text(data: bytes, where: str) -> TextTable:
     """Read a text table from the bytes of its file.
 
-    Leading lines that begin with ``#`` or ``%`` are comments; the last of them is the header if it
-    has as many words as there are columns. A last line without a line end may be truncated within a
-    number, so it is left out and reported. Raises InputError for binary files, ragged lines (naming
-    the first one), and files without numbers.
+    Lines above the data are comments (``#`` or ``%``), titles, names and units (`text_layout`);
+    names in a comment count if there are as many as columns. Closing lines without a number,
+    comments and names that are repeated between the data are left out and said. A last line without
+    a line end may be truncated within a number, so it is left out and reported. The decimal sign,
+    thousands, dates and durations are decided column by column (`numbers_of`).
 
-    Columns (n,), in the units of the file.
+    Raises InputError for binary files, ragged lines (naming the first one), and files without
+    numbers. Columns (n,), in the units of the file; times in [s].
     """
+    data = _as_utf8(data)
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    body, comment, offset = _without_comments(data)
+    if not data.strip():
+        what = "the file contains no rows of numbers"
+        raise InputError(what, where, "check that the log was written to its end")
+    lines = data.split(b"\n", SAMPLE)[:SAMPLE]
+    layout = text_layout(lines, where)
+    remarks = [_quoted_title(lines, layout)] if layout.titles else []
+    body = data[sum(len(line) + 1 for line in lines[: layout.first]) :]
     body, damage = _without_cut_line(body)
-    first = body.split(b"\n", 1)[0]
-    delimiter = _delimiter(first)
-    header = _words(first, delimiter)
-    names: list[str] | None = None
-    if _is_header(header):
-        names, body, offset = header, body[len(first) + 1 :], offset + 1
+    body, closing = _without_closing(body, layout)
+    body, again = _without_repeats(body, lines[: layout.first], layout)
+    remarks += closing + again
     if not body.strip():
         raise InputError(
             "the file contains no rows of numbers",
             where,
             "check that the log was written to its end",
         )
-    width = _check_ragged(body, delimiter, offset, len(names) if names else None, where)
-    if names is None and len(comment) == width:
-        names = comment
-    frame = _frame(body, delimiter, where)
-    columns, text, broken = _columns(frame, names)
-    units = {name: unit for name, unit in (_split_unit(name) for name in columns) if unit}
-    named = {_split_unit(name)[0]: values for name, values in columns.items()}
-    if len(named) < len(columns):
-        raise InputError("two columns have the same name", where, "give each column a unique name")
-    if not named:
+    _check_ragged(body, layout, where)
+    frame = _frame(body, layout, where)
+    columns, units, text, broken, said = _columns(frame, layout)
+    if not columns:
         raise InputError(
             "no column contains numbers", where, "check the delimiter and the decimal sign"
         )
-    return TextTable(named, units, damage + broken, {"skipped": ", ".join(text)} if text else {})
+    metadata: dict[str, str | int | float] = {"skipped": ", ".join(text)} if text else {}
+    if remarks + said:
+        metadata["remarks"] = "; ".join(remarks + said)
+    return TextTable(columns, units, damage + broken, metadata)
+
+
+def _as_utf8(data: bytes) -> bytes:
+    """Text that Excel saves as "Unicode" is UTF-16."""
+    return data.decode("utf-16", "replace").encode() if data[:2] in _UTF16 else data
 
 
 def _refuse_binary(data: bytes, where: str) -> None:
@@ -79,79 +95,59 @@ def _refuse_binary(data: bytes, where: str) -> None:
         raise InputError(what, where, "use the suffix of the log's format; save text as UTF-8")
 
 
-def _without_comments(data: bytes) -> tuple[bytes, list[str], int]:
-    """The table itself, the words of the last comment before it, and the number of lines before
-    it."""
-    position, lines, comment = 0, 0, b""
-    while position < len(data):
-        end = data.find(b"\n", position)
-        line = data[position : end if end >= 0 else len(data)].strip()
-        if line and line[:1] not in b"#%":
-            break
-        comment = line or comment
-        lines += 1
-        position = end + 1 if end >= 0 else len(data)
-    stripped = comment.lstrip(b"#% ")
-    return data[position:], _words(stripped, _delimiter(stripped)) if stripped else [], lines
+def _quoted_title(lines: list[bytes], layout: Layout) -> str:
+    title = next(line for line in lines if line.strip()).decode("utf-8", "replace").strip()
+    more = f" and {layout.titles - 1} more" if layout.titles > 1 else ""
+    return f"titles above the table are not read: '{title:.40}'{more}"
 
 
 def _without_cut_line(body: bytes) -> tuple[bytes, list[Damage]]:
-    if body.endswith(b"\n") or not body:
-        return body, []
+    """Leave out the last line if it has no line end, unless it holds no number."""
     whole = body.rfind(b"\n") + 1
+    if not re.search(rb"\d", body[whole:]):
+        return body, []
     what = "the last line has no line end: it may be cut and was left out"
     return body[:whole], [Damage("lost_tail", what, topic="table", bytes_lost=len(body) - whole)]
 
 
-def _delimiter(line: bytes) -> str:
-    counts = {sign: line.count(sign.encode()) for sign in (";", "\t", ",")}
-    best = max(counts, key=lambda sign: counts[sign])
-    return best if counts[best] else " "
+def _without_closing(body: bytes, layout: Layout) -> tuple[bytes, list[str]]:
+    """Leave out the last lines if they hold no number: closing words of a tool."""
+    begin = closing_lines(body, layout)
+    if begin == len(body):
+        return body if body.endswith(b"\n") else body + b"\n", []
+    first = body[begin:].strip().split(b"\n", 1)[0].decode("utf-8", "replace")
+    return body[:begin], [f"closing lines are not read: '{first:.40}'"]
 
 
-def _words(line: bytes, delimiter: str) -> list[str]:
-    try:
-        text = line.decode("utf-8")
-    except UnicodeDecodeError:
-        text = line.decode("latin-1")
-    if delimiter == " ":
-        return text.split()
-    return [word.strip() for word in next(csv.reader([text], delimiter=delimiter), [])]
+def _without_repeats(body: bytes, above: list[bytes], layout: Layout) -> tuple[bytes, list[str]]:
+    """Blank comments between the data, and names that stand there again."""
+    marks = [re.escape(line) for line in dict.fromkeys(above) if line.strip() and layout.names]
+    marks += [rb"[#%][^\n]*"] if re.search(rb"^[#%]", body, re.MULTILINE) else []
+    found = 0
+    for mark in marks:
+        body, times = re.subn(rb"^" + mark + rb"$", b"", body, flags=re.MULTILINE)
+        found += times
+    return body, [f"{found} comments or repeated headers between the data"] if found else []
 
 
-def _is_header(words: list[str]) -> bool:
-    """Return whether more than half of the words in the line are not numbers: one damaged number
-    does not make a header."""
-    filled = [word for word in words if word]
-    return sum(not _is_number(word) for word in filled) > 0.5 * len(filled)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _check_ragged(body: bytes, delimiter: str, offset: int, width: int | None, where: str) -> int:
-    """The number of columns, equal on all lines that are not blank; InputError names the first line
-    that differs."""
+def _check_ragged(body: bytes, layout: Layout, where: str) -> None:
+    """Refuse lines that are not blank and have another number of fields; InputError names the first
+    of them."""
     if b'"' in body:
         rows = csv.reader(
-            io.StringIO(body.decode("latin-1")), delimiter=delimiter, skipinitialspace=True
+            io.StringIO(body.decode("latin-1")),
+            delimiter=layout.delimiter,
+            skipinitialspace=True,
         )
         counts = np.array([len(row) for row in rows])
     else:
-        counts = _field_counts(np.frombuffer(body, np.uint8), delimiter)
+        counts = _field_counts(np.frombuffer(body, np.uint8), layout.delimiter)
     filled = np.flatnonzero(counts)
-    width = int(counts[filled[0]]) if width is None else width
-    other = filled[counts[filled] != width]
+    other = filled[counts[filled] != layout.width]
     if other.size:
-        line = int(other[0])
-        what = f"line {line + 1 + offset} has {counts[line]} fields, {width} were expected"
+        line, width = int(other[0]), layout.width
+        what = f"line {line + 1 + layout.first} has {counts[line]} fields, {width} were expected"
         raise InputError(what, where, "repair that line, or quote texts that contain the delimiter")
-    return width
 
 
 def _field_counts(text: NDArray[np.uint8], delimiter: str) -> NDArray[np.int64]:
@@ -166,16 +162,16 @@ def _field_counts(text: NDArray[np.uint8], delimiter: str) -> NDArray[np.int64]:
     return np.where((words > 0) | (marks > 0), marks + 1, 0)
 
 
-def _frame(body: bytes, delimiter: str, where: str) -> pd.DataFrame:
-    comma = delimiter in ";\t" and b"," in body and b"." not in body
+def _frame(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
     try:
         return pd.read_csv(
             io.BytesIO(body),
             header=None,
-            sep=r"\s+" if delimiter == " " else delimiter,
-            decimal="," if comma else ".",
+            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+            decimal="," if layout.comma and layout.delimiter != "," else ".",
             quoting=csv.QUOTE_MINIMAL if b'"' in body else csv.QUOTE_NONE,
-            encoding="latin-1",
+            encoding="utf-8",
+            encoding_errors="replace",
             low_memory=False,
             skipinitialspace=True,
         )
@@ -190,22 +186,29 @@ def _frame(body: bytes, delimiter: str, where: str) -> pd.DataFrame:
 
 
 def _columns(
-    frame: pd.DataFrame, names: list[str] | None
-) -> tuple[dict[str, NDArray[Any]], list[str], list[Damage]]:
-    """Columns of numbers by name, names of those of text or nothing, and damage where single cells
-    are not numbers."""
+    frame: pd.DataFrame, layout: Layout
+) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], list[Damage], list[str]]:
+    """Columns of numbers by name, their units, names of those of text or nothing, damage where
+    single cells are not numbers, and how texts were read."""
+    headers = [(layout.names[k] if layout.names else "") for k in range(len(frame.columns))]
+    split = [_split_unit(header) for header in headers]
+    shorts = [short for short, _ in split]
     columns: dict[str, NDArray[Any]] = {}
-    text, damage = [], []
+    units: dict[str, str] = {}
+    text, damage, said = list[str](), list[Damage](), list[str]()
     for number, key in enumerate(frame.columns):
-        name = (names[number] if names else "") or str(number + 1)
+        short, unit = split[number]
+        name = (short if shorts.count(short) == 1 else headers[number]) or str(number + 1)
         while name in columns or name in text:
             name += "_"
         series = frame[key]
-        values = pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64)
-        bad = np.isnan(values) & series.notna().to_numpy()
-        if bad.sum() > 0.5 * len(values):
-            text.append(name)
+        cells = numbers_of(series, layout.comma)
+        if cells is None:
+            if headers[number] or series.notna().any():
+                text.append(name)
             continue
+        bad = np.isnan(cells.values) & series.notna().to_numpy(dtype=bool)
+        bad[bad] = [not is_number(str(each)) for each in series[bad]]
         if bad.any():
             row = int(np.argmax(bad))
             what = (
@@ -213,21 +216,29 @@ def _columns(
                 f" {series[row]!r:.40}"
             )
             damage.append(Damage("values", what, topic="table"))
-        if np.all(np.isnan(values)):
-            text.append(name)
-        else:
-            columns[name] = values
-    return columns, text, damage
+        columns[name] = cells.values
+        stated = unit or layout.units[number].strip("[]() ") or cells.unit
+        unit = cells.unit if cells.read_as.endswith("as seconds") else stated
+        if unit:
+            units[name] = _SYMBOLS.get(unit, unit)
+        if cells.read_as:
+            said.append(f"{name}: {cells.read_as}")
+    return columns, units, text, damage, said
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """Name and unit of a header such as ``alpha [deg]`` or ``alpha (deg)``; no unit: empty.
+    """Name and unit of a header such as ``alpha [deg]``, ``alpha (deg)`` or ``alpha,__deg``; no
+    unit: empty. A number or an axis in brackets is an index.
 
-    >>> _split_unit("V (ft/s)")
-    ('V', 'ft/s')
+    >>> _split_unit("V (ft/s)"), _split_unit("gyro[0]"), _split_unit("Vtrue,_ktas")
+    (('V', 'ft/s'), ('gyro[0]', ''), ('Vtrue', 'ktas'))
     """
     match = _UNIT.fullmatch(name)
-    if match is None or not match[1]:
-        return name, ""
-    unit = (match[2] if match[2] is not None else match[3]).strip()
-    return match[1], _SYMBOLS.get(unit, unit)
+    if match is not None and match[1]:
+        unit = (match[2] if match[2] is not None else match[3]).strip()
+        if not _INDEX.fullmatch(unit):
+            return match[1], _SYMBOLS.get(unit, unit)
+    behind = _BEHIND.fullmatch(name)
+    if behind is not None and behind[1].strip("_ ") and is_spelled(behind[2]):
+        return behind[1].strip("_ "), behind[2]
+    return name, ""

@@ -215,7 +215,7 @@ def test_damaged_cells_are_reported(tmp_path: Path) -> None:
         ("short.txt", b"# c\n1 2\n3\n4 5\n", "line 3 has 1 fields"),
         ("words.csv", b"a,b\nx,y\nz,w\n", "no column contains numbers"),
         ("header.csv", b"a,b\n", "no rows"),
-        ("twice.csv", b"a [m],a [ft]\n1,2\n", "same name"),
+        ("wider.csv", b"a,b,c\n1,2\n3,4\n", "line 2 has 2 fields, 3 were expected"),
         ("short.mat", b"MATLAB 5.0 MAT-file" + bytes(20), "not a .mat file"),
         ("nothing.mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM", "no table"),
         ("log.xyz", b"1 2\n", "unknown kind"),

@@ -1,0 +1,223 @@
+"""Text tables as tools write them: every form holds the same three columns, which are compared with
+the numbers that were written; what is not read is said."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.recording import Recording
+from aerodb.storage.readers.tabular import read_tabular
+
+TIME = np.arange(60) * 0.05
+SPEED = 1020.0 + 10.0 * np.sin(TIME)
+LOAD = -9.81 + 0.25 * np.cos(TIME)
+TRUTH = {"time": TIME, "V": SPEED, "az": LOAD}
+
+Cell = Callable[[float], str]
+
+
+def plain(value: float) -> str:
+    return f"{value:.5f}"
+
+
+def comma(value: float) -> str:
+    return plain(value).replace(".", ",")
+
+
+def rows(sep: str, cell: Cell = plain, end: str = "") -> str:
+    return "".join(
+        sep.join(map(cell, row)) + end + "\n" for row in zip(TIME, SPEED, LOAD, strict=True)
+    )
+
+
+def stamped(stamp: Callable[[float], str], sep: str = ",", cell: Cell = plain) -> str:
+    return "".join(
+        sep.join((stamp(t), cell(v), cell(a))) + "\n"
+        for t, v, a in zip(TIME, SPEED, LOAD, strict=True)
+    )
+
+
+def clock(seconds: float, sign: str = ".") -> str:
+    whole = int(seconds + 1e-9)
+    part = round((seconds - whole) * 1000)
+    return f"{14 + whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}{sign}{part:03d}"
+
+
+def fortran(value: float) -> str:
+    return f"{value:.9E}".replace("E", "D")
+
+
+HEADER = "time,V,az\n"
+FORMS = {
+    "excel sep": "sep=;\n" + HEADER.replace(",", ";") + rows(";", comma),
+    "excel sep quoted": '"sep=\t"\n' + HEADER.replace(",", "\t") + rows("\t"),
+    "titles": "Flight test\nAircraft,example\n\n" + HEADER + rows(","),
+    "many titles": "".join(f"H line {k}: setting\n" for k in range(150)) + HEADER + rows(","),
+    "trailing": HEADER + rows(",", end=","),
+    "trailing in the header too": "time,V,az,\n" + rows(",", end=","),
+    "trailing header alone": "time,V,az,\n" + rows(","),
+    "closing": HEADER + rows(",") + "END OF DATA\n",
+    "closing without line end": HEADER + rows(",") + "\nend of file",
+    "closing of as many words": "time V az\n" + rows(" ") + "END OF DATA\n",
+    "pipes": "\n time | V | az | \n" + rows(" | ", end=" | "),
+    "framed by pipes": "| time | V | az |\n" + rows(" | ").replace("\n", " |\n"),
+    "names with commas between tabs": "time, s\tV, m/s\taz, m/s^2\n" + rows("\t"),
+    "minus sign of typography": HEADER + rows(",").replace("-", "\u2212"),
+    "exponents of Fortran": "time V az\n" + rows("  ", fortran),
+    "decimal comma": "time;V;az\n" + rows(";", comma),
+    "decimal comma between blanks": "time V az\n" + rows("  ", comma),
+    "decimal comma quoted": HEADER + rows(",", lambda x: f'"{comma(x)}"'),
+    "thousands with dots": "time;V;az\n"
+    + rows(";", lambda x: comma(x).replace("10", "1.0", 1) if x > 1000 else comma(x)),
+    "thousands with commas": HEADER + rows(",", lambda x: f'"{x:,.5f}"'),
+    "thousands with apostrophes": "time;V;az\n"
+    + rows(";", lambda x: f"{x:,.5f}".replace(",", "'")),
+    "units above": "s,m/s,m/s^2\n" + HEADER + rows(","),
+    "units below": HEADER + "s,m/s,m/s^2\n" + rows(","),
+    "units below in brackets": HEADER + "[s],[m/s],[m/s^2]\n" + rows(","),
+    "units in a comment": "#s, m/s, m/s2\n" + HEADER + rows(","),
+    "names in a comment": "# flight of today\n# time V az\n" + rows(" "),
+    "group line above": "Clock,Air data,\ntime,V,az\n" + rows(","),
+    "comments between the data": HEADER + rows(",").replace("\n0.5", "\n# paused\n0.5", 1),
+    "names again": HEADER + rows(",").replace("\n1.0", "\n" + HEADER + "1.0", 1),
+    "numbers with units": HEADER + rows(",").replace(",-", " s,-").replace(" s,", " m/s,"),
+    "ISO": HEADER + stamped(lambda t: f"2024-03-12T{clock(t)}Z"),
+    "ISO with a zone": HEADER + stamped(lambda t: f"2024-03-12 {clock(t)}+01:00"),
+    "German date": "time;V;az\n" + stamped(lambda t: f"12.03.2024 {clock(t, ',')}", ";", comma),
+    "American date": HEADER + stamped(lambda t: f"03/25/2024 {clock(t)}"),
+    "MATLAB date": HEADER + stamped(lambda t: f"12-Mar-2024 {clock(t)}"),
+    "time of day": HEADER + stamped(clock),
+    "AM and PM": HEADER + stamped(lambda t: clock(t).replace("14:", "02:") + " PM"),
+    "past midnight": HEADER
+    + stamped(
+        lambda t: (
+            f"23:59:59.{round(t * 1000):03d}" if t < 0.999 else clock(t - 1.0).replace("14:", "00:")
+        )
+    ),
+    "minutes and seconds": HEADER + stamped(lambda t: f"0:{t:06.3f}"),
+    "pandas durations": HEADER + stamped(lambda t: f"0 days {clock(t).replace('14:', '00:')}"),
+}
+
+
+def read(folder: Path, text: str, encoding: str = "utf-8") -> Recording:
+    path = folder / "flight.csv"
+    path.write_text(text, encoding=encoding, newline="")
+    return read_tabular(path)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_holds_the_same_numbers(tmp_path: Path, form: str) -> None:
+    recording = read(tmp_path, FORMS[form])
+    topic = recording.topics["table"]
+    assert list(topic.fields) == list(TRUTH)
+    for name, expected in TRUTH.items():
+        values = np.asarray(topic.fields[name])
+        values = values - values[0] if name == "time" else values
+        np.testing.assert_allclose(values, expected, rtol=1e-8, atol=6e-6, err_msg=name)
+    assert not recording.damage
+    assert "skipped" not in recording.metadata
+
+
+@pytest.mark.parametrize("form", [name for name in FORMS if name.startswith("units")])
+def test_units_of_a_row_are_those_of_the_columns(tmp_path: Path, form: str) -> None:
+    units = read(tmp_path, FORMS[form]).topics["table"].units
+    assert dict(units) in (
+        {"time": "s", "V": "m/s", "az": "m/s^2"},
+        {"time": "s", "V": "m/s", "az": "m/s2"},
+    )
+
+
+def test_dates_are_seconds_since_1970(tmp_path: Path) -> None:
+    """2024-03-12 14:00:00 UTC is 1710252000 s of POSIX time (IEEE 1003.1, 4.16)."""
+    for form, first in (
+        ("ISO", 1710252000.0),
+        ("ISO with a zone", 1710252000.0 - 3600.0),
+        ("German date", 1710252000.0),
+        ("MATLAB date", 1710252000.0),
+    ):
+        topic = read(tmp_path, FORMS[form]).topics["table"]
+        assert topic.fields["time"][0] == first, form
+        assert topic.units["time"] == "s"
+
+
+@pytest.mark.parametrize(
+    ("form", "said"),
+    [
+        ("titles", "titles above the table are not read: 'Flight test' and 1 more"),
+        ("closing", "closing lines are not read: 'END OF DATA'"),
+        ("names again", "1 comments or repeated headers between the data"),
+        ("ISO", "time: dates as seconds"),
+    ],
+)
+def test_what_is_not_read_as_it_stands_is_said(tmp_path: Path, form: str, said: str) -> None:
+    assert read(tmp_path, FORMS[form]).metadata["remarks"] == said
+
+
+def test_an_order_of_day_and_month_that_stays_open_is_said(tmp_path: Path) -> None:
+    text = HEADER + stamped(lambda t: f"03/12/2024 {clock(t)}")
+    assert "the first number as the month" in str(read(tmp_path, text).metadata["remarks"])
+
+
+def test_one_name_with_two_units_is_two_columns(tmp_path: Path) -> None:
+    topic = read(tmp_path, "t [s],a [deg],a [rad]\n0,1,2\n1,3,4\n").topics["table"]
+    assert dict(topic.units) == {"t": "s", "a [deg]": "deg", "a [rad]": "rad"}
+
+
+@pytest.mark.parametrize(
+    "names", ["g[0],g[1],g[2]", "g(1),g(2),g(3)", "g[x],g[y],g[z]", "g(1 ),g(2 ),g(3 )"]
+)
+def test_an_index_in_brackets_is_no_unit(tmp_path: Path, names: str) -> None:
+    topic = read(tmp_path, f"{names}\n1,2,3\n4,5,6\n").topics["table"]
+    assert list(topic.fields) == names.split(",")
+    assert not topic.units
+
+
+def test_an_index_before_a_unit(tmp_path: Path) -> None:
+    topic = read(tmp_path, "g[0] (rad/s),g[1] (rad/s)\n1,2\n3,4\n").topics["table"]
+    assert dict(topic.units) == {"g[0]": "rad/s", "g[1]": "rad/s"}
+
+
+def test_names_of_x_plane_hold_their_units(tmp_path: Path) -> None:
+    text = " _totl,_time |  Vtrue,_ktas |  alpha,__deg | \n 0.1 | 100.0 | 4.0 | \n 0.2 | 101.0 | 4.1 | \n"
+    topic = read(tmp_path, text).topics["table"]
+    assert dict(topic.units) == {"Vtrue": "ktas", "alpha": "deg"}
+
+
+def test_unicode_text_of_excel(tmp_path: Path) -> None:
+    topic = read(tmp_path, HEADER.replace(",", "\t") + rows("\t"), "utf-16").topics["table"]
+    np.testing.assert_allclose(topic.fields["V"], SPEED, atol=1e-5)
+
+
+def test_a_column_of_remarks_beside_decimal_commas(tmp_path: Path) -> None:
+    text = "Zeit [s];V [m/s];Bemerkung\n" + "".join(
+        f"{comma(t)};{comma(v)};Anflug Nr. 1\n" for t, v in zip(TIME, SPEED, strict=True)
+    )
+    recording = read(tmp_path, text)
+    np.testing.assert_allclose(recording.topics["table"].fields["V"], SPEED, atol=1e-5)
+    assert recording.metadata["skipped"] == "Bemerkung"
+
+
+def test_numbers_with_points_are_read_bit_for_bit(tmp_path: Path) -> None:
+    values = np.random.default_rng(5).normal(size=(40, 3))
+    text = HEADER + "".join(",".join(map(repr, row.tolist())) + "\n" for row in values)
+    fields = read(tmp_path, text).topics["table"].fields
+    np.testing.assert_allclose(np.column_stack(list(fields.values())), values, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("a,b,c\n1,2\n3,4\n", "line 2 has 2 fields, 3 were expected"),
+        ("T\n\na,b\n1,2\n3,4,5\n6,7\n", "line 5 has 3 fields, 2 were expected"),
+        ("a,b\n# x\n1,2\n3\n6,7\n", "line 4 has 1 fields, 2 were expected"),
+        ("\n\n", "no rows of numbers"),
+    ],
+)
+def test_a_line_that_does_not_fit_is_named_as_the_file_counts(
+    tmp_path: Path, text: str, what: str
+) -> None:
+    with pytest.raises(InputError, match=what):
+        read(tmp_path, text)
