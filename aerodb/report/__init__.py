@@ -25,7 +25,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
-    from .decision import Decision, decision, measurements, to_try
+    from .decision import Decision, decision
     from .diff_documents import (
         curve_document,
         diff_document,
@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from .log_page import MOST_LOGS, LogStory, log_report, script_source
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .mode_table import COMPARED, mode_table, mode_words
+    from .next_command import accepting, measurements, measuring
     from .numbers import display_unit, for_people
     from .page import pdf, render
     from .qualification import feedback_words, qualification_csv

@@ -5,16 +5,16 @@ What stands on top of every command and page. Everything is taken from the docum
 (docs/reference/contract.md, section JSON); nothing is computed from sentences.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from aerodb.increments import NEAR_FLOOR
-from aerodb.loop import ALL
 from aerodb.remarks import REFUSED
 from aerodb.report.document import remarks_of
-from aerodb.report.glossary import advice_words, effect_words, listed
+from aerodb.report.glossary import effect_words, listed
 from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
+from aerodb.report.next_command import next_step
 from aerodb.report.numbers import for_people, number
 from aerodb.tracing import ADDED
 from aerodb.units import SI, UnitSystem
@@ -23,11 +23,6 @@ from aerodb.units import SI, UnitSystem
 RATES: Final = ("p", "q", "r")
 #: Most changes, suspicions and axes that a line names.
 _MOST: Final = 3
-#: Verdict of a finding -> the option of `close-loop` that adds it all the same.
-OPTIONS: Final = {
-    "suspected": "--accept-suspected",
-    "alias_group": "--accept-lumped",
-}
 
 
 @dataclass(frozen=True)
@@ -42,11 +37,16 @@ class Decision:
     lines: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-def decision(document: Mapping[str, Any], units: UnitSystem = SI, rest: str = "-v") -> Decision:
+def decision(
+    document: Mapping[str, Any],
+    units: UnitSystem = SI,
+    rest: str = "-v",
+    given: Sequence[str] = (),
+) -> Decision:
     """Return what to decide on, from the document of an update or a closed loop.
 
-    rest : where the rest is told. Errors are rms of dimensionless coefficients; shares are of what
-    an axis varied in flight.
+    rest : where the rest is told. given : options that the loop was asked with. Errors are rms of
+    dimensionless coefficients; shares are of what an axis varied in flight.
     Raises KeyError for any other document.
     """
     loop = "library" in document
@@ -59,40 +59,12 @@ def decision(document: Mapping[str, Any], units: UnitSystem = SI, rest: str = "-
         ("proved", [_proof(document)] if made else []),
         ("gate", [_gate(document)] if made else []),
         ("left", [_left(document, rest)]),
-        ("next", [_next(document)] if loop or made else []),
+        ("next", [next_step(document, given)] if loop or made else []),
     ]
     return Decision(
         f"{document['vehicle']}: {_verdict(document)} ({_flights(document)})",
         tuple((label, tuple(texts)) for label, texts in lines if any(texts)),
     )
-
-
-def to_try(document: Mapping[str, Any]) -> list[str]:
-    """Options that add what is only suspected, or one of several that these flights cannot tell
-    apart; not what another shape fits better, or what was tried and is worth nothing."""
-    barred = {*document["added"], *document.get("without_gain", ())}  # not in older documents
-    return [
-        f"{OPTIONS[finding['verdict']]} {finding['hypothesis']}"
-        for finding in document["findings"]
-        if finding["verdict"] in OPTIONS
-        and not finding.get("shape")
-        and finding["hypothesis"] not in barred
-    ]
-
-
-def measurements(document: Mapping[str, Any]) -> dict[str, str]:
-    """Parameter of a sensor -> how well it has to be measured outside flight to tell a finding from
-    it, with the unit; empty where no accuracy decides."""
-    return {
-        each["parameter"]: "" if each["sigma"] is None else _accuracy(each["sigma"], each["unit"])
-        for finding in document["findings"]
-        for each in finding.get("wanted", ())
-    }
-
-
-def _accuracy(sigma: float, unit: str) -> str:
-    """A number with two digits and its unit, a share in per cent."""
-    return f"{100.0 * sigma:.2g} %" if unit == "1" else f"{sigma:.2g} {unit}"
 
 
 def _verdict(document: Mapping[str, Any]) -> str:
@@ -103,16 +75,35 @@ def _verdict(document: Mapping[str, Any]) -> str:
             axes = listed([entry["axis"] for entry in document["increments"]])
             return f"{document['label']} has the declared increments on {axes}; {ready}"
         return f"{document['label']} has {_count(len(document['added']), 'change')}; {ready}"
-    findings = document["findings"]
-    if findings and all(entry["verdict"] == "sensor" for entry in findings):
-        return "the database stays; the errors found are in the sensors"
-    if findings:
-        return f"nothing is proved yet; {_count(len(findings), 'suspicion')}"
+    if document["findings"]:
+        return _nothing_added(document)
     tested = document["not_found"]
     open_ones = sum(entry["verdict"] != "not_detected" for entry in tested)
     if 2 * open_ones > len(tested):
         return f"these flights cannot decide; {open_ones} of {len(tested)} causes stay open"
+    if _far_rows(document):
+        return f"no cause was found for the error that is left; {len(tested)} were tested"
     return f"nothing is missing that these flights could show; {len(tested)} causes were tested"
+
+
+def _nothing_added(document: Mapping[str, Any]) -> str:
+    """The verdict where something was found and nothing was added: what is proved all the same, and
+    how much is not."""
+    findings = document["findings"]
+    proved = [entry for entry in findings if entry["verdict"] in ADDED]
+    sensors = [entry for entry in findings if entry["verdict"] == "sensor"]
+    others = len(findings) - len(proved) - len(sensors)
+    clauses = [_count(others, "suspicion")] if others else []
+    if sensors:
+        clauses.insert(0, _count(len(sensors), "error") + " of sensors")
+    if proved:
+        idle = all(each["hypothesis"] in document.get("without_gain", ()) for each in proved)
+        why = ", as other flights gain nothing from it" if idle else ""
+        clauses.insert(0, f"{len(proved)} confirmed{why}")
+        return f"nothing was added; {'; '.join(clauses)}"
+    if not others:
+        return "the database stays; the errors found are in the sensors"
+    return f"nothing is proved yet; {'; '.join(clauses)}"
 
 
 def _flights(document: Mapping[str, Any]) -> str:
@@ -227,7 +218,8 @@ def _proof(document: Mapping[str, Any]) -> str:
         if document["validation"]["kind"] == "cross-validated"
         else "on the flights that identified, which proves little"
     )
-    error = f"error of {best['axis']} {number(best['before'])} -> {number(best['after'])}"
+    fell = "" if best["after"] < best["before"] else "no error falls; "
+    error = f"{fell}error of {best['axis']} {number(best['before'])} -> {number(best['after'])}"
     if best["of_flown"] is not None:
         before = best["of_flown"] * best["before"] / best["after"] if best["after"] else None
         error += f" ({_share(before)} -> {_share(best['of_flown'])} of what was flown)"
@@ -254,21 +246,13 @@ def _gate(document: Mapping[str, Any]) -> str:
 def _left(document: Mapping[str, Any], rest: str) -> str:
     """The axes that are worst beside their noise floor, in per cent of what was flown, and how many
     causes stay open."""
-    shown = shown_axes(document)
-    rows = [
-        row
-        for row in error_rows(document)
-        if row["axis"] in shown and row["times_floor"] and row["times_floor"] > NEAR_FLOOR
-    ]
-    rows.sort(key=lambda row: -row["times_floor"])
+    rows = _far_rows(document)
     axes = [
         f"{row['axis']} {_share(row['of_flown'])} of what was flown,"
         f" {number(row['times_floor'], 2)} noise floors"
         for row in rows[:_MOST]
     ]
-    clauses = (
-        ["; ".join([*axes, *_more(len(rows), rest)])] if axes else ["every axis at its noise floor"]
-    )
+    clauses = ["; ".join([*axes, *_more(len(rows), rest)])] if axes else [_at_floor(document)]
     tested = document["not_found"] if "library" in document else ()
     undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
     if undecided:
@@ -277,19 +261,26 @@ def _left(document: Mapping[str, Any], rest: str) -> str:
     return "; ".join(clauses)
 
 
-def _next(document: Mapping[str, Any]) -> str:
-    vehicle = f"--vehicle {document['vehicle']}"
-    if document["candidate"]:
-        return f"aerodb version gate {document['label']} {vehicle}"
-    options, wanted = to_try(document), measurements(document)
-    if wanted and (not options or document["findings"][0].get("wanted")):
-        first = list(wanted)[:_MOST]
-        sizes = listed([f"{name} to {wanted[name]}" if wanted[name] else name for name in first])
-        words = " ".join(f"--measured {name}=SIGMA" for name in first)
-        return f"measure {sizes} outside flight; aerodb close-loop {vehicle} {words}"
-    if options:
-        if len(options) > _MOST:
-            options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]
-        return f"aerodb close-loop {vehicle} {' '.join(options)}"
-    fly = document["next_flight"]
-    return f"fly: {advice_words(fly[0])}" if fly else ""
+def _far_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of the error table (`error_rows`) that are told and above their noise floor, the worst
+    first."""
+    shown = shown_axes(document)
+    rows = [
+        row
+        for row in error_rows(document)
+        if row["axis"] in shown and row["times_floor"] and row["times_floor"] > NEAR_FLOOR
+    ]
+    return sorted(rows, key=lambda row: -float(row["times_floor"]))
+
+
+def _at_floor(document: Mapping[str, Any]) -> str:
+    """That every axis is at its noise floor, or which have none."""
+    shown = shown_axes(document)
+    without = [
+        row["axis"]
+        for row in error_rows(document)
+        if row["axis"] in shown and row["times_floor"] is None
+    ]
+    if not without:
+        return "every axis at its noise floor"
+    return f"no noise floor is known of {listed(without)}"

@@ -39,6 +39,9 @@ def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     section Verdict names), and why it was added although it is not confirmed."""
     verdict, added = finding["verdict"], document.get("added", ())
     means = _MEANS.get(verdict, "")
+    if verdict == "confirmed" and finding["hypothesis"] not in added:
+        idle = finding["hypothesis"] in document.get("without_gain", ())
+        return f"{means}; {'it lowers no error of other flights' if idle else 'it stayed out'}"
     if finding["hypothesis"] not in added or verdict == "confirmed":
         return f"{means}, so it is not added" if verdict == "ambiguous_sensor" else means
     asked = finding["hypothesis"] in document.get("asked_for", added)  # not in older documents

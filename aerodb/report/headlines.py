@@ -57,10 +57,13 @@ def headline(document: Mapping[str, Any]) -> str:
                 "Nothing was added to the database: the errors found are in the sensors,"
                 f" {effects}."
             )
-        return (
-            "Nothing was added to the database, because no single effect is confirmed; found:"
-            f" {effects}."
+        proved = sum(entry["verdict"] in ADDED for entry in document["findings"])
+        because = (
+            f"although {proved} {'is' if proved == 1 else 'are'} confirmed"
+            if proved
+            else "because no single effect is confirmed"
         )
+        return f"Nothing was added to the database, {because}; found: {effects}."
     count = len(document["not_found"])
     undecided = [entry for entry in document["not_found"] if entry["verdict"] != "not_detected"]
     if len(undecided) > _OPEN_SHARE * count:

@@ -73,7 +73,7 @@ class UpdateStory:
     before, after : flight id -> comparison on the validation flights, else on all. `after` is empty
         where nothing was added, both are where no flight can be compared.
     channels : flight id -> channel -> (n,), non-dimensional rates included.
-    head : where the result comes from.
+    head : where the result comes from. given : options that a closed loop was asked with.
     """
 
     document: Mapping[str, Any]
@@ -85,6 +85,7 @@ class UpdateStory:
     after: Mapping[str, Comparison]
     channels: Mapping[str, Mapping[str, Array]]
     head: Head | None = None
+    given: Sequence[str] = ()
 
 
 def update_report(story: UpdateStory) -> str:
@@ -100,7 +101,7 @@ def update_report(story: UpdateStory) -> str:
             f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
             f" {story.candidate or 'nothing added'}"
         ),
-        decision=decision({**document, "label": story.candidate}),
+        decision=decision({**document, "label": story.candidate}, given=story.given),
         head=story.head,
         story=story,
         document=document,

@@ -1,5 +1,6 @@
 """``aerodb close-loop``: trace residuals to missing effects, add these, report the error."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,6 +69,7 @@ def close_loop(
     """
     from aerodb.flows.close_loop import close_loop_flow
     from aerodb.tasks.references import vehicle_of
+    from aerodb.tasks.steps import loop_options
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -96,15 +98,18 @@ def close_loop(
     document = session.run(close_loop_flow, parameters, direct)
     for entry in document["not_added"]:
         session.say(f"not added although you asked for it: {entry['asked']}; {entry['because']}")
-    say_loop(session, document, verbose)
+    say_loop(session, document, verbose, loop_options(catalogue, parameters))
     session.answer(document)
     if document["not_added"]:
         raise typer.Exit(1)
 
 
-def say_loop(session: Session, document: dict[str, Any], verbose: bool) -> None:
+def say_loop(
+    session: Session, document: dict[str, Any], verbose: bool, given: Sequence[str] = ()
+) -> None:
     """Print a closed loop: five lines to decide on and the error per axis; with `verbose` also
-    findings with reasons, all errors, open questions, next flight."""
+    findings with reasons, all errors, open questions, next flight. given : options that it was
+    asked with, which the commands that are printed repeat."""
     from aerodb.report import (
         advice_words,
         channel_words,
@@ -115,7 +120,7 @@ def say_loop(session: Session, document: dict[str, Any], verbose: bool) -> None:
         rejected,
     )
 
-    say_decision(session, document)
+    say_decision(session, document, given)
     if not verbose:
         return
     session.say()
@@ -154,31 +159,28 @@ def say_loop(session: Session, document: dict[str, Any], verbose: bool) -> None:
     say_axes(session, document)
     say_derivatives(session, document.get("derivatives", []))
     _say_not_found(session, document["not_found"])
-    _say_suspected(session, document)
-    _say_wanted(session, document)
+    _say_suspected(session, document, given)
+    _say_wanted(session, document, given)
     for sentence in document["next_flight"]:
         session.say(f"next flight: {advice_words(sentence)}")
     for sentence in document["remarks"]:
         session.say(f"- {in_words(sentence)}")
 
 
-def _say_suspected(session: Session, document: dict[str, Any]) -> None:
+def _say_suspected(session: Session, document: dict[str, Any], given: Sequence[str]) -> None:
     """Print the command that adds what is only suspected, and shows what it is worth."""
-    from aerodb.report import to_try
+    from aerodb.report import accepting
 
-    options = to_try(document)
-    if options:
+    if command := accepting(document, given):
         session.say()
         session.say(
-            "to add what is not confirmed, and see its error on flights left out: aerodb"
-            f" close-loop --vehicle {document['vehicle']} --baseline"
-            f" {document['baseline'][:12]} {' '.join(options)}"
+            f"to add what is not confirmed, and see its error on flights left out: {command}"
         )
 
 
-def _say_wanted(session: Session, document: dict[str, Any]) -> None:
+def _say_wanted(session: Session, document: dict[str, Any], given: Sequence[str]) -> None:
     """Print the command that runs again with the measurements which tell findings from sensors."""
-    from aerodb.report import hypothesis_words, listed, measurements
+    from aerodb.report import hypothesis_words, listed, measurements, measuring
 
     open_ones = [finding for finding in document["findings"] if finding.get("wanted")]
     if not open_ones:
@@ -192,11 +194,7 @@ def _say_wanted(session: Session, document: dict[str, Any]) -> None:
             f"to tell the {hypothesis_words(finding['hypothesis'])} from sensors, measure"
             f" outside flight: {listed(sizes)}"
         )
-    options = " ".join(f"--measured {name}=SIGMA" for name in wanted)
-    session.say(
-        f"then: aerodb close-loop --vehicle {document['vehicle']} --baseline"
-        f" {document['baseline'][:12]} {options}"
-    )
+    session.say(f"then: {measuring(document, given)}")
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:

@@ -13,6 +13,8 @@ from aerodb.flows.cli.references import Direct, Flights, HoldOut, Vehicle, Verbo
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aerodb.storage.catalogue import Catalogue, VersionRow
 
 
@@ -171,11 +173,14 @@ def print_update(session: Session, document: dict[str, Any], verbose: bool) -> N
 _LABEL = 11
 
 
-def say_decision(session: Session, document: dict[str, Any]) -> None:
-    """Print verdict, change, proof, gate and next command, then the error per axis in short."""
+def say_decision(session: Session, document: dict[str, Any], given: "Sequence[str]" = ()) -> None:
+    """Print verdict, change, proof, gate and next command, then the error per axis in short.
+
+    given : options that the loop was asked with.
+    """
     from aerodb.report import decision, error_rows, shown_axes
 
-    told = decision(document, session.units)
+    told = decision(document, session.units, given=given)
     session.say(told.verdict)
     for label, texts in told.lines:
         for number, text in enumerate(texts):

@@ -19,6 +19,7 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import Finding, answers
 from aerodb.report import decision, error_rows, meaning
+from aerodb.tasks.steps import options_of_result
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
@@ -58,15 +59,17 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
     document = finding_document(access, reference, vehicle)
     labels = labels_of(access, document)
     label = labels.get(document["candidate"] or "", "")
+    meant = reference_of(access, reference, vehicle)
+    given = options_of_result(access.catalogue, meant)
     return page_of(
         request,
         "finding.html",
         f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
         found=document,
-        decision=decision({**document, "label": label}),
+        decision=decision({**document, "label": label}, given=given),
         errors=error_rows(document),
         labels=labels,
-        reference=reference_of(access, reference, vehicle),
+        reference=meant,
         meanings=[meaning(finding, document) for finding in document["findings"]],
     )
 

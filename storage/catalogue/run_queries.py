@@ -97,6 +97,20 @@ class RunQueries(Ledger):
                     results[row.run][1].append(row.key)
         return {run: (tuple(versions), tuple(keys)) for run, (versions, keys) in results.items()}
 
+    def first_run_with(self, key: str) -> RunRow | None:
+        """The first run that made or used the result with this key; None where none did."""
+        used = s.run_results.c
+        query = (
+            sa.select(s.runs)
+            .join(s.run_results, used.run == s.runs.c.id)
+            .where(used.key == key)
+            .order_by(s.runs.c.started_utc, s.runs.c.id)
+            .limit(1)
+        )
+        with self._database.reading() as connection:
+            row = connection.execute(query).one_or_none()
+        return None if row is None else self._run_row(row)
+
     def newest_run(self, flows: Iterable[str]) -> RunRow | None:
         """The newest run of any of these flows, however it ended."""
         c = s.runs.c

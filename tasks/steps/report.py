@@ -22,6 +22,7 @@ from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning, suspicions_of
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.steps.loop_options import options_of_result
 from aerodb.tasks.steps.release import judge_version
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
@@ -128,6 +129,7 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
             after,
             channels,
             _head(access, reference, document, rows.get(document["candidate"])),
+            options_of_result(access.catalogue, reference),
         )
     )
 

@@ -16,6 +16,8 @@ from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.nomenclature import AXES
 from tests.support.command import asked
+from tests.support.console_workspace import client_of
+from tests.support.contradictions import contradictions
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv
 from tests.support.terminal import on_terminal
@@ -307,3 +309,25 @@ def test_tables_of_coefficients_say_where_data_end(
         workspace, 100, "version", "evaluate", "candidate", "--at", "alpha=5deg,V=25"
     )
     assert told not in " ".join(" ".join(inside).split())
+
+
+def test_commands_that_a_loop_proposes_repeat_its_options(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    """On the terminal and on the console's page; against another version it names the baseline."""
+    workspace = shared.ingested(tmp_path / "w")
+    given = ("close-loop", "--vehicle", NAME, "--hold-out", "none")
+    _, lines = on_terminal(workspace.root, 100, *given, "--direct", "-v")
+    proposed = [line for line in lines if f"aerodb close-loop --vehicle {NAME}" in line]
+    assert len(proposed) >= 2, "the next command, and the one below the findings"
+    asked_for = " ".join(given)
+    assert all(f"aerodb {asked_for} --measured" in line for line in proposed)
+    assert {line[line.index("aerodb close-loop") :] for line in proposed} == {
+        proposed[0][proposed[0].index("aerodb close-loop") :]
+    }
+    found = asked(workspace.root, *given, "--direct")
+    assert contradictions(found, ("--hold-out none",)) == []
+    page = client_of(workspace).get(f"/findings/{found['report']}")
+    assert f"aerodb {asked_for} --measured" in page.text
+    report = Path(found["page"]).read_text("utf-8")
+    assert f"aerodb {asked_for} --measured" in report

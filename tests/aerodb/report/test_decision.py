@@ -1,10 +1,15 @@
 """Five lines to decide on: they say what the document says, in few lines and short sentences."""
 
+from itertools import combinations_with_replacement, product
 from typing import Any
 
+import pytest
+
 from aerodb.remarks import REFUSED
-from aerodb.report.decision import decision, to_try
+from aerodb.report.decision import decision
+from aerodb.report.next_command import to_try
 from tests.aerodb.report.test_report import found, loop, proof
+from tests.support.contradictions import contradictions
 
 #: Lines until the next command, at most: three changes, the count of the others, proof, gate, rest.
 MOST_LINES = 8
@@ -68,7 +73,7 @@ def test_suspicions_propose_the_command_that_tries_them() -> None:
 
 
 def test_the_empty_case_claims_nothing() -> None:
-    document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
+    document = loop([], [], [proof("CX", 0.001, 0.001, outcome="unchanged")])
     assert "nothing is missing that these flights could show" in decision(document).verdict
     assert {"found", "strongest", "proved", "gate"}.isdisjoint(told(document))
     document["not_found"] = [{**each, "verdict": "not_testable"} for each in document["not_found"]]
@@ -92,4 +97,76 @@ def test_what_no_effect_fits_has_no_size() -> None:
     document["findings"][0] |= {**nameless, "ci95": None, "value": None}
     assert told(document)["strongest"] == (
         "error of CX that no effect of the library fits (unnamed)",
+    )
+
+
+VERDICTS = ("confirmed", "suspected", "alias_group", "ambiguous_sensor", "sensor", "unnamed")
+#: Two measurements each for three findings: more than a sentence names.
+WANTED = [
+    {"parameter": f"{name}_bias", "sigma": 0.01, "unit": "rad"} for name in ("alpha", "beta", "phi")
+]
+GIVEN = ("--baseline v0003", "--flights 0123456789ab", "--hold-out none")
+
+
+def results() -> list[tuple[str, dict[str, Any]]]:
+    """Closed loops with every set of up to three verdicts, of which each that may enter does, stays
+    out, or proved no gain, beside errors that fall, rise, or are at their floor."""
+    names = ("alpha_slope@CX", "beta_slope@CY", "alpha_slope@CZ")
+    errors = {"falls": (0.02, 0.005), "rises": (0.02, 0.03), "floor": (0.001, 0.001)}
+    made = []
+    for count in range(4):
+        for verdicts in combinations_with_replacement(VERDICTS, count):
+            findings = [found(n, verdict=v) for n, v in zip(names, verdicts, strict=False)]
+            for entered, kind, floor in product(("all", "none", "idle"), errors, (0.001, 0.0)):
+                enter = [f for f in findings if f.verdict == "confirmed" and entered == "all"]
+                proofs = [proof(axis, *errors[kind], noise_floor=floor) for axis in ("CX", "CZ")]
+                document = loop(findings, enter, proofs)
+                for k, each in enumerate(document["findings"]):
+                    if each["verdict"] == "ambiguous_sensor":
+                        each["wanted"] = [*WANTED[k:], {**WANTED[0], "parameter": "q_scale"}]
+                if entered == "idle":
+                    document["without_gain"] = [
+                        f.hypothesis for f in findings if f.verdict == "confirmed"
+                    ]
+                if enter:
+                    document = published(document, *(f.axis[0] for f in enter))
+                made.append((f"{verdicts} {entered} {kind} {floor}", document))
+    return made
+
+
+def test_no_line_of_any_result_contradicts_its_neighbour() -> None:
+    documents = results()
+    assert len(documents) > 1000
+    wrong = {name: found for name, each in documents if (found := contradictions(each, GIVEN))}
+    assert not wrong, next(iter(wrong.items()))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "said"),
+    [
+        ("confirmed", "nothing was added; 1 confirmed, as other flights gain nothing from it"),
+        ("suspected", "nothing is proved yet; 1 suspicion"),
+        ("sensor", "the database stays; the errors found are in the sensors"),
+    ],
+)
+def test_what_is_proved_is_said_where_nothing_was_added(verdict: str, said: str) -> None:
+    document = loop([found(verdict=verdict)], [], [proof("CX", 0.02, 0.02)])
+    document["without_gain"] = [document["findings"][0]["hypothesis"]]
+    assert said in decision(document).verdict
+
+
+def test_an_error_that_no_cause_explains_is_not_called_nothing() -> None:
+    document = loop([], [], [proof("CX", 0.05, 0.05)])
+    assert "no cause was found for the error that is left; 2" in decision(document).verdict
+
+
+def test_commands_name_every_measurement_and_repeat_the_options() -> None:
+    document = loop([found(verdict="ambiguous_sensor")], [], [proof("CX", 0.02, 0.02)])
+    document["findings"][0]["wanted"] = [*WANTED, {**WANTED[0], "parameter": "q_scale"}]
+    (step,) = dict(decision(document, given=GIVEN).lines)["next"]
+    assert step.startswith("measure alpha_bias to 0.01 rad, ")
+    assert " and 1 more outside flight; aerodb close-loop --vehicle v " in step
+    assert step.endswith(
+        f"{' '.join(GIVEN)} --measured alpha_bias=SIGMA --measured beta_bias=SIGMA"
+        " --measured phi_bias=SIGMA --measured q_scale=SIGMA"
     )

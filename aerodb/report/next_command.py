@@ -1,0 +1,88 @@
+"""What to do after an update or a closed loop: ask the gate, measure, accept, or fly.
+
+Commands repeat the options that the loop was asked with, so that they differ in one thing only.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from aerodb.loop import ALL
+from aerodb.report.glossary import advice_words, listed
+
+#: Most measurements that a sentence names, and effects that are accepted one by one.
+_MOST: Final = 3
+#: Verdict of a finding -> the option of `close-loop` that adds it all the same.
+OPTIONS: Final = {
+    "suspected": "--accept-suspected",
+    "alias_group": "--accept-lumped",
+}
+
+
+def to_try(document: Mapping[str, Any]) -> list[str]:
+    """Options that add what is only suspected, or one of several that these flights cannot tell
+    apart; not what another shape fits better, or what was tried and is worth nothing."""
+    barred = {*document["added"], *document.get("without_gain", ())}  # not in older documents
+    return [
+        f"{OPTIONS[finding['verdict']]} {finding['hypothesis']}"
+        for finding in document["findings"]
+        if finding["verdict"] in OPTIONS
+        and not finding.get("shape")
+        and finding["hypothesis"] not in barred
+    ]
+
+
+def measurements(document: Mapping[str, Any]) -> dict[str, str]:
+    """Parameter of a sensor -> how well it has to be measured outside flight to tell a finding from
+    it, with the unit; empty where no accuracy decides."""
+    return {
+        each["parameter"]: "" if each["sigma"] is None else _accuracy(each["sigma"], each["unit"])
+        for finding in document["findings"]
+        for each in finding.get("wanted", ())
+    }
+
+
+def again(document: Mapping[str, Any], given: Sequence[str], more: Sequence[str]) -> str:
+    """Return the command that closes the loop once more: with the options that were `given`, and
+    `more`."""
+    once = [option for option in more if option not in given]
+    return " ".join(["aerodb close-loop --vehicle", document["vehicle"], *given, *once])
+
+
+def measuring(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
+    """Return the command that closes the loop with every measurement that it asks for; empty where
+    it asks for none."""
+    words = [f"--measured {name}=SIGMA" for name in measurements(document)]
+    return again(document, given, words) if words else ""
+
+
+def accepting(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
+    """Return the command that adds what is only suspected; empty where nothing is."""
+    options = to_try(document)
+    if len(options) > _MOST:
+        options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]
+    return again(document, given, options) if options else ""
+
+
+def next_step(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
+    """Return what to do next: the gate of a candidate, else what to measure, accept or fly; empty
+    where nothing is known.
+
+    given : options that the loop was asked with.
+    """
+    if document["candidate"]:
+        return f"aerodb version gate {document['label']} --vehicle {document['vehicle']}"
+    wanted = measurements(document)
+    if wanted and (not to_try(document) or document["findings"][0].get("wanted")):
+        sizes = [f"{name} to {size}" if size else name for name, size in wanted.items()]
+        more = len(sizes) - _MOST
+        named = [*sizes[:_MOST], *([f"{more} more"] if more > 0 else [])]
+        return f"measure {listed(named)} outside flight; {measuring(document, given)}"
+    if command := accepting(document, given):
+        return command
+    fly = document["next_flight"]
+    return f"fly: {advice_words(fly[0])}" if fly else ""
+
+
+def _accuracy(sigma: float, unit: str) -> str:
+    """A number with two digits and its unit, a share in per cent."""
+    return f"{100.0 * sigma:.2g} %" if unit == "1" else f"{sigma:.2g} {unit}"
