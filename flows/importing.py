@@ -1,9 +1,9 @@
-"""Import flow: a database file becomes a version; and what a version needs of flights."""
+"""Import flow: a database file becomes a version; what a version needs of flights; its tables."""
 
 from typing import Any
 
 from aerodb.flows.run import Steps, requires
-from aerodb.tasks.steps import describe_inputs, import_database
+from aerodb.tasks.steps import describe_inputs, import_database, tabulate_version
 
 
 @requires("release")
@@ -43,5 +43,22 @@ def inputs_flow(
     """Describe the inputs of a version (its id); see `aerodb.tasks.steps.inputs`."""
     result: dict[str, Any] = steps(
         describe_inputs, version, workspace=workspace, run=run, vehicle=vehicle
+    )
+    return result
+
+
+@requires("ingest")
+def tabulate_flow(
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    version: str,
+    over: dict[str, tuple[float, float, int]],
+    at: dict[str, float],
+) -> dict[str, Any]:
+    """Make tables of a version (its id); see `aerodb.tasks.steps.tabulate`."""
+    result: dict[str, Any] = steps(
+        tabulate_version, version, workspace=workspace, run=run, over=over, at=at
     )
     return result

@@ -7,7 +7,7 @@ from typing import Any, Final
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import again_flow, flight_flow
-from aerodb.flows.importing import import_flow
+from aerodb.flows.importing import import_flow, tabulate_flow
 from aerodb.flows.inbox import sweep_flow
 from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.recalibrate import recalibrate_flow
@@ -31,6 +31,7 @@ _BODIES: Final[dict[str, Callable[..., Any]]] = {
         close_loop_flow,
         recalibrate_flow,
         import_flow,
+        tabulate_flow,
     )
 }
 #: Shortest prefix of an id; a shorter one is more likely a mistyped name.

@@ -35,6 +35,7 @@ from aerodb.flows.cli import (
     schemas,
     serving,
     store,
+    tabulating,
     trimming,
     updates,
     users,
@@ -83,6 +84,7 @@ versions.app.command("diff")(differences.diff)
 for query in (trimming.trim, trimming.modes, trimming.sweep):
     versions.app.command(query.__name__)(query)
 versions.app.command("back-out")(backing_out.back_out)
+versions.app.command("tabulate")(tabulating.tabulate)
 versions.app.command("export")(releases.export)
 versions.app.command("gate")(releases.gate)
 versions.app.command("promote")(releases.promote)

@@ -4,11 +4,11 @@ A flight: `store_log` reads a log and stores its flight, `check_consistency` rec
 `reconstruct` computes its total coefficients, `compare_with_version` compares these with a database
 version.
 
-A database: `import_database` stores a baseline; `plan_update` splits flights into identification
-and hold-out; `estimate` and `validate` fit and validate declared increments, `publish_candidate`
-stores the new version. The closed loop uses `freeze_library`, `trace_flight`, `run_loop`,
-`prove_loop` and `publish_loop` instead. `promote` and `roll_back` move names of versions,
-`export_version` writes a version for a simulator.
+A database: `import_database` stores a baseline, `tabulate_version` one as tables; `plan_update`
+splits flights into identification and hold-out; `estimate` and `validate` fit and validate declared
+increments, `publish_candidate` stores the new version. The closed loop uses `freeze_library`,
+`trace_flight`, `run_loop`, `prove_loop` and `publish_loop` instead. `promote` and `roll_back` move
+names of versions, `export_version` writes a version for a simulator.
 
 Operation: `files_of_inbox`, `settle` and `set_aside` (the inbox), `due` (whether an update is due),
 `tell` and `deliver` (notifications), `mark_ended` (crashed runs), `trim_cache` (object store).
@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from .report import flight_page, lineage_of, update_page, version_page, write_update_page
     from .runs import mark_ended
     from .store import trim_cache
+    from .tabulate import tabulate_version
     from .trace import find_sensor_rivals, freeze_library, trace_flight, untraced_reason
     from .update import estimate, plan_update, validate
     from .validate_responses import (

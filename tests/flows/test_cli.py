@@ -79,6 +79,8 @@ COMMANDS = [
     ["version", "trim"],
     ["version", "modes"],
     ["version", "sweep"],
+    ["version", "back-out"],
+    ["version", "tabulate"],
     ["version", "export"],
     ["version", "gate"],
     ["version", "promote"],

@@ -80,6 +80,29 @@ def test_other_simulators_get_it(workspace: Path, tmp_path: Path) -> None:
         assert "tail_slope" in target.read_text(encoding="utf-8")
 
 
+def test_it_becomes_tables_that_fly_alike(workspace: Path) -> None:
+    over = ("--over", "alpha=-8deg:16deg:25", "--over", "delta_elevator=-20deg:20deg:5")
+    made = asked(
+        workspace, "version", "tabulate", "v0001", *over, "--at", "V=55,throttle=0.75,rho=1.1116"
+    )
+    assert made["kept"] == ["propeller_FX", "propeller_MY"]
+    assert made["nodes"] == 125
+    assert 0.0 < made["errors"]["CZ"]["largest"] < 0.01 * made["errors"]["CZ"]["span"]
+    before, after = (
+        asked(workspace, "version", "trim", version, *AT) for version in ("v0001", made["label"])
+    )
+    assert after["channels"]["alpha"] == pytest.approx(before["channels"]["alpha"], abs=1e-3)
+    assert after["inputs"]["throttle"] == pytest.approx(before["inputs"]["throttle"], rel=0.02)
+    listed = {each["label"]: each for each in asked(workspace, "version", "list")}
+    assert listed[made["label"]]["parent"] == listed["v0001"]["version"]
+    again = asked(
+        workspace, "version", "tabulate", "v0001", *over, "--at", "V=55,throttle=0.75,rho=1.1116"
+    )
+    assert again["version"] == made["version"]
+    text = aerodb(workspace, "version", "tabulate", "v0001", "--over", "alpha=0:1").stderr
+    assert "INPUT=LEAST:GREATEST:NODES" in text
+
+
 def test_a_wrong_part_is_said_with_its_place(workspace: Path, tmp_path: Path) -> None:
     file = tmp_path / "wrong.toml"
     file.write_text(TEXT.replace("position = [0.0, 0.0, 0.1]\n", ""), encoding="utf-8")

@@ -4,7 +4,7 @@
 have been. `evaluation` gives coefficients with standard errors and places (`declared_uncertainty`).
 `consolidation` folds increments into tables (`multilinear`, `node_increment`). `differences`
 compares databases; `sensitivity` gives derivatives along a flight, `slopes` their sign changes, and
-`check_cases` guards stored versions.
+`check_cases` guards stored versions. `tabulation` makes tables of a database.
 """
 
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     )
     from .slices import Slice, acts_on, changed_parameters, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
+    from .tabulation import Tabulation, tabulate
     from .unstated_inputs import height_outside_ground_effect, unstated_inputs
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

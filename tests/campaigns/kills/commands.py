@@ -193,6 +193,9 @@ COMMANDS: Final[dict[str, Command]] = {
         "updated",
         ("version", "export", "released", "--output", "{here}/x.dml", "--format", "daveml"),
     ),
+    "version tabulate": Command(
+        "updated", ("version", "tabulate", "candidate", "--over", "alpha=-5deg:10deg:7", "--at", "V=25")
+    ),
     "version tag": Command("updated", ("version", "tag", "candidate", "flight-tested")),
     "version comment": Command("updated", ("version", "comment", "candidate", "agrees"), once=True),
     "version lineage": Command(
