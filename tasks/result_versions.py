@@ -16,8 +16,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 4,
     "estimate": 9,
     "update": 11,
-    "gram": 13,
-    "close_loop": 40,
+    "gram": 14,
+    "close_loop": 41,
 }
 
 #: Names of versions that the product itself moves.

@@ -13,6 +13,9 @@ from aerodb.vehicle import Vehicle
 
 Role = Literal["pitch", "roll", "yaw", "speed_brake", "body_flap", "flap", "landing_gear", "other"]
 
+#: Of a deflection [rad]: (n,), or a number.
+Change = Array | float
+
 #: The first pattern that a surface's name contains says what it is for.
 _ROLES: Final[tuple[tuple[str, Role], ...]] = (
     (r"gear", "landing_gear"),
@@ -37,16 +40,29 @@ _NOISE: Final = float(np.sqrt(2.0))
 @dataclass(frozen=True)
 class Deflection:
     """A deflection ``delta_<name>``, what it is for, and the right and left surface that it is made
-    of, if it is."""
+    of, if it is: their mean, or with `opposed` half of right less left."""
 
     name: str
     role: Role
     right: str = ""
     left: str = ""
+    opposed: bool = False
 
     @property
     def channel(self) -> str:
         return f"delta_{self.name}"
+
+    def with_sides(self, change: Change) -> dict[str, Change]:
+        """Return the changes of all deflections, (n,) or numbers, that a `change` of this one
+        means: databases read the combination, or its surfaces."""
+        signs = (1.0, -1.0 if self.opposed else 1.0)
+        sides = {side: sign * change for side, sign in zip(self.sides, signs, strict=False)}
+        return {self.channel: change, **sides}
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Channels of the surfaces that it is made of, (2,) or empty."""
+        return tuple(f"delta_{side}" for side in (self.right, self.left) if side)
 
     @property
     def words(self) -> str:
@@ -90,7 +106,8 @@ def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Deflection, 
             else by_name
         )
         role = by_name if combination.kind == "asymmetric" and by_name == "yaw" else usual
-        surfaces.append(Deflection(name, role, combination.right, combination.left))
+        opposed = combination.kind == "asymmetric"
+        surfaces.append(Deflection(name, role, combination.right, combination.left, opposed))
     single = names - members - {surface.name for surface in surfaces}
     surfaces += [Deflection(name, role_of(name)) for name in single]
     return tuple(sorted(surfaces, key=lambda surface: surface.name))

@@ -117,6 +117,13 @@ class Template:
     version: int = 1
 
 
+def read_alone(context: LibraryContext, *channels: str) -> tuple[str, ...]:
+    """Return those deflections, of surfaces that flights combine, that the database reads by
+    themselves: errors act through them too. Part of formulas, and so of the library's hash; an
+    n-tuple, no units."""
+    return tuple(name for name in channels if name in context.database.inputs)
+
+
 def additive(
     context: LibraryContext,
     effect: str,

@@ -23,6 +23,7 @@ from aerodb.tracing import (
     noisy_copies,
     with_air_data_noise,
     with_commanded_rates,
+    with_deflection_noise,
     with_instruments,
     with_shape_terms,
 )
@@ -45,23 +46,28 @@ def noise_within_limits(
 
 def copies_with_noise(
     view: FlightView,
-    duration: float,
+    whole: Flight,
     reconstruction: ReconstructionErrors,
     settings: TracingSettings,
     rotating_air: bool = False,
 ) -> list[tuple[Flight, Comparison]]:
     """Return copies of a flight with its state noise once more, each with its comparison.
 
-    The noise is as large as the flight's own residuals allow. view : at the rate for tracing;
-    duration [s] : of the whole flight; rotating_air : whether gusts roll the air in them. One copy
-    of a long flight, none where nothing was reconstructed. Source: docs/method/tracing.md, section
-    17.
+    The noise is as large as the flight's own residuals allow, and has that of the deflections as
+    the vehicle file states it. view : at the rate for tracing; whole : the flight as it was
+    recorded; rotating_air : whether gusts roll the air in them. One copy of a long flight, none
+    where nothing was reconstructed or stated. Source: docs/method/tracing.md, section 17.
     """
-    noise = noise_within_limits(reconstruction, view, settings)
+    noise = with_deflection_noise(
+        noise_within_limits(reconstruction, view, settings),
+        view.vehicle,
+        view.recorded.channels,
+        whole.step,
+    )
     if noise is None:
         return []
     copies, near = settings.noisy_copies, None
-    if duration >= LONG:
+    if whole.duration >= LONG:
         copies, near = min(copies, 1), view.comparison
     return noisy_copies(
         view.recorded, noise, view.database, view.vehicle, copies, near, rotating_air
@@ -93,7 +99,7 @@ def evidence_beside(
         )  # the angles are those at the CG, from the motion there
     noisy = copies_with_noise(
         view,
-        flights.flight(flight).duration,
+        flights.flight(flight),
         reconstruction,
         library.settings,
         rotating_air,

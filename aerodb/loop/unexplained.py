@@ -58,7 +58,7 @@ def unexplained_residuals(
     def noisier(id: str) -> list[FlightResidual]:
         copies = copies_with_noise(
             source.view(id, candidate, settings.bandwidth),
-            source.flight(id).duration,
+            source.flight(id),
             source.reconstruction(id),
             settings,
             rotating_air=True,

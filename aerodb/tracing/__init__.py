@@ -94,6 +94,7 @@ if TYPE_CHECKING:
         units,
         with_air_data_noise,
         with_commanded_rates,
+        with_deflection_noise,
         with_instruments,
         with_shape_terms,
     )

@@ -22,35 +22,36 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import BELIEVED, bias_prior, predicted_change, sensor
 from aerodb.effects.surfaces import Deflection
-from aerodb.effects.template import LibraryContext, Template
+from aerodb.effects.template import LibraryContext, Template, read_alone
 
 SOURCE = "003, eq. 6"
 
 
 def scale(view: FlightView, channels: tuple[str, ...]) -> Columns:
-    """Columns of surface_scale of deflections that share one calibration.
+    """Columns of surface_scale of deflections that share one calibration: combinations and the
+    surfaces that they are made of, of which the database reads either.
 
     Each column is (n,), dimensionless.
     """
-    return predicted_change(view, **{name: view[name] for name in channels})
+    return predicted_change(view, **{name: view[name] for name in channels if view.has([name])})
 
 
-def bias(view: FlightView, channel: str) -> Columns:
+def bias(view: FlightView, surface: Deflection) -> Columns:
     """Columns of surface_bias of one deflection.
 
     Each column is (n,), per unit of the deflection.
     """
-    return predicted_change(view, **{channel: 1.0})
+    return predicted_change(view, **surface.with_sides(1.0))
 
 
 def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side: float) -> Columns:
     """Columns of a surface (`side` +1 right, -1 left) that moves less than logged, through the
-    deflections that it is part of.
+    deflections that it is part of, and through its own where the database reads it.
 
     Each column is (n,), dimensionless.
     """
     half = 0.5 * view[surface]
-    changes = {symmetric: half, asymmetric: side * half}
+    changes = {surface: view[surface], symmetric: half, asymmetric: side * half}
     return predicted_change(view, **{name: change for name, change in changes.items() if name})
 
 
@@ -85,12 +86,13 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
         pair_name(*sides): tuple(f"delta_{side}" for side in sides) for sides in pairs(context)
     }
     groups |= single
+    sides = {pair_name(*pair): tuple(f"delta_{side}" for side in pair) for pair in pairs(context)}
     return [
         sensor(
             context,
             "surface_scale",
             f"delta_{name}_scale",
-            partial(scale, channels=channels),
+            partial(scale, channels=(*channels, *sides.get(name, ()))),
             unit="1",
             plausible=(-0.5, 1.1),
             natural=0.03,
@@ -98,7 +100,10 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
                 f"the {name.replace('_', ' ')} deflects in proportion less or more than the log"
                 " says"
             ),
-            formula=" ".join(f"- {channel}*dC/d{channel}" for channel in channels),
+            formula=" ".join(
+                f"- {channel}*dC/d{channel}"
+                for channel in (*channels, *read_alone(context, *sides.get(name, ())))
+            ),
             needs=channels,
             source=SOURCE,
             subject=name,
@@ -121,7 +126,7 @@ def _bias(context: LibraryContext) -> list[Hypothesis]:
             context,
             "surface_bias",
             f"{surface.channel}_bias",
-            partial(bias, channel=surface.channel),
+            partial(bias, surface=surface),
             unit="rad",
             plausible=(-most, most),
             natural=0.0044,
@@ -129,7 +134,10 @@ def _bias(context: LibraryContext) -> list[Hypothesis]:
                 f"the {surface.name.replace('_', ' ')} deflects by a constant less or more than"
                 " the log says"
             ),
-            formula=f"-dC/d{surface.channel}",
+            formula=" ".join(
+                f"-dC/d{channel}"
+                for channel in (surface.channel, *read_alone(context, *surface.sides))
+            ),
             needs=(surface.channel,),
             source=SOURCE,
             subject=surface.name,
@@ -167,7 +175,8 @@ def _fault(context: LibraryContext) -> list[Hypothesis]:
                     because=(
                         f"the {name.replace('_', ' ')} moves less than the log says, or is stuck"
                     ),
-                    formula=f"-{channel}*dC/d{channel}",
+                    formula=f"-{channel}*dC/d{channel}"
+                    + "".join(f", {each} alone" for each in read_alone(context, channel)),
                     needs=(channel, *kinds.values()),
                     source=SOURCE,
                     subject=name,

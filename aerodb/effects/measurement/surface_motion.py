@@ -29,8 +29,8 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import delay_prior, predicted_change, sensor
-from aerodb.effects.surfaces import Role
-from aerodb.effects.template import LibraryContext, Template
+from aerodb.effects.surfaces import Deflection, Role
+from aerodb.effects.template import LibraryContext, Template, read_alone
 from aerodb.signals import smooth
 from aerodb.support import Array
 
@@ -60,26 +60,25 @@ def half_width(values: Array, share: float = _MIDDLE) -> float:
     return max(_LEAST, share * float(np.nanstd(values)))
 
 
-def delay(view: FlightView, channel: str) -> Columns:
+def delay(view: FlightView, surface: Deflection) -> Columns:
     """Columns of surface_delay of a deflection. Each is (n,), 1/s."""
-    return predicted_change(
-        view, **{channel: smooth(view[channel], view.step, view.bandwidth).rate}
-    )
+    moved = smooth(view[surface.channel], view.step, view.bandwidth).rate
+    return predicted_change(view, **surface.with_sides(moved))
 
 
-def backlash(view: FlightView, channel: str, share: float) -> Columns:
+def backlash(view: FlightView, surface: Deflection, share: float) -> Columns:
     """Columns of surface_backlash of a deflection; share : as in `half_width`. Each is (n,), per
     rad of half-width."""
-    width = half_width(view[channel], share)
-    return predicted_change(
-        view, **{channel: (view[channel] - played(view[channel], width)) / width}
-    )
+    values = view[surface.channel]
+    width = half_width(values, share)
+    return predicted_change(view, **surface.with_sides((values - played(values, width)) / width))
 
 
-def dead_zone(view: FlightView, channel: str) -> Columns:
+def dead_zone(view: FlightView, surface: Deflection) -> Columns:
     """Columns of surface_dead_zone of a deflection. Each is (n,), per rad of half-width."""
-    width = half_width(view[channel])
-    return predicted_change(view, **{channel: np.clip(view[channel] / width, -1.0, 1.0)})
+    values = view[surface.channel]
+    moved = np.clip(values / half_width(values), -1.0, 1.0)
+    return predicted_change(view, **surface.with_sides(moved))
 
 
 def _template(
@@ -100,13 +99,16 @@ def _template(
                 context,
                 effect,
                 f"{surface.channel}_{name}",
-                partial(tangent, channel=surface.channel),
+                partial(tangent, surface=surface),
                 unit=unit,
                 plausible=plausible,
                 declared=delay_prior(context, surface.channel) if name == "delay" else 0.0,
                 natural=natural,
                 because=f"the {surface.words} {because}",
-                formula=formula.format(delta=surface.channel),
+                formula=" ".join(
+                    formula.format(delta=channel)
+                    for channel in (surface.channel, *read_alone(context, *surface.sides))
+                ),
                 needs=(surface.channel,),
                 source=SOURCE,
                 subject=surface.name,

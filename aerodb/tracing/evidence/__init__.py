@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .flight_evidence import evidence_of
     from .instrumental_variables import with_commanded_rates, with_instruments
     from .low_pass import BandLimitedFlight, Records, band_limited, in_band, stretches
-    from .noise_limits import bounded_noise, with_air_data_noise
+    from .noise_limits import bounded_noise, with_air_data_noise, with_deflection_noise
     from .normal_equations import (
         FlightNormalEquations,
         normal_equations_from_arrays,

@@ -9,16 +9,18 @@ Econometrica 52(1), 1984), one-sided: a residual that a lacking effect makes lar
 docs/method/tracing.md, section 18.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView
+from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
 from aerodb.tracing.settings import TracingSettings
+from aerodb.vehicle import Vehicle
 
 
 def bounded_noise(
@@ -44,6 +46,35 @@ def bounded_noise(
         density={
             **noise.density,
             "alpha": tuple(share * density for density in noise.density["alpha"]),
+        },
+    )
+
+
+def with_deflection_noise(
+    noise: StateNoise | None, vehicle: Vehicle, channels: Collection[str], step: float
+) -> StateNoise | None:
+    """Return the noise with that of the deflections that the vehicle file states
+    (``[sensors.delta_...] noise``), rad, as white noise of a log with samples every `step` [s].
+
+    A noisy deflection looks like a surface that does not follow its log: the prediction moves, the
+    aircraft does not. None where nothing is stated and nothing was reconstructed.
+    """
+    stated = {
+        name: sensor.noise
+        for name, sensor in vehicle.sensors.items()
+        if name in channels and is_surface(name) and sensor.noise > 0.0
+    }
+    if not stated:
+        return noise
+    if noise is None:
+        noise = StateNoise("sensor", (1e-9, 0.5 / step), {}, {})
+    bands = len(noise.edges) - 1
+    return replace(
+        noise,
+        offset={**noise.offset, **dict.fromkeys(stated, 0.0)},
+        density={
+            **noise.density,
+            **{name: (2.0 * sigma**2 * step,) * bands for name, sigma in stated.items()},
         },
     )
 

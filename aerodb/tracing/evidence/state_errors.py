@@ -64,7 +64,7 @@ def noisy_copies(
         sign = -1.0 if number % 2 else 1.0
         # The intercepts take what is constant; a mean of matrices with other means would not.
         centred = {name: sign * (error - error.mean()) for name, error in drawn.items()}
-        copy = flight.with_channels(_added(flight, centred))
+        copy = flight.with_channels(_added(flight, centred, vehicle))
         measured = total_coefficients(copy, vehicle)
         if "p" in flight and rolling is not None:
             rolled = rolling.draw(
@@ -143,8 +143,14 @@ def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparis
     )
 
 
-def _added(flight: Flight, drawn: dict[str, Array]) -> dict[str, Array]:
-    """The channels with their errors; rates of the flow angles are left to be derived from the
-    angles.
+def _added(flight: Flight, drawn: dict[str, Array], vehicle: Vehicle) -> dict[str, Array]:
+    """The channels with their errors, and combined deflections with those of their surfaces; rates
+    of the flow angles are left to be derived from the angles.
     """
-    return {name: flight[name] + error for name, error in drawn.items() if name in flight}
+    errors = dict(drawn)
+    for name, each in vehicle.combinations.items():
+        right, left = (drawn.get(f"delta_{side}", 0.0) for side in (each.right, each.left))
+        if np.ndim(right) or np.ndim(left):
+            sign = -1.0 if each.kind == "asymmetric" else 1.0
+            errors.setdefault(f"delta_{name}", np.asarray(0.5 * (right + sign * left)))
+    return {name: flight[name] + error for name, error in errors.items() if name in flight}
