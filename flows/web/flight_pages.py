@@ -8,8 +8,8 @@ from pydantic import BeforeValidator
 from starlette.responses import Response
 
 from aerodb.errors import AeroError
+from aerodb.flows.answers import ListedFlight, ShownFlight
 from aerodb.flows.report import report_flow
-from aerodb.flows.web import models
 from aerodb.flows.web.console import (
     PER_PAGE,
     Limit,
@@ -78,7 +78,7 @@ def flights_page(
     )
 
 
-@router.get("/api/flights", summary="Flights, newest first", responses=answers(list[models.Flight]))
+@router.get("/api/flights", summary="Flights, newest first", responses=answers(list[ListedFlight]))
 def flights(
     request: Request,
     vehicle: Vehicle = None,
@@ -150,7 +150,7 @@ def flight_page(
     )
 
 
-@router.get("/api/flights/{flight}", summary="One flight", responses=answers(models.Flight))
+@router.get("/api/flights/{flight}", summary="One flight", responses=answers(ShownFlight))
 def flight(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """The document of `aerodb flight show`."""
     access = access_of(request)

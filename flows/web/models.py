@@ -2,16 +2,10 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from aerodb.flows.answers import Answer, ListedVehicle
 
 
-class _Document(BaseModel):
-    """A document; fields beyond these are allowed."""
-
-    model_config = ConfigDict(extra="allow")
-
-
-class Fault(_Document):
+class Fault(Answer):
     """What is wrong, where, and what to do about it."""
 
     status: int
@@ -20,64 +14,20 @@ class Fault(_Document):
     remedy: str
 
 
-class Refusal(_Document):
+class Refusal(Answer):
     """The answer to a request that cannot be fulfilled."""
 
     error: Fault
 
 
-class Flight(_Document):
-    """A flight: `duration` [s]; `counts` unless it was retracted or repeats another."""
-
-    flight: str
-    name: str | None
-    vehicle: str
-    start_utc: str | None
-    duration: float
-    samples: int
-    mapping: str
-    verdict: str
-    reasons: list[str]
-    retracted: str | None
-
-
-class Version(_Document):
-    """A database version without its content."""
-
-    version: str
-    label: str
-    vehicle: str
-    parent: str | None
-    content_sha256: str
-    created_utc: str
-
-
-class Vehicle(_Document):
+class Vehicle(ListedVehicle):
     """A vehicle and the versions its names point to."""
 
-    vehicle: str
-    sha256: str
-    added_utc: str
     versions: int
     names: dict[str, dict[str, str]]
 
 
-class Evaluation(_Document):
-    """A version at a point (SI): by axis, coefficients, standard errors (null if not known) and
-    places."""
-
-    version: str
-    at: dict[str, float]
-    taken_as_zero: list[str]
-    taken_as: dict[str, float]
-    coefficients: dict[str, float | None]
-    standard_errors: dict[str, float | None]
-    places: dict[str, str]
-    outside_tables: bool
-    outside_of: list[str]
-
-
-class Along(_Document):
+class Along(Answer):
     """One axis along a line."""
 
     value: list[float | None]
@@ -85,7 +35,7 @@ class Along(_Document):
     place: list[str]
 
 
-class Sweep(_Document):
+class Sweep(Answer):
     """A version along one input (SI); `factor` converts `values` to the unit in `label`."""
 
     version: str
@@ -99,7 +49,7 @@ class Sweep(_Document):
     factor: float
 
 
-class Line(_Document):
+class Line(Answer):
     """One line of a record: `time` [s] and `values` (SI); `factor` converts them to the unit in
     `label`; `version` is that of a prediction."""
 
@@ -114,7 +64,7 @@ class Line(_Document):
     values: list[float | None]
 
 
-class Record(_Document):
+class Record(Answer):
     """Lines of a flight; `start` and `end` [s] are the flight's own."""
 
     flight: str
@@ -123,7 +73,7 @@ class Record(_Document):
     series: list[Line]
 
 
-class Values(_Document):
+class Values(Answer):
     """Values (SI) of a channel; `factor` converts them to the unit in `label`."""
 
     name: str
@@ -134,7 +84,7 @@ class Values(_Document):
     values: list[float | None]
 
 
-class Pairs(_Document):
+class Pairs(Answer):
     """One channel over another at common `time` [s]."""
 
     flight: str
@@ -143,7 +93,7 @@ class Pairs(_Document):
     y: Values
 
 
-class Track(_Document):
+class Track(Answer):
     """Path over the ground: `time` [s], metres; no `altitude` if the flight has none."""
 
     flight: str
@@ -153,7 +103,7 @@ class Track(_Document):
     altitude: list[float | None]
 
 
-class LogContent(_Document):
+class LogContent(Answer):
     """What a log says of itself; `changed_to` of a parameter is its last value in flight."""
 
     format: str
@@ -163,7 +113,7 @@ class LogContent(_Document):
     messages: list[dict[str, str | float]]
 
 
-class LoggedTopic(_Document):
+class LoggedTopic(Answer):
     """A topic of a log: first and last time [s] on the log's clock, and its fields with units."""
 
     topic: str
@@ -173,7 +123,7 @@ class LoggedTopic(_Document):
     fields: list[dict[str, str]]
 
 
-class Finding(_Document):
+class Finding(Answer):
     """An update or a closed loop in one sentence; `reference` names its document, null if none is
     stored."""
 
@@ -188,7 +138,7 @@ class Finding(_Document):
     verdicts: dict[str, int]
 
 
-class Ending(_Document):
+class Ending(Answer):
     """How a log ended: `kind` is stored, duplicate, quarantined, failed, no_room, left or
     waiting."""
 
@@ -201,7 +151,7 @@ class Ending(_Document):
     sha256: str
 
 
-class LookedAt(_Document):
+class LookedAt(Answer):
     """The address of the page of a log that was looked at, and the document of ``aerodb log
     inspect``."""
 
@@ -209,17 +159,7 @@ class LookedAt(_Document):
     log: dict[str, Any]
 
 
-class Move(_Document):
-    """A move of a name."""
-
-    at_utc: str
-    name: str
-    to: str
-    user: str
-    reason: str
-
-
-class Session(_Document):
+class Session(Answer):
     """The token that changes of this session carry."""
 
     csrf: str

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
 from aerodb.errors import InputError
+from aerodb.flows.answers import Evaluated, Move, Version
 from aerodb.flows.fly import validate_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.web import models
@@ -114,9 +115,7 @@ def versions_page(
     return page_of(request, "versions.html", "Versions", **shown)
 
 
-@router.get(
-    "/api/versions", summary="Versions of a vehicle", responses=answers(list[models.Version])
-)
+@router.get("/api/versions", summary="Versions of a vehicle", responses=answers(list[Version]))
 def versions(
     request: Request,
     vehicle: Vehicle = None,
@@ -207,7 +206,7 @@ def _summary(
     return [*flights, *lines]
 
 
-@router.get("/api/versions/{version}", summary="One version", responses=answers(models.Version))
+@router.get("/api/versions/{version}", summary="One version", responses=answers(Version))
 def version(
     request: Request, version: str, vehicle: Vehicle = None, as_of: AsOf = None
 ) -> Response:
@@ -219,7 +218,7 @@ def version(
 @router.get(
     "/api/versions/{version}/evaluate",
     summary="A version at a point",
-    responses=answers(models.Evaluation),
+    responses=answers(Evaluated),
 )
 def evaluate(
     request: Request, version: str, at: Point = "", vehicle: Vehicle = None, as_of: AsOf = None
@@ -350,7 +349,7 @@ def history_page(
     )
 
 
-@router.get("/api/history", summary="Releases and rollbacks", responses=answers(list[models.Move]))
+@router.get("/api/history", summary="Releases and rollbacks", responses=answers(list[Move]))
 def history(
     request: Request,
     vehicle: Vehicle = None,

@@ -13,6 +13,19 @@ from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
 
 STEADY = ("--speed", "25", "--altitude", "0", "--glide")
+MANOEUVRE = """\
+duration = 2.0
+[trim]
+V = "25 m/s"
+altitude = 0.0
+glide = true
+[[input]]
+target = "delta_elevator"
+shape = "step"
+start = 0.5
+amplitude = "1 deg"
+"""
+EXPANDED = ("--variable", "V", "--from", "25", "--to", "23", "--step", "1", "--growth-rate", "10")
 SWEPT = ("--variable", "V", "--from", "24", "--to", "26", "--steps", "2")
 
 
@@ -46,8 +59,41 @@ def answers(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) 
         "status": (),
     }
     found = {name: asked(workspace, *name.split(), *more) for name, more in arguments.items()}
+    moves = {
+        "version lineage": ("candidate",),
+        "version export": ("candidate", "--format", "csv", "--output", str(place / "v.csv")),
+        "version expand": ("candidate", *STEADY, *EXPANDED),
+        "version promote": ("candidate", "--reason", "proved"),
+        "version rollback": ("--reason", "not yet"),
+    }
     gate = aerodb(workspace, "--json", "version", "gate", "candidate")  # exits with 1 if it refuses
-    return {**found, "version gate": document(gate.stdout)}
+    found["version gate"] = document(gate.stdout)
+    found |= {name: asked(workspace, *name.split(), *more) for name, more in moves.items()}
+    return found | flown_answers(place / "flown", shared)
+
+
+def flown_answers(place: Path, shared: SharedWorkspaces) -> dict[str, Any]:
+    """The same of commands that need a flight with attitude: the glider of the guide."""
+    workspace, files = place / "w", shared.guide
+    log, model = str(files / "flight-1.ulg"), place / "model.toml"
+    vehicle = ("--vehicle", "my-glider")
+    asked(workspace, "vehicle", "add", str(files / "my-glider.toml"))
+    asked(workspace, "database", "import", str(files / "handbook.toml"), *vehicle)
+    model.write_text('[[increment]]\naxis = "CZ"\nterms = ["1", "alpha"]\n', encoding="utf-8")
+    ask = ("flight", "frequency-response", "flight-1", "--input", "delta_elevator", "--output", "q")
+    flown = ("released", "--flight", "flight-1")
+    return {
+        "flight ingest": asked(workspace, "flight", "ingest", log, *vehicle, "--direct"),
+        "flight frequency-response": asked(workspace, *ask),
+        "estimate": asked(workspace, "estimate", *vehicle, "--model", str(model)),
+        "version fly": asked(workspace, "version", "fly", *flown),
+        "version validate": document(
+            aerodb(workspace, "--json", "version", "validate", *flown, "--against", "none").stdout
+        ),
+        "recalibrate": asked(workspace, "recalibrate", *vehicle, "--reason", "r", "--direct"),
+        "calibration list": asked(workspace, "calibration", "list", *vehicle),
+        "calibration show": asked(workspace, "calibration", "show", "c0001", *vehicle),
+    }
 
 
 @pytest.mark.parametrize("command", list(ANSWERS))
@@ -61,6 +107,23 @@ def test_a_schema_refuses_an_answer_that_lacks_a_key(answers: dict[str, Any]) ->
     lacking = {k: v for k, v in answers["version trim"].items() if k != "channels"}
     with pytest.raises(jsonschema.ValidationError, match="channels"):
         jsonschema.validate(lacking, schema_of("version trim"))
+
+
+def test_a_refused_log_and_a_described_manoeuvre_are_of_their_schemas(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = shared.prepared(tmp_path / "w").root
+    torn = tmp_path / "torn.csv"
+    torn.write_text("no,numbers\nhere,at all\n", encoding="utf-8")
+    refused = aerodb(workspace, "--json", "flight", "ingest", str(torn), "--direct")
+    assert refused.returncode == 3
+    answer = document(refused.stdout)
+    assert answer[0]["flight"] is None
+    jsonschema.validate(answer, schema_of("flight ingest"))
+    file = tmp_path / "doublet.toml"
+    file.write_text(MANOEUVRE, encoding="utf-8")
+    flown = asked(workspace, "version", "fly", "released", "--manoeuvre", str(file))
+    jsonschema.validate(flown, schema_of("version fly"))
 
 
 def test_the_command_prints_a_schema_and_names_those_that_there_are(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from lxml import html
 from pydantic import TypeAdapter
 from starlette.testclient import TestClient
 
+from aerodb.flows.answers import Evaluated, ListedFlight, Move, ShownFlight, Version
 from aerodb.flows.web import models
 from aerodb.flows.web.console import SECTIONS
 from aerodb.storage.catalogue.catalogue import Catalogue
@@ -200,15 +201,15 @@ def test_the_api_answers_the_documents_of_the_commands(client: TestClient, made:
 def test_documents_are_as_their_description_says(client: TestClient, made: Made) -> None:
     version, flight = made.candidate, made.flight
     described = {
-        "/api/flights": list[models.Flight],
-        f"/api/flights/{flight}": models.Flight,
+        "/api/flights": list[ListedFlight],
+        f"/api/flights/{flight}": ShownFlight,
         f"/api/flights/{flight}/channels?names=alpha,CZ": models.Record,
         "/api/vehicles": list[models.Vehicle],
-        "/api/versions": list[models.Version],
-        f"/api/versions/{version}/evaluate?at=alpha=5deg": models.Evaluation,
+        "/api/versions": list[Version],
+        f"/api/versions/{version}/evaluate?at=alpha=5deg": Evaluated,
         f"/api/versions/{version}/sweep?over=alpha&from=0&to=0.1&points=3": models.Sweep,
         "/api/findings": list[models.Finding],
-        "/api/history": list[models.Move],
+        "/api/history": list[Move],
         "/api/session": models.Session,
     }
     for address, model in described.items():
