@@ -1,7 +1,24 @@
 """A light aircraft made of 40 strips, fuselage and propeller, as its file is written."""
 
+from dataclasses import replace
+
+import numpy as np
+
+from aerodb.coefficients import total_coefficients
 from aerodb.exchange.native import read_native
+from aerodb.flight import Flight
+from aerodb.nomenclature import AXES
+from aerodb.simulation import Condition, flight_model, simulate, trim, with_feedback
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, with_parameters
+from aerodb.vehicle import Vehicle, parse_vehicle
+from tests.support.flights_in_memory import FlightsInMemory
+from tests.support.tracing_flights import FLOOR, coloured
+
+RATE, SECONDS = 50.0, 40.0
+#: Deflection -> size of its test input [deg].
+SIZES = {"delta_elevator": 2.0, "delta_aileron": 3.0, "delta_rudder": 4.0}
+
 
 HEAD = """\
 name = "light aircraft of parts"
@@ -56,7 +73,7 @@ drag = "wing_drag + 0.045*lift^2"
 moment = "-0.04"
 [parts.wing.control.delta_aileron]
 chord_ratio = 0.22
-efficiency = "-side*aileron_part"    # right and left move against each other, (R - L)/2
+efficiency = "side*aileron_part"     # right and left move against each other, (R - L)/2
 span = [0.6, 0.95]
 
 [parts.tail]
@@ -112,8 +129,8 @@ chord = 1.5
 span = 11.0
 [points]
 moment_reference = [-2.0, 0.0, 0.0]
-imu = [-1.8, 0.0, 0.1]
-air_data = [0.5, 1.0, 0.0]
+imu = [-2.0, 0.0, 0.0]
+air_data = [-2.0, 0.0, 0.0]
 [mass]
 source = "constant"
 mass = 1100.0
@@ -129,3 +146,72 @@ limits = ["-20 deg", "20 deg"]
 [surfaces.rudder]
 limits = ["-25 deg", "25 deg"]
 """
+
+
+def vehicle() -> Vehicle:
+    return parse_vehicle(VEHICLE)
+
+
+def flown(seed: int, truth: AeroDatabase) -> tuple[Array, dict[str, Array]]:
+    """Time and channels (n,) of a flight by the engine, from the trim under test inputs on all
+    controls."""
+    model = flight_model(truth)
+    time = np.arange(round(SECONDS * RATE)) / RATE
+    rng = np.random.default_rng(seed)
+    speed, height = rng.uniform(45.0, 62.0), rng.uniform(500.0, 1500.0)
+    level = trim(
+        model, Condition(speed, height), MASSES, thrust="throttle",
+        limits={"throttle": (0.0, 1.0)},
+    )  # fmt: skip
+    series = {name: np.full(len(time), value) for name, value in level.series.items()}
+    for name, size in SIZES.items():
+        series[name] = series[name] + wave(rng, time, np.deg2rad(size))
+    series["throttle"] = np.clip(series["throttle"] + 0.2 * np.sin(0.4 * time), 0.0, 1.0)
+    gains = {("delta_elevator", "theta"): -0.2, ("delta_aileron", "phi"): -0.3}
+    run = simulate(with_feedback(model, gains), time, level.start, series)
+    assert run.ended[0] == len(time)
+    return time, {n: x[:, 0] for n, x in run.channels.items() if n not in AXES}
+
+
+def flights(seeds: range, truth: AeroDatabase, noise: float = 1.0) -> FlightsInMemory:
+    """Flights of `flown`, one per seed; coloured and white noise on their coefficients, `noise`
+    times as large as usual."""
+    of, found = vehicle(), {}
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 1])
+        time, channels = flown(seed, truth)
+        flight = Flight(f"parts-{seed}", of.name, time, channels)
+        made = total_coefficients(flight, of, angular_acceleration="logged")
+        n = len(time)
+        noisy = {
+            axis: values
+            + noise * FLOOR[axis] * (coloured(rng, n, step=flight.step) + rng.standard_normal(n))
+            for axis, values in made.values.items()
+        }
+        found[flight.id] = (flight, replace(made, values=noisy))
+    return FlightsInMemory(of, found)
+
+
+def wave(rng: np.random.Generator, time: Array, size: float) -> Array:
+    """A multisine of 0.1 to 1.5 Hz with random phases; `size` is its largest share [rad]."""
+    frequencies = np.linspace(0.1, 1.5, 12) + rng.uniform(0.0, 0.05, 12)
+    phases = rng.uniform(0.0, 2.0 * np.pi, 12)
+    waves = np.sin(2.0 * np.pi * np.outer(time, frequencies) + phases)
+    return np.asarray(size * waves.sum(axis=1) / np.sqrt(12.0))
+
+
+#: Logged channel -> white noise (SI): boom, inertial unit and potentiometers of a flight test.
+SENSORS = {
+    "V": 0.1, "qbar": 5.0, "rho": 0.0, "alpha": 1e-3, "beta": 1e-3, "altitude": 0.5,
+    **dict.fromkeys("pqr", 5e-4), **dict.fromkeys(("phi", "theta", "psi"), 1e-3),
+    **dict.fromkeys(("ax", "ay", "az"), 0.02),
+    **dict.fromkeys(("delta_elevator", "delta_aileron", "delta_rudder"), 5e-4), "throttle": 0.0,
+}  # fmt: skip
+
+
+def log(seed: int, truth: AeroDatabase) -> dict[str, Array]:
+    """What instruments log of a flight of `flown`."""
+    rng = np.random.default_rng([seed, 2])
+    time, channels = flown(seed, truth)
+    noise = {name: size * rng.standard_normal(len(time)) for name, size in SENSORS.items()}
+    return {"time": time, **{name: channels[name] + noise[name] for name in SENSORS}}

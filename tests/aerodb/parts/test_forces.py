@@ -178,7 +178,7 @@ def integrated(own: AeroDatabase, x: dict[str, float]) -> tuple[np.ndarray, np.n
                 if part == "wing":
                     inside = np.clip(min((j + 1) / n, 0.95) - max(j / n, 0.6), 0, 1) * n
                     tau = flap_effectiveness(0.22) * k["aileron_part"] * inside
-                    alpha -= side * tau * x["delta_aileron"]
+                    alpha += side * tau * x["delta_aileron"]
                     lift = k["wing_slope"] * alpha + k["wing_zero"]
                     drag, twist = k["wing_drag"] + 0.045 * lift**2, -0.04
                 elif part == "tail":

@@ -1,0 +1,50 @@
+"""Parameters of an aircraft of 40 strips are corrected by its flights; nothing where all are right."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
+from tests.support.flights_in_memory import FlightsInMemory
+from tests.support.parts import aircraft, flights
+
+
+def closed(source: FlightsInMemory, wrong: Mapping[str, float]) -> LoopResult:
+    ids, database = tuple(source.flown), aircraft(dict(wrong))
+    return run_loop(source, ids, database, freeze_library(source, ids, database), Accept())
+
+
+def test_a_wrong_fin_gets_its_slope_and_the_parts_stay_as_written() -> None:
+    loop = closed(flights(range(10, 14), aircraft()), {"fin_slope": 2.2})
+    (finding,) = loop.added
+    assert (finding.subject, finding.verdict) == ("fin_slope", "confirmed")
+    assert finding.ci95[0] < 0.8 < finding.ci95[1]
+    assert loop.candidate.parts == aircraft().parts
+    assert loop.candidate.parameters["fin_slope"] == pytest.approx(3.0, rel=0.05)
+
+
+@pytest.mark.campaign
+def test_a_right_build_up_is_left_alone() -> None:
+    """In ten campaigns of three flights nothing is confirmed."""
+    confirmed = []
+    for seed in range(100, 130, 3):
+        findings = closed(flights(range(seed, seed + 3), aircraft()), {}).findings
+        confirmed += [each.hypothesis for each in findings if each.verdict == "confirmed"]
+    assert confirmed == []
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    "name", ["wing_slope", "wing_zero", "tail_slope", "fin_slope", "rudder_part"]
+)
+def test_intervals_hold_what_a_parameter_lacks(name: str) -> None:
+    true = aircraft().parameters[name]
+    hits = named = 0
+    for seed in range(200, 209, 3):
+        source = flights(range(seed, seed + 3), aircraft())
+        findings = closed(source, {name: 0.85 * true}).findings
+        own = [each for each in findings if each.subject == name]
+        named += bool(own)
+        hits += any(each.ci95[0] < 0.15 * true < each.ci95[1] for each in own)
+    assert named >= 2
+    assert hits == named
