@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 9,
-    "update": 11,
+    "update": 12,
     "gram": 14,
     "close_loop": 41,
 }

@@ -22,13 +22,10 @@ from aerodb.tables import (
     AeroDatabase,
     Increment,
     Interval,
-    Parameter,
     Refit,
     continued,
     flown_envelope,
-    normal,
-    parameter_inside,
-    with_parameters,
+    with_estimated_parameters,
 )
 
 
@@ -71,7 +68,13 @@ def add_effects(
         )
     own = [k for k, each in enumerate(accepted) if each.effect == PARAMETER]
     if own:
-        database = _corrected(database, accepted, own, values, covariance, envelopes, flights)
+        corrected = {
+            accepted[k].subject: float(database.parameters[accepted[k].subject] + values[k])
+            for k in own
+        }
+        database = with_estimated_parameters(
+            database, corrected, covariance[np.ix_(own, own)], flights, envelopes.get(PARAMETER, {})
+        )
     by_axis = _by_axis(accepted)
     _check_states(accepted, database)
     increments = []
@@ -89,45 +92,6 @@ def add_effects(
         )
         increments.append(continued(added, database))
     return replace(database, increments=(*database.increments, *increments))
-
-
-def _corrected(
-    database: AeroDatabase,
-    accepted: Sequence[Hypothesis],
-    own: Sequence[int],
-    values: Array,
-    covariance: Array,
-    envelopes: Mapping[str, Mapping[str, Interval]],
-    flights: Sequence[str],
-) -> AeroDatabase:
-    """The database with its parameters changed by the accepted hypotheses number `own`.
-
-    A value stays inside its bounds. Correlations are kept between those that are changed together.
-    """
-    names = [accepted[k].subject for k in own]
-    sigma = np.sqrt(np.diag(covariance)[list(own)])
-    flown = {
-        name: (interval.low, interval.high)
-        for name, interval in sorted(envelopes.get(PARAMETER, {}).items())
-    }
-    bounded = {
-        name: parameter_inside(database, name, float(database.parameters[name] + values[k]))
-        for k, name in zip(own, names, strict=True)
-    }
-    database = with_parameters(database, bounded)
-    changed = dict(database.variables)
-    for row, (k, name) in enumerate(zip(own, names, strict=True)):
-        correlations = [
-            float(covariance[k, own[other]] / (sigma[row] * sigma[other])) for other in range(row)
-        ]
-        variable = database.variables[name]
-        known = variable.parameter or Parameter()
-        changed[name] = replace(
-            variable,
-            uncertainty=normal(float(sigma[row]), names[:row], correlations),
-            parameter=replace(known, flights=tuple(flights), flown=flown),
-        )
-    return replace(database, variables=changed)
 
 
 def envelopes_of(

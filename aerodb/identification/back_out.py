@@ -14,7 +14,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.estimation import Parameter, bounds_of, priors_of
 from aerodb.identification.conversion import Derivatives
-from aerodb.identification.database_parameters import check_parameters_of, unknown
+from aerodb.identification.database_parameters import unknown
+from aerodb.increments import check_parameters_of
 from aerodb.simulation import LinearModel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, ends_about, with_parameters

@@ -7,6 +7,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.estimation import Fit
+from aerodb.identification.database_parameters import within_bounds
 from aerodb.identification.equations import parameter_name
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.identification.method_comparison import reservations_of
@@ -23,7 +24,12 @@ from aerodb.increments import (
 )
 from aerodb.signals import Theil, theil
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase
+from aerodb.tables import (
+    AeroDatabase,
+    parameter_covariance,
+    with_parameter_covariance,
+    with_parameters,
+)
 
 
 def update_by(
@@ -33,7 +39,7 @@ def update_by(
     database: AeroDatabase,
     consider: Mapping[str, Sequence[ConsiderParameter]] | None = None,
 ) -> Update:
-    """Estimate the declared increments on `database` by a method.
+    """Estimate the declared increments on `database`, or its declared parameters, by a method.
 
     consider : flight id -> sensor errors that standard errors of equation error then include, as
     `estimate_increments` computes them; a dynamic method has sensor errors of its own.
@@ -43,14 +49,27 @@ def update_by(
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
     plain = estimate_increments(logs, comparisons, model, database)
     fits = fits_of(method, flights, _without_dependent(plain, model), database)
+    if model.parameters:
+        fitted = _with_fitted_parameters(plain, fits[0])
+    else:
+        fitted = with_fitted_estimates(plain, fits)
     estimated = frozenset[str]().union(*(flight.estimated for flight in flights))
     update = replace(
-        with_fitted_estimates(plain, fits),
+        fitted,
         reservations=reservations_of(method.name, fits, estimated),
     )
     if not consider or method.kind != "equation error":
         return update
     widened = estimate_increments(logs, comparisons, model, database, consider)
+    if model.parameters:
+        own, wide, narrow = (
+            parameter_covariance(each.candidate, model.parameters)
+            for each in (update, widened, plain)
+        )
+        candidate = with_parameter_covariance(
+            update.candidate, model.parameters, own + wide - narrow
+        )
+        return replace(update, candidate=candidate)
     return _with_covariances(
         update,
         [
@@ -73,6 +92,23 @@ def _without_dependent(update: Update, model: ModelFile) -> ModelFile:
             )
         }
     )
+
+
+def _with_fitted_parameters(update: Update, fit: Fit) -> Update:
+    """The update with the parameters of the database that a method estimated."""
+    names = list(update.parameters)
+    missing = [name for name in names if name not in fit.names]
+    if missing:
+        raise InputError(
+            f"{fit.method} gives no estimate of {', '.join(missing)}",
+            "update",
+            "choose another method, or leave them out",
+        )
+    chosen = [fit.names.index(name) for name in names]
+    values = within_bounds(fit, update.candidate)
+    candidate = with_parameters(update.candidate, {name: values[name] for name in names})
+    covariance = fit.covariance[np.ix_(chosen, chosen)]
+    return replace(update, candidate=with_parameter_covariance(candidate, names, covariance))
 
 
 def with_fitted_estimates(update: Update, fits: Sequence[Fit]) -> Update:

@@ -5,42 +5,22 @@ equation is linear about the present values and is solved again until they stay 
 axis of each stretch of flight is a record of it, in units of the error that is left there.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from aerodb.coefficients import Comparison, compare
-from aerodb.errors import InputError, nearest
 from aerodb.estimation import EquationRecord, Fit, LinearEquation, Parameter, Parameters
 from aerodb.identification.equations import usable_runs
 from aerodb.identification.identification_flight import IdentificationFlight
-from aerodb.nomenclature import AXES
-from aerodb.signals import rms
-from aerodb.support import Array, in_threads
-from aerodb.tables import AeroDatabase, ends_about, parameter_inside, sigma_of, with_parameters
+from aerodb.increments import check_parameters_of, parameter_samples
+from aerodb.tables import AeroDatabase, parameter_inside, sigma_of, with_parameters
 
-#: Variation, as a part of the largest value, below which a column is a constant.
-_STILL: Final = 1e-9
 #: The search ends when no value moves by more than this part of its standard error,
 _SETTLED: Final = 0.05
 #: or after so many solutions.
 _MOST: Final = 8
-
-
-def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
-    """Raise InputError, with the nearest known one, for a name that is no parameter of a
-    database."""
-    for name in names:
-        if name not in database.parameters:
-            raise InputError(
-                f"the database has no parameter '{name}'",
-                f"database {database.name}",
-                nearest(name, database.parameters)
-                if database.parameters
-                else "write [parameters] in the database file, and import it",
-            )
 
 
 def unknown(name: str, database: AeroDatabase) -> Parameter:
@@ -106,60 +86,12 @@ def _equation(
 ) -> LinearEquation:
     """The equation about the present values; bounds and priors are those of `database`."""
     values = np.array([present.parameters[name] for name in names])
-    compared, columns = _with_columns(flights, names, present)
-    axes = [axis for axis in AXES if any(axis in each for each in columns)]
-    size = {axis: _left(compared, axis) for axis in axes}
-    records, moved = [], np.zeros(len(names), dtype=np.bool_)
-    for each, slopes in zip(compared, columns, strict=True):
-        for axis, matrix in slopes.items():
-            for count, run in enumerate(usable_runs(each.usable[axis], each.time)):
-                x = (matrix[run] - matrix[run].mean(axis=0)) / size[axis]
-                moved |= np.ptp(matrix[run], axis=0) > _STILL * np.abs(matrix[run]).max(axis=0)
-                left = each.residual(axis)[run]
-                response = (left - left.mean()) / size[axis] + x @ values
-                name = f"{each.flight}#{count + 1} {axis}"
-                records.append(EquationRecord(name, each.time[run], x, response))
-    still = [name for name, each in zip(names, moved, strict=True) if not each]
-    if still:
-        raise InputError(
-            f"in these flights {', '.join(still)} changes nothing, or only a constant",
-            "estimate",
-            "fly what they act on, or leave them out: a constant is taken for a sensor's bias",
-        )
+    records = []
+    for each in parameter_samples([flight.comparison for flight in flights], names, present):
+        time, flight = each.comparison.time, each.comparison.flight
+        for count, run in enumerate(usable_runs(each.good, time)):
+            x, left = each.over(run)
+            name = f"{flight}#{count + 1} {each.axis}"
+            records.append(EquationRecord(name, time[run], x, left + x @ values))
     items = tuple(unknown(name, database) for name in names)
     return LinearEquation("coefficients", Parameters(items), tuple(records))
-
-
-def _with_columns(
-    flights: Sequence[IdentificationFlight], names: Sequence[str], present: AeroDatabase
-) -> tuple[list[Comparison], list[dict[str, Array]]]:
-    """The comparisons of the flights with a database, and per flight axis -> slopes (n, k) of what
-    is predicted there by the parameters, on the axes that they reach."""
-
-    def beside(values: Mapping[str, float]) -> list[Comparison]:
-        other = with_parameters(present, values)
-        return in_threads(
-            lambda each: compare(each.flight, each.coefficients, other, each.vehicle.reference),
-            flights,
-        )
-
-    now = beside({})
-    columns: list[dict[str, Array]] = [{} for _ in flights]
-    for k, name in enumerate(names):
-        ends = ends_about(present, name)
-        below, above = (beside({name: end}) for end in ends)
-        for slopes, first, last in zip(columns, below, above, strict=True):
-            for axis in AXES:
-                if axis not in first.usable or not first.usable[axis].any():
-                    continue
-                slope = (last.predicted[axis] - first.predicted[axis]) / (ends[1] - ends[0])
-                if np.any(slope[first.usable[axis]] != 0.0):
-                    matrix = slopes.setdefault(axis, np.zeros((len(slope), len(names))))
-                    matrix[:, k] = np.where(first.usable[axis], slope, 0.0)
-    return now, columns
-
-
-def _left(compared: Sequence[Comparison], axis: str) -> float:
-    """The error about the mean of each flight that is left on an axis, rms over all."""
-    parts = [each.residual(axis)[each.usable[axis]] for each in compared if axis in each.usable]
-    return rms(np.concatenate([part - part.mean() for part in parts if len(part)])) or 1.0

@@ -11,18 +11,14 @@ from aerodb.coefficients import Comparison
 from aerodb.errors import InputError
 from aerodb.estimation import DynamicModel, Fit, Parameters, TimeHistory, regression
 from aerodb.flight import Flight
-from aerodb.identification.database_parameters import (
-    check_parameters_of,
-    fit_parameters,
-    unknown,
-    within_bounds,
-)
+from aerodb.identification.database_parameters import fit_parameters, unknown, within_bounds
 from aerodb.identification.equations import no_database, parameter_name
 from aerodb.identification.flight_dynamics import MOTION, OUTPUTS, FlightDynamics, flight_dynamics
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.increments import (
     DeclaredIncrement,
     ModelFile,
+    check_parameters_of,
     estimate_increments,
     expand,
     with_chosen_knots,

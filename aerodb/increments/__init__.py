@@ -18,8 +18,9 @@ The way through:
    `judge_contradictions` decide whether a version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
-`estimate` the regression, `validation` hold-out and errors, `beyond` flights outside the envelope,
-`derivatives` what changes inside it, `gate` the release checks.
+`estimate` the regression and `parameters` that of parameters of the database, `considered` and
+`constraints` what widens and holds estimates, `validation` hold-out and errors, `beyond` flights
+outside the envelope, `derivatives` what changes inside it, `gate` the release checks.
 """
 
 from typing import TYPE_CHECKING
@@ -29,20 +30,15 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
     from .chosen_knots import with_chosen_knots
+    from .considered import ConsiderParameter
+    from .constraints import alias_groups
     from .derivatives import (
         DerivativeChange,
         derivative_changes,
         derivatives_document,
         judge_derivatives,
     )
-    from .estimate import (
-        AxisUpdate,
-        ConsiderParameter,
-        Update,
-        alias_groups,
-        estimate_increments,
-        keep_slope_signs,
-    )
+    from .estimate import AxisUpdate, Update, estimate_increments, keep_slope_signs
     from .gate import (
         AT_LEAST,
         CONTRADICTIONS,
@@ -63,6 +59,7 @@ if TYPE_CHECKING:
     )
     from .held_out import UNCHANGED, held_out_error
     from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
+    from .parameters import ParameterSamples, check_parameters_of, parameter_samples
     from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
     from .validation import (
         NEAR_FLOOR,

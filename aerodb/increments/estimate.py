@@ -5,14 +5,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from aerodb.coefficients import Comparison, band_limited
+from aerodb.coefficients import Comparison
 from aerodb.errors import InputError
 from aerodb.estimation import Regression, least_squares, own_constants, with_mean_constant
 from aerodb.flight import Flight
 from aerodb.increments.chosen_knots import with_chosen_knots
+from aerodb.increments.considered import ConsiderParameter, consider_covariance
+from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
 from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, expand
+from aerodb.increments.parameters import estimate_parameters
 from aerodb.increments.samples import (
     AxisSamples,
     axis_samples,
@@ -20,7 +22,6 @@ from aerodb.increments.samples import (
     excited,
     with_model_rates,
 )
-from aerodb.nomenclature import MOMENT_AXES
 from aerodb.signals import Theil, theil
 from aerodb.support import Array, Mask
 from aerodb.tables import (
@@ -32,10 +33,6 @@ from aerodb.tables import (
     flown_envelope,
     new_sign_changes,
 )
-
-#: Two estimates correlated beyond this cannot be separated by these flights; they are reported as
-#: an alias group.
-ALIAS_CORRELATION = 0.95
 
 #: Least part of a column, relative to its size, that others do not explain: less is rounding.
 _INDEPENDENT = 1e-9
@@ -86,33 +83,16 @@ class AxisUpdate:
 
 
 @dataclass(frozen=True)
-class ConsiderParameter:
-    """A constant sensor error that one flight's residual cannot reveal: considered in the
-    covariance, not estimated.
-
-    Parameters
-    ----------
-    name : of the error, such as ``alpha_bias``.
-    sigma : one standard error, in the unit of the error.
-    shared : true where it is the same error, by `name`, in all flights.
-    columns : axis -> (n,), change of the residual per unit of the error.
-    """
-
-    name: str
-    sigma: float
-    shared: bool
-    columns: Mapping[str, Array]
-
-
-@dataclass(frozen=True)
 class Update:
-    """The candidate database, the estimates per axis, the ids of the identifying flights, and what
-    speaks against the method's answer, in sentences."""
+    """The candidate database, the estimates per axis, the ids of the identifying flights, what
+    speaks against the method's answer, in sentences, and the parameters of the database that were
+    estimated."""
 
     candidate: AeroDatabase
     axes: tuple[AxisUpdate, ...]
     flights: tuple[str, ...]
     reservations: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
 
 
 def estimate_increments(
@@ -122,7 +102,7 @@ def estimate_increments(
     database: AeroDatabase,
     consider: Mapping[str, Sequence[ConsiderParameter]] | None = None,
 ) -> Update:
-    """Estimate the declared increments on top of `database`.
+    """Estimate the declared increments on top of `database`, or its declared parameters.
 
     Estimates (k,) and covariance (k, k) per axis are in SI units; standard errors rest on the
     autocorrelation of the residuals (Morelli & Klein, 1997), those of
@@ -131,22 +111,19 @@ def estimate_increments(
     Parameters
     ----------
     flights, comparisons : in the same order; every comparison is with `database`.
-    model : the declared increments.
+    model : the declared increments, or parameters of the database.
     consider : flight id -> sensor errors that the standard errors then include; None: none.
 
     Returns
     -------
-    The candidate: `database` with one increment more per declared axis; and the estimates.
+    The candidate: `database` with one increment more per declared axis, or with other values of its
+    parameters; and the estimates.
 
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
     if model.parameters:
-        raise InputError(
-            f"an update estimates increments, and the model file has {', '.join(model.parameters)}",
-            "model file",
-            "aerodb close-loop corrects parameters, aerodb estimate prints them",
-        )
+        return _with_parameters(comparisons, model, database, consider or {})
     model = with_chosen_knots(flights, comparisons, model, database)
     flights = with_model_rates(flights, comparisons, model)
     channels = channels_of(flights, model, database)
@@ -163,6 +140,24 @@ def estimate_increments(
     return Update(
         candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights)
     )
+
+
+def _with_parameters(
+    comparisons: Sequence[Comparison],
+    model: ModelFile,
+    database: AeroDatabase,
+    consider: Mapping[str, Sequence[ConsiderParameter]],
+) -> Update:
+    """The database with its declared parameters as the flights have them."""
+    if model.increment:
+        raise InputError(
+            "declares parameters and increments",
+            "model file",
+            "estimate the parameters first, then the increments beside the version that has them",
+        )
+    found = estimate_parameters(comparisons, model.parameters, database, consider)
+    flights = tuple(each.flight for each in comparisons)
+    return Update(found.database, (), flights, found.reservations, model.parameters)
 
 
 def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
@@ -229,7 +224,7 @@ def _axis(
             "fly a manoeuvre that excites one",
         )
     fit = _fitted(declared, matrix[:, moved], response, names, used, consider)
-    constrained = _constrained(fit, declared)
+    constrained = constrained_fit(fit, declared.prior, declared.bounds, declared.fixed)
     estimates, covariance = constrained.estimates, constrained.covariance
     measured = np.concatenate([s.comparison.measured[axis][s.good] for s in used])
     predicted = measured - response + matrix[:, moved] @ estimates
@@ -247,7 +242,7 @@ def _axis(
         database,
     )
     deviation = np.sqrt(np.diag(covariance))
-    correlation = _correlation(covariance)
+    correlation = correlation_of(covariance)
     result = AxisUpdate(
         axis=axis,
         names=tuple(names),
@@ -320,116 +315,6 @@ def _fitted(
     except ValueError as error:
         remedy = "declare only one of them, or fly manoeuvres that separate them"
         raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
-    fit = replace(
-        fit, covariance=fit.covariance + _consider_covariance(axis, columns, used, consider)
-    )
+    parts = [(axis, samples.comparison, samples.good) for samples in used]
+    fit = replace(fit, covariance=fit.covariance + consider_covariance(columns, parts, consider))
     return fit if constant is None else with_mean_constant(fit, mix, names, constant)
-
-
-def _consider_covariance(
-    axis: str,
-    matrix: Array,
-    used: Sequence[AxisSamples],
-    consider: Mapping[str, Sequence[ConsiderParameter]],
-) -> Array:
-    """Covariance (k, k) of least-squares estimates due to constant sensor errors.
-
-    matrix : X (n, k), samples of the flights `used` in order. An error of one sigma that adds d to
-    the residual moves the estimates by ``(X'X)^-1 X' d``: consider covariance (Bierman,
-    *Factorization Methods*, 1977, chapter VIII). For an error that all flights share these changes
-    add before they are squared; other errors are independent.
-    """
-    gain, start = np.linalg.pinv(matrix), 0
-    total = np.zeros((matrix.shape[1], matrix.shape[1]))
-    together: dict[str, Array] = {}
-    for samples in used:
-        comparison = samples.comparison
-        part, start = slice(start, start + samples.count), start + samples.count
-        for parameter in consider.get(comparison.flight, ()):
-            if axis not in parameter.columns:
-                continue
-            column = parameter.sigma * parameter.columns[axis]
-            if axis in MOMENT_AXES and comparison.bandwidth is not None:
-                step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
-                column = band_limited(column, step, comparison.bandwidth)
-            moved = gain[:, part] @ column[samples.good]
-            if parameter.shared:
-                together[parameter.name] = together.get(parameter.name, 0.0) + moved
-            else:
-                total += np.outer(moved, moved)
-    return total + sum(
-        (np.outer(moved, moved) for moved in together.values()), np.zeros_like(total)
-    )
-
-
-def _correlation(covariance: Array) -> Array:
-    """Correlation matrix (k, k); a fixed estimate is uncorrelated with the others."""
-    deviation = np.sqrt(np.diag(covariance))
-    scale = np.where(deviation > 0, deviation, 1.0)
-    return np.asarray(
-        covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
-    )
-
-
-@dataclass(frozen=True)
-class _Constrained:
-    """Estimates, their covariance, and the names of those at a bound."""
-
-    estimates: Array
-    covariance: Array
-    at_bound: tuple[str, ...]
-
-
-def _constrained(fit: Regression, declared: DeclaredIncrement) -> _Constrained:
-    """The estimates of a fit with priors, bounds and fixed values applied.
-
-    Minimises ``(x - x0)' C^-1 (x - x0)`` over the allowed x, with C the coloured covariance.
-    """
-    names, estimates, covariance = fit.names, fit.estimates, fit.covariance
-    information = np.linalg.inv(covariance)
-    right = information @ estimates
-    for name, (value, sigma) in declared.prior.items():
-        if name in names:
-            k = names.index(name)
-            information[k, k] += sigma**-2
-            right[k] += value * sigma**-2
-    if declared.prior:
-        covariance = np.linalg.inv(information)
-        estimates = covariance @ right
-    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
-    for name, (lower, upper) in declared.bounds.items():
-        if name in names:
-            low[names.index(name)], high[names.index(name)] = lower, upper
-    held = {names.index(name): value for name, value in declared.fixed.items() if name in names}
-    free = [k for k in range(len(names)) if k not in held]
-    if held:
-        index = list(held)
-        change = np.array([held[k] for k in index]) - estimates[index]
-        gain = covariance[:, index] @ np.linalg.inv(covariance[np.ix_(index, index)])
-        estimates = estimates + gain @ change
-        covariance = covariance - gain @ covariance[index, :]
-        covariance[index, :] = covariance[:, index] = 0.0
-        estimates[index] = [held[k] for k in index]
-    if np.all((estimates >= low) & (estimates <= high)):
-        return _Constrained(estimates, covariance, ())
-    root = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)])).T
-    bounded = lsq_linear(root, root @ estimates[free], bounds=(low[free], high[free]), tol=1e-12).x
-    estimates = estimates.copy()
-    estimates[free] = bounded
-    touching = (np.isclose(estimates, low) | np.isclose(estimates, high)) & np.isfinite(low)
-    at_bound = tuple(name for name, touches in zip(names, touching, strict=True) if touches)
-    return _Constrained(estimates, covariance, at_bound)
-
-
-def alias_groups(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
-    """Return the groups of estimates, by their names (k,), that are linked by correlations (k, k)
-    beyond `ALIAS_CORRELATION`, without the constant."""
-    groups: list[set[str]] = []
-    for i, one in enumerate(names):
-        for j in range(i + 1, len(names)):
-            if "1" in (one, names[j]) or abs(correlation[i, j]) < ALIAS_CORRELATION:
-                continue
-            touching = [g for g in groups if one in g or names[j] in g]
-            groups = [g for g in groups if g not in touching]
-            groups.append({one, names[j]}.union(*touching))
-    return tuple(tuple(sorted(group)) for group in groups)

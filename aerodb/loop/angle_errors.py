@@ -18,6 +18,7 @@ from aerodb.consistency import StateNoise
 from aerodb.effects import NATURAL_ANGLE_ERRORS, FlightView, predicted_change, with_wind
 from aerodb.increments import AxisUpdate, ConsiderParameter, Update
 from aerodb.support import Array
+from aerodb.tables import AeroDatabase, parameter_covariance, with_parameter_covariance
 
 #: Realisations of e that represent its covariance.
 _DRAWS: Final = 16
@@ -59,6 +60,8 @@ def with_attenuation(update: Update, noisier: Sequence[Update], factor: float) -
     """
     if not noisier:
         return update
+    if update.parameters:
+        return replace(update, candidate=_shifted(update, noisier, factor))
     first = len(update.candidate.increments) - len(update.axes)
     kept, added = update.candidate.increments[:first], update.candidate.increments[first:]
     axes = tuple(
@@ -70,6 +73,21 @@ def with_attenuation(update: Update, noisier: Sequence[Update], factor: float) -
     )
     return replace(
         update, axes=axes, candidate=replace(update.candidate, increments=(*kept, *increments))
+    )
+
+
+def _shifted(update: Update, noisier: Sequence[Update], factor: float) -> AeroDatabase:
+    """The database with the doubt in the errors of its parameters."""
+    names, database = update.parameters, update.candidate
+    moved = np.array(
+        [
+            np.mean([other.candidate.parameters[name] for other in noisier])
+            - database.parameters[name]
+            for name in names
+        ]
+    )
+    return with_parameter_covariance(
+        database, names, parameter_covariance(database, names) + factor**2 * np.outer(moved, moved)
     )
 
 

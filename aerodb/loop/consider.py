@@ -1,6 +1,7 @@
-"""Consider parameters: sensor errors that the reconstruction of flights leaves open.
+"""Consider parameters: errors of sensors that the reconstruction of flights leaves open, and those
+of vehicle data as well as they were measured.
 
-Increments estimated from these flights do not estimate them, but carry their uncertainty (consider
+What is estimated from these flights does not estimate them, but carries their uncertainty (consider
 covariance: Bierman, *Factorization Methods*, 1977, chapter VIII).
 """
 
@@ -8,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
-from aerodb.effects import ERROR_COLUMNS, FlightView, view_of, with_wind
+from aerodb.effects import ERROR_COLUMNS, FlightView, hypotheses_for, view_of, with_wind
 from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
 from aerodb.loop.angle_errors import alpha_consider_parameters
@@ -31,7 +32,8 @@ def consider_parameters(
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
 ) -> dict[str, tuple[ConsiderParameter, ...]]:
-    """Return, for each flight, the sensor errors that its reconstruction leaves open.
+    """Return, for each flight, the sensor errors that its reconstruction leaves open, and those of
+    the vehicle data that the vehicle file states in ``[measured]``.
 
     Errors that a flight estimated for itself are its own; those of a calibration, or known from the
     vehicle file only, are common to all flights. reconstructions : by flight (its id). Sizes are in
@@ -41,6 +43,9 @@ def consider_parameters(
     for flight, comparison in zip(flights, comparisons, strict=True):
         reconstruction = reconstructions[flight.id]
         noise, errors = reconstruction.noise, reconstruction.errors
+        if vehicle.measured:
+            view = view_of(flight, comparison, database, vehicle)
+            parameters[flight.id] = stated_consider_parameters(view)
         if noise is not None:
             late = {
                 f"{name}_delay": s.delay_prior
@@ -54,10 +59,27 @@ def consider_parameters(
             }
             own = [] if reconstruction.calibrated else list(reconstruction.applied)
             view = view_of(flight, comparison, database, vehicle)
-            parameters[flight.id] = sensor_consider_parameters(view, sigma, own)
+            parameters[flight.id] = (
+                *sensor_consider_parameters(view, sigma, own),
+                *parameters.get(flight.id, ()),
+            )
             if "alpha" in reconstruction.angles:
                 parameters[flight.id] += alpha_consider_parameters(view, _bounded(noise, view))
     return parameters
+
+
+def stated_consider_parameters(view: FlightView) -> tuple[ConsiderParameter, ...]:
+    """Consider parameters for mass properties, thrust and deflections, which are as wrong as the
+    vehicle file says (``[measured]``) and common to all flights.
+
+    Columns are (n,), sizes in the unit of each error.
+    """
+    library = hypotheses_for(view.database, view.vehicle, frozenset(view.channels))
+    return tuple(
+        ConsiderParameter(each.id, each.prior_sigma, True, with_wind(view, each.columns(view)))
+        for each in library
+        if each.known_by and each.prior_sigma and each.parameter not in ERROR_COLUMNS
+    )
 
 
 def sensor_consider_parameters(

@@ -2,6 +2,7 @@
 reconstruction leaves open, and validated on flights that did not identify."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from aerodb.coefficients import Comparison
@@ -126,9 +127,12 @@ def _estimated_where_possible(
 ) -> AeroDatabase:
     """Return the candidate with increments on the axes that flights can identify.
 
-    An axis that they cannot identify stays as in the baseline.
+    An axis that they cannot identify stays as in the baseline, and so do parameters.
     """
     candidate = baseline
+    if model.parameters:
+        with suppress(InputError):
+            candidate = estimated(model).candidate
     for declared in model.increment:
         try:
             one = estimated(ModelFile(increment=(declared,)))

@@ -72,6 +72,9 @@ def _verdict(document: Mapping[str, Any]) -> str:
     if document["candidate"]:
         ready = "the gate will refuse it as it is" if refused else "it waits for the gate"
         if "library" not in document:
+            if parameters := document.get("parameters", ()):
+                count = _count(len(parameters), "parameter")
+                return f"{document['label']} has {count} as these flights have them; {ready}"
             axes = listed([entry["axis"] for entry in document["increments"]])
             return f"{document['label']} has the declared increments on {axes}; {ready}"
         return f"{document['label']} has {_count(len(document['added']), 'change')}; {ready}"
@@ -125,6 +128,9 @@ def _count(n: int, what: str) -> str:
 def _changes(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[str]:
     """What was added, with its size; the declared terms that are known best, of an update."""
     if "library" not in document:
+        if parameters := document.get("parameters", ()):
+            shown = [f"parameter {_from_to(each)}" for each in parameters[:_MOST]]
+            return [*shown, *_more(len(parameters), rest)]
         terms = sorted(
             (
                 (abs(term["value"]) / term["standard_error"], entry["axis"], term)
@@ -164,17 +170,18 @@ def _more(n: int, rest: str) -> list[str]:
 
 
 def _corrected(finding: Mapping[str, Any], parameter: Mapping[str, Any]) -> str:
-    """A parameter of the database with its verdict, its value before and after, and the change in
-    per cent."""
+    """A parameter of the database with its verdict, and what `_from_to` says of it."""
+    verdict = finding["verdict"].replace("_", " ")
+    return f"parameter {_from_to(parameter, f' ({verdict})')}"
+
+
+def _from_to(parameter: Mapping[str, Any], verdict: str = "") -> str:
+    """Name, value before and after with twice its standard error, and the change in per cent."""
     before, after, error = (parameter[key] for key in ("before", "after", "standard_error"))
     known = "" if error is None else f" +- {number(2.0 * error, 2)}"
     unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
     share = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
-    verdict = finding["verdict"].replace("_", " ")
-    return (
-        f"parameter {parameter['name']} ({verdict}): {number(before)} ->"
-        f" {number(after)}{known}{unit}{share}"
-    )
+    return f"{parameter['name']}{verdict}: {number(before)} -> {number(after)}{known}{unit}{share}"
 
 
 def _sized(

@@ -40,7 +40,10 @@ def headline(document: Mapping[str, Any]) -> str:
     """Sum up the document of an update or a closed loop (docs/reference/contract.md, section JSON)
     in one sentence; raises KeyError for any other document."""
     if "library" not in document:
-        changed = {entry["axis"] for entry in document["increments"]}
+        if parameters := document.get("parameters", ()):
+            names = listed([entry["name"] for entry in parameters])
+            return f"The parameters {names} were estimated: {_worth(document)}."
+        changed = changed_axes(document)
         axes = listed([axis for axis in (*AXES, *WIND_AXES) if axis in changed])
         return f"The declared increments on {axes} were estimated: {_worth(document)}."
     added = [
@@ -102,11 +105,24 @@ def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem = SI) -> dict[str
     }
 
 
+def changed_axes(document: Mapping[str, Any]) -> set[str]:
+    """Return the axes that an update or a closed loop changes: those of its increments, and where it
+    corrects parameters those on which the error is another."""
+    changed = {entry["axis"] for entry in document["increments"]}
+    if document.get("parameters"):
+        changed |= {
+            axis
+            for axis, error in document["axes"].items()
+            if axis in AXES and error["rms_before"] != error["rms_after"]
+        }
+    return changed
+
+
 def shown_axes(document: Mapping[str, Any]) -> list[str]:
     """Return the axes in which a document is told: forces along the body axes or along the wind
     axes, as its hypotheses and increments are written, and the moments. The other forces are the
     same ones once more."""
-    changed = {entry["axis"] for entry in document["increments"]}
+    changed = changed_axes(document)
     asked = [
         *changed,
         *(
@@ -184,7 +200,7 @@ def _effects(findings: Sequence[Mapping[str, Any]]) -> str:
 def best_and_worse(document: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]] | None:
     """Return the row (`error_rows`, dimensionless) of the changed axis that gained most, and the
     changed axes whose error grew; None where no changed axis could be compared."""
-    touched = {entry["axis"] for entry in document["increments"]}
+    touched = changed_axes(document)
     rows = [
         row
         for row in error_rows(document)

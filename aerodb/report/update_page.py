@@ -20,6 +20,7 @@ from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.headlines import (
     by_parts,
+    changed_axes,
     error_rows,
     excluded_sizes,
     on_which,
@@ -342,7 +343,7 @@ def _axes(story: UpdateStory) -> list[str]:
     told = [axis for axis in shown_axes(story.document) if axis in usable]
     rows = [row for row in error_rows(story.document) if row["axis"] in told and row["times_floor"]]
     rows.sort(key=lambda row: -row["times_floor"])
-    touched = {entry["axis"] for entry in story.document["increments"]}
+    touched = changed_axes(story.document)
     found = {
         axis
         for finding in story.document["findings"]

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         new_increments,
         new_sign_changes,
         node_lineage,
+        parameter_covariance,
         parameter_inside,
         plan_consolidation,
         point_lineage,
@@ -71,6 +72,8 @@ if TYPE_CHECKING:
         tabulate,
         unstated_inputs,
         vary,
+        with_estimated_parameters,
+        with_parameter_covariance,
         with_parameters,
     )
     from .database import AeroDatabase, Term, Variable

@@ -72,6 +72,8 @@ def publish_candidate(
     baseline = access.database(plan.baseline)
     document["rivals"] = [asdict(rival) for rival in rivals]
     document["derivatives"], refused = _derivatives(access, plan, baseline, update.candidate, run)
+    if changed := parameter_changes(baseline, update.candidate):
+        document["parameters"] = changed
     signs = (*sign_reasons(baseline, update.candidate), *refused)
     labels = access.catalogue.flight_labels([*(each.flight for each in beyond), *untraced])
     inputs = input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from aerodb.report import decision, headline
 from tests.campaigns.closed_loop import measured_wrongly
 from tests.campaigns.fleet import airframe
 from tests.campaigns.planted import measured_text
@@ -95,3 +96,32 @@ def test_estimate_prints_all_of_them(workspace: Path, tmp_path: Path) -> None:
         assert values.keys() == T38.keys()
         for name, (true, _, _) in T38.items():
             assert values[name] == pytest.approx(true, rel=0.15 if "roll" in name else 0.05), name
+
+
+def test_an_update_of_declared_parameters_is_a_version(workspace: Path, tmp_path: Path) -> None:
+    """`update` with all of them declared: as near as the vehicle file says that mass, inertia, CG and
+    deflections are known, which are wrong by as much."""
+    model = tmp_path / "all.toml"
+    model.write_text(f"parameters = {json.dumps(list(T38))}\n", encoding="utf-8")
+    found = asked(
+        workspace, "update", *VEHICLE, "--baseline", "v0002", "--model", str(model), "--direct"
+    )
+    assert found["increments"] == []
+    named = {each["name"]: each for each in found["parameters"]}
+    assert named.keys() == T38.keys()
+    for name, each in named.items():
+        true = T38[name][0]
+        assert abs(each["after"] - true) < 2.5 * each["standard_error"], name
+        assert each["standard_error"] < 0.1 * abs(true), name
+    for name, before in WRONG.items():
+        true = T38[name][0]
+        assert abs(named[name]["after"] - true) < 0.2 * abs(before - true), name
+    for axis in ("CZ", "Cm", "Cl"):
+        error = found["axes"][axis]
+        assert error["held_out_rms_after"] < 0.7 * error["held_out_rms_before"], axis
+    words = decision(found)
+    lines = dict(words.lines)
+    assert "9 parameters" in words.verdict
+    assert any("->" in line for line in lines["found"])
+    assert "error of" in lines["proved"][0]
+    assert "lift_scale" in headline(found)

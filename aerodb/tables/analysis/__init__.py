@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     from .evaluation import Evaluation, Place, evaluate_database
     from .linear_terms import LinearTable, depends_on, linear_tables
     from .nodes import neutral_point, table_grids, vary
+    from .parameter_estimates import (
+        parameter_covariance,
+        with_estimated_parameters,
+        with_parameter_covariance,
+    )
     from .sensitivity import (
         ends_about,
         parameter_inside,

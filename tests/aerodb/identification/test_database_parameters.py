@@ -11,10 +11,20 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.estimation import output_error, regression
 from aerodb.identification import METHODS, IdentificationFlight, fits_of, flight_dynamics
+from aerodb.identification.candidate import update_by
 from aerodb.identification.database_parameters import fit_parameters, unknown
-from aerodb.increments import estimate_increments, parse_model_file
+from aerodb.increments import parse_model_file
 from aerodb.simulation import flight_model
-from aerodb.tables import AeroDatabase, Parameter, Term, Variable, normal, number, parse
+from aerodb.tables import (
+    AeroDatabase,
+    Parameter,
+    Term,
+    Variable,
+    normal,
+    number,
+    parameter_covariance,
+    parse,
+)
 from tests.support import flying_increments
 from tests.support.build_up import build_up, flights
 
@@ -75,12 +85,23 @@ def test_what_flights_cannot_tell_is_named(names: Sequence[str], says: str) -> N
         fit_parameters(regression, given(build_up()), names, build_up())
 
 
-def test_an_update_says_what_corrects_parameters() -> None:
-    model = parse_model_file('parameters = ["fin_CLa"]')
-    with pytest.raises(InputError, match="close-loop corrects parameters"):
-        estimate_increments([], [], model, build_up())
-    with pytest.raises(InputError, match="neither"):
-        parse_model_file("parameters = []")
+def test_an_update_by_another_method_has_its_values_and_errors() -> None:
+    """Frequency-domain regression in place of the time domain's: the candidate has its estimates,
+    correlations between them, and the flights."""
+    database = build_up(WRONG)
+    measured, model = given(database), parse_model_file(f"parameters = {list(WRONG)}")
+    update = update_by(METHODS["frequency-domain"], measured, model, database)
+    (fit,) = fits_of(METHODS["frequency-domain"], measured, model, database)
+    assert update.parameters == tuple(WRONG)
+    covariance = parameter_covariance(update.candidate, list(WRONG))
+    for row, name in enumerate(WRONG):
+        assert update.candidate.parameters[name] == pytest.approx(fit[name].value), name
+        assert covariance[row, row] ** 0.5 == pytest.approx(fit[name].standard_error), name
+        known = update.candidate.variables[name].parameter
+        assert known is not None
+        assert known.flights == tuple(each.flight.id for each in measured)
+        assert known.flown["alpha"][0] < known.flown["alpha"][1]
+    assert abs(covariance[1, 2]) > 0.1 * np.sqrt(covariance[1, 1] * covariance[2, 2])
 
 
 def flying(share: float) -> AeroDatabase:

@@ -1,6 +1,8 @@
 """What a bias or a delay leaves in estimates: standard errors that hold it cover the truth, those
 without do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,15 +12,16 @@ from aerodb.effects.flight_view import view_of
 from aerodb.flight import Flight
 from aerodb.increments.estimate import ConsiderParameter, estimate_increments
 from aerodb.increments.model_file import parse_model_file
-from aerodb.loop.consider import sensor_consider_parameters
+from aerodb.loop import ReconstructionErrors
+from aerodb.loop.consider import consider_parameters, sensor_consider_parameters
 from aerodb.nomenclature import AXES, MOMENT_AXES
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
 from aerodb.tables.reference import ReferenceGeometry
-from aerodb.vehicle import add_combinations
+from aerodb.vehicle import Vehicle, add_combinations, with_measured
 from aerodb.vehicle.probe import air_data_at_cg
 from tests.support.effect_flights import database as whole_database
-from tests.support.effect_flights import flown, logged, vehicle
+from tests.support.effect_flights import flown, flown_together, logged, vehicle
 from tests.support.synthetic import comparison, database, flight, smooth_noise
 
 MODEL = '[[increment]]\naxis = "CZ"\nterms = ["1", "alpha", "q_hat"]\n'
@@ -144,3 +147,46 @@ def test_an_airspeed_takes_its_dynamic_pressure_along() -> None:
         )
         off = rms((shift * column - (after[axis] - before[axis]))[inner])
         assert off < 0.05 * rms((after[axis] - before[axis])[inner]) + 0.01 * most, axis
+
+
+def test_vehicle_data_are_as_wrong_as_the_vehicle_file_says() -> None:
+    """Thirty campaigns of three flights with Iyy, CG and elevator drawn from what [measured] states:
+    the intervals of Cm hold the truth, and without it miss by several standard errors."""
+    plain, truth = vehicle(), whole_database(False)
+    stated = with_measured(plain, ["Iyy=3 %", "cg_x=20 mm", "delta_elevator=2 %"])
+    declared = parse_model_file(
+        '[[increment]]\naxis = "Cm"\nterms = ["1", "alpha", "q_hat", "delta_elevator"]\n'
+        "own_constants = true\n"
+    )
+    told, alone = [], []
+    for number in range(30):
+        rng = np.random.default_rng([7, number])
+        flies = _with_errors(plain, 0.03 * rng.standard_normal(), 0.02 * rng.standard_normal())
+        scale = 1.0 + 0.02 * rng.standard_normal()
+        flights, compared = [], []
+        for each in flown_together(range(3 * number, 3 * number + 3), truth, flies, seconds=20.0):
+            seen = each.with_channels({"delta_elevator": scale * each["delta_elevator"]})
+            made = total_coefficients(seen, stated, angular_acceleration="logged")
+            noise = smooth_noise(rng, len(each.time), 0.1, 0.002)
+            made = replace(made, values={**made.values, "Cm": made.values["Cm"] + noise})
+            flights.append(seen)
+            compared.append(compare(seen, made, truth, stated.reference))
+        nothing = {one.id: ReconstructionErrors() for one in flights}
+        for of, found in ((stated, told), (plain, alone)):
+            doubt = consider_parameters(nothing, of, truth, flights, compared)
+            (axis,) = estimate_increments(flights, compared, declared, truth, doubt).axes
+            found.append(axis.estimates[1:] / axis.standard_errors[1:])
+    size = np.sqrt(np.mean(np.square(told), axis=0))
+    assert np.all((size > 0.6) & (size < 1.3)), size
+    assert np.mean(np.abs(told) < 1.96) > 0.9
+    assert np.sqrt(np.mean(np.square(alone), axis=0)).max() > 2.0
+
+
+def _with_errors(of: Vehicle, inertia: float, forward: float) -> Vehicle:
+    """The vehicle that flies where the file of `of` states an Iyy that is `inertia` too large, and a
+    CG that is `forward` m too far ahead."""
+    x, y, z = of.mass.cg
+    mass = of.mass.model_copy(
+        update={"Iyy": of.mass.Iyy / (1.0 + inertia), "cg": (x - forward, y, z)}
+    )
+    return of.model_copy(update={"mass": mass})

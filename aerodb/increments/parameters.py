@@ -1,0 +1,230 @@
+"""Estimate parameters of a database from the residuals of several flights.
+
+A parameter acts on several axes, through several expressions, and not always linearly. So all axes
+are fitted together, each in units of the error that is left there, about the present values, and
+again until these stay (Gauss-Newton). Each flight has a constant of its own on each axis: what
+biased sensors leave says nothing of a parameter. Standard errors are those of declared increments.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.coefficients import Comparison, band_limited
+from aerodb.errors import InputError, nearest
+from aerodb.estimation import Regression, least_squares
+from aerodb.increments.considered import ConsiderParameter, consider_covariance
+from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
+from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.signals import rms
+from aerodb.support import Array, Mask
+from aerodb.tables import (
+    AeroDatabase,
+    flown_envelope,
+    sigma_of,
+    slopes_by_parameter,
+    with_estimated_parameters,
+    with_parameters,
+)
+
+#: The search ends when no value moves by more than this part of its standard error,
+_SETTLED: Final = 0.05
+#: or after so many solutions.
+_MOST: Final = 8
+#: Variation, as a part of the largest value, below which a column is a constant.
+_STILL: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class ParameterEstimates:
+    """The database with the estimates, and what speaks against them, in sentences."""
+
+    database: AeroDatabase
+    reservations: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSamples:
+    """One flight on one axis beside a database: residual (n,), its slopes by k parameters (n, k)
+    per unit of each, and which samples are used (n,). size : rms that is left on the axis."""
+
+    axis: str
+    comparison: Comparison
+    good: Mask
+    residual: Array
+    slopes: Array
+    size: float = 1.0
+
+    def over(self, chosen: Mask | slice) -> tuple[Array, Array]:
+        """Slopes (m, k) and residual (m,) of chosen samples about their means, in units of
+        `size`."""
+        slopes, residual = self.slopes[chosen], self.residual[chosen]
+        return (slopes - slopes.mean(axis=0)) / self.size, (residual - residual.mean()) / self.size
+
+
+def estimate_parameters(
+    comparisons: Sequence[Comparison],
+    names: Sequence[str],
+    database: AeroDatabase,
+    consider: Mapping[str, Sequence[ConsiderParameter]],
+) -> ParameterEstimates:
+    """Estimate parameters of `database` from comparisons with it, at their full rate.
+
+    consider : flight id -> sensor errors that the standard errors then include. Estimates (k,) and
+    covariance (k, k) are in the parameters' units. A prior counts where no flight has estimated the
+    parameter yet; bounds hold. Raises InputError for an unknown parameter, for one that these
+    flights do not move, and for parameters of which one is a combination of others.
+    """
+    check_parameters_of(names, database)
+    present, settled = database, False
+    for _ in range(_MOST):
+        samples = parameter_samples(comparisons, names, present)
+        fit = _fitted(samples, names, present, consider)
+        constrained = constrained_fit(fit, _priors(names, database), _bounds(names, database))
+        values = dict(zip(names, constrained.estimates.tolist(), strict=True))
+        sigma = np.sqrt(np.diag(constrained.covariance))
+        moved = np.array([abs(values[name] - present.parameters[name]) for name in names])
+        present = with_parameters(present, values)
+        if np.all(moved <= _SETTLED * sigma):
+            settled = True
+            break
+    flights = tuple(dict.fromkeys(each.comparison.flight for each in samples))
+    flown = flown_envelope(database.flight_inputs, _flown(samples), database)
+    return ParameterEstimates(
+        with_estimated_parameters(database, values, constrained.covariance, flights, flown),
+        (
+            *([] if settled else [f"The parameters still move after {_MOST} solutions"]),
+            *(f"{name} ended on a bound" for name in constrained.at_bound),
+            *(
+                f"These flights cannot separate {' and '.join(group)}"
+                for group in alias_groups(names, correlation_of(constrained.covariance))
+            ),
+        ),
+    )
+
+
+def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
+    """Raise InputError, with the nearest known one, for a name that is no parameter of a
+    database."""
+    for name in names:
+        if name not in database.parameters:
+            raise InputError(
+                f"the database has no parameter '{name}'",
+                f"database {database.name}",
+                nearest(name, database.parameters)
+                if database.parameters
+                else "write [parameters] in the database file, and import it",
+            )
+
+
+def parameter_samples(
+    comparisons: Sequence[Comparison], names: Sequence[str], present: AeroDatabase
+) -> list[ParameterSamples]:
+    """Return the samples of flights on the axes that parameters (k) reach, beside a database.
+
+    comparisons : at the full rate, with that database or with one that differs in values of
+    parameters only. Slopes (n, k) are per unit of each parameter. Raises InputError naming
+    parameters that move nothing, or only a constant.
+    """
+    found, moves = [], np.zeros(len(names), dtype=np.bool_)
+    for comparison in comparisons:
+        side = comparison.database_side
+        if side is None:
+            raise InputError(
+                "this comparison is not at the flight's full rate",
+                f"flight {comparison.flight}",
+                "compare the flight as it is stored",
+            )
+        now = present.predict(side.channels).coefficients
+        slopes = [slopes_by_parameter(present, name, side.channels) for name in names]
+        for axis in AXES:
+            if axis not in comparison.usable or not any(axis in each for each in slopes):
+                continue
+            still = np.zeros(len(comparison.time))
+            columns = [_seen(axis, each.get(axis, still), comparison) for each in slopes]
+            residual = comparison.measured[axis] - _seen(axis, now[axis], comparison)
+            good = comparison.usable[axis] & np.isfinite(residual)
+            if good.any():
+                matrix = np.column_stack(columns)
+                used = matrix[good]
+                moves |= np.ptp(used, axis=0) > _STILL * np.abs(used).max(axis=0)
+                found.append(ParameterSamples(axis, comparison, good, residual, matrix))
+    if still_ones := [name for name, each in zip(names, moves, strict=True) if not each]:
+        raise InputError(
+            f"in these flights {', '.join(still_ones)} changes nothing, or only a constant",
+            "estimate",
+            "fly what they act on, or leave them out: a constant is taken for a sensor's bias",
+        )
+    return [replace(each, size=_left(found, each.axis)) for each in found]
+
+
+def _seen(axis: str, values: Array, comparison: Comparison) -> Array:
+    """What is predicted on an axis (n,), band-limited like what is measured there."""
+    n = len(comparison.time)
+    values = np.broadcast_to(values, (n,))
+    if axis not in MOMENT_AXES or comparison.bandwidth is None:
+        return np.asarray(values)
+    step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
+    return band_limited(values, step, comparison.bandwidth)
+
+
+def _left(samples: Sequence[ParameterSamples], axis: str) -> float:
+    """The error about the mean of each flight that is left on an axis, rms over all."""
+    return rms(np.concatenate([s.over(s.good)[1] for s in samples if s.axis == axis])) or 1.0
+
+
+def _fitted(
+    samples: Sequence[ParameterSamples],
+    names: Sequence[str],
+    present: AeroDatabase,
+    consider: Mapping[str, Sequence[ConsiderParameter]],
+) -> Regression:
+    """Least squares about the present values, every flight and axis about its mean and in units of
+    what is left there."""
+    pairs = [each.over(each.good) for each in samples]
+    matrix = np.concatenate([slopes for slopes, _ in pairs])
+    left = np.concatenate([residual for _, residual in pairs])
+    values = np.array([present.parameters[name] for name in names])
+    try:
+        fit = least_squares(
+            matrix, left + matrix @ values, names, [len(residual) for _, residual in pairs]
+        )
+    except ValueError as error:
+        remedy = "leave one of them out, or fly manoeuvres that separate them"
+        raise InputError(f"parameters: {error}", "update", remedy) from error
+    doubt = consider_covariance(
+        matrix,
+        [(each.axis, each.comparison, each.good) for each in samples],
+        consider,
+        {each.axis: each.size for each in samples},
+    )
+    return replace(fit, covariance=fit.covariance + doubt)
+
+
+def _priors(names: Sequence[str], database: AeroDatabase) -> dict[str, tuple[float, float]]:
+    """Name -> value and sigma of the parameters of which something is known before flight."""
+    found = {}
+    for name in names:
+        variable = database.variables[name]
+        sigma = sigma_of(variable.uncertainty)
+        if sigma and variable.parameter is not None and not variable.parameter.flights:
+            found[name] = (database.parameters[name], sigma)
+    return found
+
+
+def _bounds(names: Sequence[str], database: AeroDatabase) -> dict[str, tuple[float, float]]:
+    known = {name: database.variables[name].parameter for name in names}
+    return {name: each.bounds for name, each in known.items() if each is not None}
+
+
+def _flown(samples: Sequence[ParameterSamples]) -> list[tuple[Mapping[str, Array], Mask]]:
+    """Channels of each flight, and its samples (n,) that are used on every axis."""
+    good: dict[str, tuple[Mapping[str, Array], Mask]] = {}
+    for each in samples:
+        side = each.comparison.database_side
+        assert side is not None  # `parameter_samples` has asked
+        _, earlier = good.get(each.comparison.flight, (None, each.good))
+        good[each.comparison.flight] = (side.channels, earlier & each.good)
+    return [each for each in good.values() if each[1].any()]
