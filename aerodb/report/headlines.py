@@ -106,8 +106,8 @@ def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem = SI) -> dict[str
 
 
 def changed_axes(document: Mapping[str, Any]) -> set[str]:
-    """Return the axes that an update or a closed loop changes: those of its increments, and where it
-    corrects parameters those on which the error is another."""
+    """Return the axes that an update or a closed loop changes: those of its increments; where it
+    corrects parameters, those on which the error (dimensionless) is another."""
     changed = {entry["axis"] for entry in document["increments"]}
     if document.get("parameters"):
         changed |= {

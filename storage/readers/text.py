@@ -4,6 +4,7 @@ blanks, with or without a header line."""
 import csv
 import io
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -191,7 +192,7 @@ def _columns(
     """Columns of numbers by name, their units, names of those of text or nothing, damage where
     single cells are not numbers, and how texts were read."""
     headers = [(layout.names[k] if layout.names else "") for k in range(len(frame.columns))]
-    split = [_split_unit(header) for header in headers]
+    split = [_split_unit(header, headers) for header in headers]
     shorts = [short for short, _ in split]
     columns: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
@@ -226,19 +227,30 @@ def _columns(
     return columns, units, text, damage, said
 
 
-def _split_unit(name: str) -> tuple[str, str]:
+def _split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
     """Name and unit of a header such as ``alpha [deg]``, ``alpha (deg)`` or ``alpha,__deg``; no
-    unit: empty. A number or an axis in brackets is an index.
+    unit: empty. A number or an axis in brackets is an index, but for a 1 that stands apart where
+    no other header has the same name: the unit of numbers.
 
     >>> _split_unit("V (ft/s)"), _split_unit("gyro[0]"), _split_unit("Vtrue,_ktas")
     (('V', 'ft/s'), ('gyro[0]', ''), ('Vtrue', 'ktas'))
+    >>> _split_unit("mach [1]"), _split_unit("gyro [1]", ["gyro [0]", "gyro [1]"])
+    (('mach', '1'), ('gyro [1]', ''))
     """
     match = _UNIT.fullmatch(name)
     if match is not None and match[1]:
         unit = (match[2] if match[2] is not None else match[3]).strip()
-        if not _INDEX.fullmatch(unit):
+        apart = unit == "1" and name[len(match[1])].isspace()
+        alone = apart and not any(_is_beside(other, name, match[1]) for other in others)
+        if alone or not _INDEX.fullmatch(unit):
             return match[1], _SYMBOLS.get(unit, unit)
     behind = _BEHIND.fullmatch(name)
     if behind is not None and behind[1].strip("_ ") and is_spelled(behind[2]):
         return behind[1].strip("_ "), behind[2]
     return name, ""
+
+
+def _is_beside(other: str, name: str, short: str) -> bool:
+    """Whether another header is the same name with another index."""
+    match = _UNIT.fullmatch(other)
+    return match is not None and other != name and match[1] == short

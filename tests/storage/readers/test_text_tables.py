@@ -175,6 +175,14 @@ def test_an_index_in_brackets_is_no_unit(tmp_path: Path, names: str) -> None:
     assert not topic.units
 
 
+def test_a_one_in_brackets_that_stands_apart_is_the_unit_of_numbers(tmp_path: Path) -> None:
+    """As aerodb's own tables have it; beside other indices it is one."""
+    text = "time [s],mach [1],gyro [0],gyro [1]\n0,.5,1,2\n.1,.5,1,2\n.2,.5,1,2\n"
+    topic = read(tmp_path, text).topics["table"]
+    assert [*topic.fields] == ["time", "mach", "gyro [0]", "gyro [1]"]
+    assert dict(topic.units) == {"time": "s", "mach": "1"}
+
+
 def test_an_index_before_a_unit(tmp_path: Path) -> None:
     topic = read(tmp_path, "g[0] (rad/s),g[1] (rad/s)\n1,2\n3,4\n").topics["table"]
     assert dict(topic.units) == {"g[0]": "rad/s", "g[1]": "rad/s"}
