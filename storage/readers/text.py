@@ -25,6 +25,7 @@ _BEHIND: Final = re.compile(r"(.*?)\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?")
 _INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
 _SYMBOLS: Final = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
 _NEWLINE: Final = 0x0A
+_COMMENTS: Final = (b"#", b"%")
 _UTF16: Final = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -122,11 +123,13 @@ def _without_closing(body: bytes, layout: Layout) -> tuple[bytes, list[str]]:
 
 def _without_repeats(body: bytes, above: list[bytes], layout: Layout) -> tuple[bytes, list[str]]:
     """Blank comments between the data, and names that stand there again."""
-    marks = [re.escape(line) for line in dict.fromkeys(above) if line.strip() and layout.names]
-    marks += [rb"[#%][^\n]*"] if re.search(rb"^[#%]", body, re.MULTILINE) else []
     found = 0
-    for mark in marks:
-        body, times = re.subn(rb"^" + mark + rb"$", b"", body, flags=re.MULTILINE)
+    for line in dict.fromkeys(above) if layout.names else ():
+        if line.strip() and (body.startswith(line + b"\n") or b"\n" + line + b"\n" in body):
+            body, times = re.subn(rb"^" + re.escape(line) + rb"$", b"", body, flags=re.MULTILINE)
+            found += times
+    if body[:1] in _COMMENTS or any(b"\n" + mark in body for mark in _COMMENTS):
+        body, times = re.subn(rb"^[#%][^\n]*$", b"", body, flags=re.MULTILINE)
         found += times
     return body, [f"{found} comments or repeated headers between the data"] if found else []
 
@@ -154,13 +157,19 @@ def _check_ragged(body: bytes, layout: Layout, where: str) -> None:
 def _field_counts(text: NDArray[np.uint8], delimiter: str) -> NDArray[np.int64]:
     """Number of fields of each line, 0 for blank lines."""
     ends = np.flatnonzero(text == _NEWLINE)
-    blank = (text == 0x20) | (text == 0x09) | (text == _NEWLINE)
-    word_starts = ~blank & np.concatenate([[True], blank[:-1]])
-    words = np.diff(np.searchsorted(np.flatnonzero(word_starts), ends), prepend=0)
     if delimiter == " ":
-        return words
+        return _words(text, ends)
     marks = np.diff(np.searchsorted(np.flatnonzero(text == ord(delimiter)), ends), prepend=0)
-    return np.where((words > 0) | (marks > 0), marks + 1, 0)
+    if marks.all():
+        return marks + 1
+    return np.where((marks > 0) | (_words(text, ends) > 0), marks + 1, 0)
+
+
+def _words(text: NDArray[np.uint8], ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of words of each line (m,), which end at `ends`."""
+    blank = (text == 0x20) | (text == 0x09) | (text == _NEWLINE)
+    starts = ~blank & np.concatenate([[True], blank[:-1]])
+    return np.diff(np.searchsorted(np.flatnonzero(starts), ends), prepend=0)
 
 
 def _frame(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
