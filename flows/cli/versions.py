@@ -7,6 +7,7 @@ import typer
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.nomenclature import channel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -217,10 +218,11 @@ def show(
         session.say(("" if checks["passed"] else "WARNING: ") + checks["sentence"])
     database, folds = _consolidated(session, database) if consolidated else (database, {})
     made = {name: [t for t in database.terms if t.part == name] for name in database.parts}
-    session.table(
-        ["axis", "term", "expression"],
-        [[t.axis, t.name, str(t.expression)] for t in database.terms if not t.part],
-    )
+    own = [term for term in database.terms if not term.part]
+    if own or not database.parts:
+        session.table(
+            ["axis", "term", "expression"], [[t.axis, t.name, str(t.expression)] for t in own]
+        )
     if database.parts:
         session.table(
             ["part", "kind", "loads", "description"],
@@ -336,7 +338,7 @@ def evaluate(
     """
     from aerodb.report import beyond_words
     from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import database_of, evaluate_at
+    from aerodb.tasks.view import TAKEN, database_of, evaluate_at
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -367,8 +369,8 @@ def evaluate(
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
     for name, value in document["taken_as"].items():
-        told = session.units.shown(value, "m")
-        session.say(f"{name.replace('_', ' ')} taken as {told}, outside ground effect")
+        told = session.units.shown(value, channel(name).unit)
+        session.say(f"{name.replace('_', ' ')} taken as {told}, {TAKEN[name]}")
     if document["outside_tables"]:
         session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
     session.answer(document)

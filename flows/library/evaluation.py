@@ -21,6 +21,7 @@ from aerodb.nomenclature import AXES, channel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import value_of
+from aerodb.tasks.view import TAKEN
 from aerodb.units import convert
 
 
@@ -69,7 +70,7 @@ class EvaluatedPoints(Result):
         outside = sorted(self.evaluation.prediction.outside_tables)
         said = [f"{name} is not given and counts as zero" for name in self.assumed]
         said += [
-            f"{name} is not given and counts as {number(value)} m, outside ground effect"
+            f"{name} is not given and counts as {number(value)} {channel(name).unit}, {TAKEN[name]}"
             for name, value in self.taken.items()
         ]
         said += [f"edge values of table {name} are held" for name in outside]
@@ -160,11 +161,16 @@ def evaluate(
         ) from error
     channels = {name: each.ravel() for name, each in zip(given, arrays, strict=True)}
     zero = np.zeros(len(next(iter(channels.values()), np.zeros(1))))
-    unstated = unstated_inputs(database, given)
+    unstated = unstated_inputs(database, channels)
     evaluation = evaluate_database(
         database, {**{name: zero + value for name, value in unstated.items()}, **channels}
     )
-    other = {name: value for name, value in unstated.items() if value and name != "V"}
+    shown = TAKEN if database.has_loads else ("height_above_ground",)
+    other = {
+        name: float(np.mean(value))
+        for name, value in unstated.items()
+        if name in shown and np.any(value)
+    }
     assumed = tuple(name for name in unstated if name not in other)
     return EvaluatedPoints(database, channels, assumed, evaluation, other)
 

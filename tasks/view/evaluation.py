@@ -16,6 +16,13 @@ from aerodb.tables import AeroDatabase, Place, evaluate_database, unstated_input
 from aerodb.tasks.references import point_of
 from aerodb.tasks.workspace_access import database_from
 
+#: Input that is taken to be something -> what that is, in words.
+TAKEN: Final = {
+    "height_above_ground": "outside ground effect",
+    "V": "as loads need an airspeed: state your own",
+    "rho": "which goes with what is stated, or is that of sea level",
+    "qbar": "which goes with airspeed and density",
+}
 #: Largest number of points of a line through a database.
 MOST_LINE_POINTS: Final = 2001
 
@@ -147,7 +154,7 @@ def _point(database: AeroDatabase, at: str) -> _Point:
     """Return the point that a text gives."""
     point = point_of(at, database.inputs)
     unstated = unstated_inputs(database, point)
-    shown = {"height_above_ground", *(("V", "rho", "qbar") if database.has_loads else ())}
+    shown = TAKEN if database.has_loads else ("height_above_ground",)
     taken = {name: unstated[name] for name in unstated if name in shown}
     zero = [name for name in unstated if name not in taken]
     return _Point(point, zero, taken, {**unstated, **point})

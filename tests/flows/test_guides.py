@@ -30,6 +30,7 @@ GUIDES = (
     "first-finding",
     "simulators",
     "from-csv-or-mat",
+    "parts",
 )
 
 #: Of measured flights, which are where $AERODB_TEST_DATA says: page -> a record that it needs.
@@ -142,7 +143,7 @@ def follow(name: str, followed: dict[str, Path]) -> Path:
     [pytest.param(name, marks=[pytest.mark.campaign] if name in _LONG else []) for name in GUIDES],
 )
 def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None:
-    if name == "simulators":
+    if name in ("simulators", "parts"):
         pytest.importorskip("jsbsim", reason="exports to JSBSim are checked inside it")
     follow(name, followed)
 
