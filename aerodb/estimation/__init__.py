@@ -64,7 +64,7 @@ if TYPE_CHECKING:
         samples_per_independent,
         with_mean_constant,
     )
-    from .output_error import multiple_shooting, output_error
+    from .output_error import multiple_shooting, nonlinear_refinement, output_error
     from .parameters import Parameter, Parameters, bounds_of, priors_of
     from .regression import (
         EquationRecord,

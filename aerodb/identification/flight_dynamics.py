@@ -27,6 +27,13 @@ _UNITS: Final = {
 _LONGEST_STEP: Final = 0.04
 #: Largest scale error that is believable.
 _MOST_SCALE: Final = 0.5
+#: Moments and products of inertia that may be unknown.
+INERTIAS: Final = ("Ixx", "Iyy", "Izz", "Ixz")
+#: Ixz lies within this share of the root of Ixx Izz; a moment of inertia within these shares of
+#: what the vehicle file states.
+_MOST_COUPLED: Final = 0.9
+_LEAST: Final = 0.5
+_MOST: Final = 2.0
 #: Place of a record that is no state: given by its inputs, or by its start.
 _PLACE: Final = ("psi", "altitude")
 
@@ -138,6 +145,9 @@ class FlightDynamics:
             if name not in _PLACE:
                 late = own.get(f"delay_{name}", np.zeros(1)) / record.step
                 series[name] = np.stack([_at(input_, at - late) for at in (samples, following)])
+        for name in INERTIAS:
+            if name in own:
+                series[name] = np.broadcast_to(own[name], (2, len(samples)))
         run = self._flown(own, record, series, record.time[:2], state, samples)
         outputs = self._measured(own, record, run, timely=True)[0]
         later = np.stack([run.channels[name][1] for name in self.states])
@@ -202,6 +212,11 @@ class FlightDynamics:
             if f"delay_{name}" in own:
                 late = np.atleast_1d(own[f"delay_{name}"]) / record.step
                 taken[name] = delayed(taken[name][:, None], late)[0]
+        for name in INERTIAS:
+            if name in own:
+                taken[name] = np.broadcast_to(
+                    np.atleast_1d(own[name]), (len(record.time), np.size(own[name]))
+                )
         return taken
 
     def _measured(
@@ -231,6 +246,7 @@ def flight_dynamics(
     biases: Sequence[str] = (),
     scales: Sequence[str] = (),
     delays: Sequence[str] = (),
+    inertias: Sequence[str] = (),
     accelerometer: Position | None = None,
     vane: Position | None = None,
 ) -> tuple[FlightDynamics, list[TimeHistory]]:
@@ -243,6 +259,8 @@ def flight_dynamics(
     initial : states whose first value is unknown in each record; others start as measured.
     biases : outputs with an unknown bias in each record. scales : outputs with one unknown scale.
     delays : outputs and inputs with one unknown delay.
+    inertias : moments and products of inertia [kg m2] that are unknown, constant, and the same in
+    all records; they start at the mean of the stretches.
     accelerometer, vane : see `FlightDynamics`.
 
     Raises InputError for a name that is none of these.
@@ -270,6 +288,7 @@ def flight_dynamics(
     items += [
         Parameter(f"delay_{name}", 0.0, "s", lower=-MOST_DELAY, upper=MOST_DELAY) for name in delays
     ]
+    items += [_inertia(name, stretches) for name in inertias]
     records = []
     for name, stretch in stretches.items():
         items += [
@@ -287,6 +306,17 @@ def flight_dynamics(
         vane,
     )
     return made, records
+
+
+def _inertia(name: str, stretches: Mapping[str, FlightStretch]) -> Parameter:
+    """An inertia as an unknown: from the mean of the stretches, within what a body can have."""
+    mean = {
+        each: float(np.mean([np.mean(s.series[each]) for s in stretches.values()]))
+        for each in INERTIAS
+    }
+    most = _MOST_COUPLED * float(np.sqrt(mean["Ixx"] * mean["Izz"]))
+    low, high = (-most, most) if name == "Ixz" else (_LEAST * mean[name], _MOST * mean[name])
+    return Parameter(name, mean[name], "kg*m**2", lower=low, upper=high)
 
 
 def _record(name: str, stretch: FlightStretch, outputs: Sequence[str]) -> TimeHistory:

@@ -77,7 +77,7 @@ def flown_problem(
     support = _supporting(logs, comparisons, database, declared)
     start = (
         estimate_increments(
-            logs, comparisons, model.model_copy(update={"parameters": ()}), database
+            logs, comparisons, model.model_copy(update={"parameters": (), "inertias": ()}), database
         ).candidate
         if model.increment
         else database
@@ -104,7 +104,7 @@ def flown_problem(
     ]
     initial = [name for name in MOTION if name in outputs]
     dynamics, records = flight_dynamics(
-        flying, stretches, tuple(named), outputs=outputs, initial=initial
+        flying, stretches, tuple(named), outputs=outputs, initial=initial, inertias=model.inertias
     )
     return _with_priors(dynamics, model.parameters, database), records, named
 

@@ -25,7 +25,8 @@ class Method:
         `DynamicModel` and its `TimeHistory` records.
     function : module and name of the function; it is imported when it is first called.
     display : a help for judgement, never a candidate.
-    disturbed : its states have process noise: those that outputs show.
+    disturbed : its states have process noise: those that outputs show. slow : `all` leaves
+    it out, as it searches from several starts.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Method:
     function: tuple[str, str]
     display: bool = False
     disturbed: bool = False
+    slow: bool = False
 
     def load(self) -> Callable[..., Fit]:
         """Return the function that estimates (`Method.function`); raises ImportError where its
@@ -83,6 +85,12 @@ _METHODS = (
     Method("ekf", "dynamic", ("aerodb.estimation", "extended_kalman"), disturbed=True),
     Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman"), disturbed=True),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
+    Method(
+        "nonlinear-refinement",
+        "dynamic",
+        ("aerodb.estimation", "nonlinear_refinement"),
+        slow=True,
+    ),
 )
 
 #: Name -> method, in the order in which they are tried and printed.
@@ -90,12 +98,12 @@ METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
 def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is no display.
+    """Methods by name; ``all`` for every one that is neither a display nor slow.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
-        return tuple(m for m in METHODS.values() if not m.display)
+        return tuple(m for m in METHODS.values() if not m.display and not m.slow)
     for name in names:
         if name not in METHODS:
             raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS, len(METHODS)))

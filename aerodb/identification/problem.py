@@ -31,6 +31,12 @@ def fits_of(
         shown = [state for state in DISTURBED if state in dynamics.outputs]
         options = {"process_noise": shown} if method.disturbed else {}
         return [with_names(function(dynamics, records, **options), named)]
+    if model.inertias:
+        raise InputError(
+            f"{method.name} estimates no {', '.join(model.inertias)}: it takes the vehicle's",
+            "model file",
+            "use a method that flies, such as nonlinear-refinement",
+        )
     if model.parameters:
         if model.increment:
             raise InputError(

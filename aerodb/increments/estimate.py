@@ -122,6 +122,12 @@ def estimate_increments(
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
     estimated at all.
     """
+    if model.inertias:
+        raise InputError(
+            f"an update changes a database, not {', '.join(model.inertias)}",
+            "model file",
+            "estimate it (aerodb estimate), state it in the vehicle file, and leave it out here",
+        )
     if model.parameters:
         return _with_parameters(comparisons, model, database, consider or {})
     model = with_chosen_knots(flights, comparisons, model, database)

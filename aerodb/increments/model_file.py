@@ -26,7 +26,7 @@ With one constant for all flights, differences between flights (trim, CG, loadin
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -121,17 +121,22 @@ class DeclaredIncrement(Strict):
 
 
 class ModelFile(Strict):
-    """All declared increments, one entry per axis, and parameters of the database to estimate."""
+    """All declared increments, one entry per axis, and parameters of the database to estimate.
+
+    inertias : those of the vehicle that are estimated beside, by methods that fly: ``Ixz``.
+    """
 
     increment: tuple[DeclaredIncrement, ...] = ()
     parameters: tuple[str, ...] = ()
+    inertias: tuple[Literal["Ixx", "Iyy", "Izz", "Ixz"], ...] = ()
 
     @model_validator(mode="after")
     def _once(self) -> "ModelFile":
         if not self.increment and not self.parameters:
             raise ValueError("neither [[increment]] nor parameters")
-        if len(set(self.parameters)) != len(self.parameters):
-            raise ValueError("a parameter stands twice")
+        for what, names in (("a parameter", self.parameters), ("an inertia", self.inertias)):
+            if len(set(names)) != len(names):
+                raise ValueError(f"{what} stands twice")
         axes = [entry.axis for entry in self.increment]
         if len(set(axes)) != len(axes):
             raise ValueError("an axis is declared twice")

@@ -7,7 +7,7 @@ effect of the pair, and each surface has a part that the pair cancels (eqs. 71 t
 eq. 46 are lost in print; those of the rudders, and drag of the ailerons, are nowhere: they are zero.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -211,6 +211,19 @@ def _lagged(values: np.ndarray, lag: float) -> np.ndarray:
     return found
 
 
+def _half(pair: str, sign: float) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
+    return lambda c: 0.5 * (c[f"delta_{pair}_right"] + sign * c[f"delta_{pair}_left"])
+
+
+#: Combined deflection -> what it is of those of its two surfaces.
+_HALVES = {
+    "delta_elevator": _half("stabilator", 1.0),
+    "delta_stabilator_roll": _half("stabilator", -1.0),
+    "delta_aileron": _half("aileron", -1.0),
+    "delta_rudder": _half("rudder", 1.0),
+}
+
+
 def leg(
     seed: int, truth: AeroDatabase, locked: Mapping[str, float] | None = None, noise: float = 1.0
 ) -> Flight:
@@ -233,11 +246,7 @@ def leg(
     for name, values in moved.items():
         sigma = NOISE[name.rsplit("_", 1)[0]]
         channels[name] = values + noise * sigma * rng.standard_normal(n)
-    for name, (kind, pair) in {
-        "delta_elevator": (1.0, "stabilator"), "delta_stabilator_roll": (-1.0, "stabilator"),
-        "delta_aileron": (-1.0, "aileron"), "delta_rudder": (1.0, "rudder"),
-    }.items():  # fmt: skip
-        channels[name] = 0.5 * (channels[f"delta_{pair}_right"] + kind * channels[f"delta_{pair}_left"])  # fmt: skip
+    channels |= {name: half(channels) for name, half in _HALVES.items()}
     density = run.channels["qbar"][:, 0] / (0.5 * run.channels["V"][:, 0] ** 2)
     channels["qbar"] = 0.5 * density * channels["V"] ** 2
     channels["rho"] = density
@@ -261,3 +270,9 @@ def legs(
 def without(database: AeroDatabase, axes: Sequence[str]) -> AeroDatabase:
     """The database without the terms of some axes."""
     return replace(database, terms=tuple(t for t in database.terms if t.axis not in axes))
+
+
+def exact_deflections(seed: int) -> dict[str, np.ndarray]:
+    """The deflections of a leg without the noise of their potentiometers, those of pairs too."""
+    moved = commands(seed)[1]
+    return moved | {name: half(moved) for name, half in _HALVES.items()}

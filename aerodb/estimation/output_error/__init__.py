@@ -5,6 +5,7 @@
 3. `search` (`gauss_newton`) climbs the likelihood; `output_error` says what each estimate is worth.
 4. `instability` tells when an unstable motion needs `stabilised` models or `multiple_shooting`,
    which gives each segment of a record its own initial state.
+5. `nonlinear_refinement` searches within bounds from several starts, with a cost of three parts.
 
 Before: `aerodb.estimation.linear_models`. With turbulence: `aerodb.estimation.filters`.
 """
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from .gauss_newton import search
     from .multiple_shooting import multiple_shooting
     from .output_error import output_error
+    from .refinement import nonlinear_refinement
     from .sensitivities import acting
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)
