@@ -1,5 +1,6 @@
 """A JSBSim export flies there as the database flies here: same inputs, same trajectory."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +8,12 @@ import numpy as np
 import pytest
 
 from aerodb.exchange import MassBalance, export_jsbsim, import_jsbsim
-from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES
+from aerodb.exchange.jsbsim.export import input_properties
 from aerodb.physics import Earth, standard_atmosphere
 from aerodb.simulation import flight_model, simulate
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables import AeroDatabase, Increment, Interval, parse
+from tests.support.parts import aircraft
 
 jsbsim = pytest.importorskip("jsbsim")
 
@@ -35,14 +37,36 @@ def updated() -> AeroDatabase:
     return replace(base, increments=tuple(increments))
 
 
-def test_an_export_flies_in_jsbsim_with_the_vehicles_mass_as_it_flies_here() -> None:
-    database = updated()
+@pytest.mark.parametrize(
+    ("database", "kilograms", "inertia", "knots"),
+    [
+        pytest.param(updated, 2800.0, (6000.0, 5600.0, 11000.0, 900.0), 200.0, id="increments"),
+        pytest.param(aircraft, 1100.0, (1300.0, 1800.0, 2700.0, 90.0), 105.0, id="parts"),
+    ],
+)
+def test_an_export_flies_in_jsbsim_with_the_vehicles_mass_as_it_flies_here(
+    database: Callable[[], AeroDatabase],
+    kilograms: float,
+    inertia: tuple[float, float, float, float],
+    knots: float,
+) -> None:
+    """A database with increments in wind axes, and one of 40 strips with a propeller, which are
+    loads."""
+    _flies_alike(database(), kilograms, inertia, knots)
+
+
+def _flies_alike(
+    database: AeroDatabase,
+    kilograms: float,
+    inertia: tuple[float, float, float, float],
+    knots: float,
+) -> None:
     x, y, z = database.reference.moment_reference
     # The CG is ahead of the reference point, and the principal axes are not the body axes.
-    mass = MassBalance(2800.0, (x + 0.1, y, z + 0.05), (6000.0, 5600.0, 11000.0, 900.0), "weighed")
+    mass = MassBalance(kilograms, (x + 0.1, y, z + 0.05), inertia, "weighed")
     program = loaded_in_jsbsim(export_jsbsim(database, name="t37", mass=mass))
     for name, value in {
-        "ic/h-sl-ft": 8000.0, "ic/vc-kts": 200.0, "ic/lat-geod-deg": 45.0, "ic/psi-true-deg": 30.0,
+        "ic/h-sl-ft": 8000.0, "ic/vc-kts": knots, "ic/lat-geod-deg": 45.0, "ic/psi-true-deg": 30.0,
         "ic/alpha-deg": 2.0, "inertia/pointmass-weight-lbs[0]": 0.0,
     }.items():  # fmt: skip
         if program.get_property_manager().hasNode(name):
@@ -54,15 +78,8 @@ def test_an_export_flies_in_jsbsim_with_the_vehicles_mass_as_it_flies_here() -> 
             program[f"simulation/integrator/{state}/{kind}"] = 4
     latitude = program["position/lat-geod-rad"]
     model = flight_model(database, earth=Earth(latitude, program["position/long-gc-rad"]))
-    free = database.free_inputs
-    inputs = {}
-    for name in model.inputs:
-        if name in free:
-            inputs[name] = (free[name].split()[2].rstrip(":"), 1.0)
-        elif name in CHANNEL_PROPERTIES:
-            inputs[name] = CHANNEL_PROPERTIES[name]
-        else:
-            inputs[name] = (f"fcs/{name.removeprefix('delta_')}-pos-rad", 1.0)
+    known = input_properties(database)
+    inputs = {name: known[name] for name in model.inputs}
     log = {"V": ("velocities/vt-fps", FOOT), "altitude": ("position/geod-alt-ft", FOOT)}
     log |= {name: (f"aero/{name}-rad", 1.0) for name in ("alpha", "beta")}
     log |= {name: (f"attitude/{name}-rad", 1.0) for name in ("phi", "theta", "psi")}
@@ -82,6 +99,8 @@ def test_an_export_flies_in_jsbsim_with_the_vehicles_mass_as_it_flies_here() -> 
         name for name in ("delta_elevator", "delta_aileron", "delta_rudder") if name in inputs
     ]
     assert surfaces
+    if "throttle" in inputs:
+        program[inputs["throttle"][0]] = 0.75
     rows = []
     for i in range(int(8.0 / STEP)):
         time = i * STEP
