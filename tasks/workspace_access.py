@@ -9,14 +9,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aerodb.storage import files
 from aerodb.storage.catalogue import Catalogue, FlightRow, StoredFile, catalogue_location, measured
-from aerodb.storage.files import is_available, local, local_recording, put
 from aerodb.storage.workspace import Workspace
-from aerodb.storage.workspace_settings import load_settings
-from aerodb.vehicle import Vehicle, parse_vehicle
 
+# What reads files, settings and vehicles is imported where it is used: queries need none of it.
 if TYPE_CHECKING:
     from aerodb.tables import AeroDatabase
+    from aerodb.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class WorkspaceAccess:
     workspace: Workspace
     catalogue: Catalogue
 
-    def vehicle(self, name: str) -> tuple[Vehicle, str]:
+    def vehicle(self, name: str) -> tuple["Vehicle", str]:
         """Return a vehicle, with the accuracy limits of the settings, and the sha256 of its file's
         text (docs/reference/conventions.md, section "Vehicle file"). UnknownNameError where it is
         not known, InputError where its file is wrong."""
@@ -44,6 +44,8 @@ class WorkspaceAccess:
 
         They are part of the key of every result that depends on them.
         """
+        from aerodb.storage.workspace_settings import load_settings
+
         return load_settings(self.workspace.root).of(name).accuracy.given
 
     def name_of(self, row: FlightRow) -> str:
@@ -75,18 +77,18 @@ class WorkspaceAccess:
         """Return whether the file of the result under `key` exists, here or remotely; does not
         fetch it. StoreError where the object store cannot be asked."""
         row = self.catalogue.result(key)
-        return row is not None and is_available(self.workspace, self.catalogue, row.path)
+        return row is not None and files.is_available(self.workspace, self.catalogue, row.path)
 
     def file_of(self, path: str) -> Path:
         """Return the file of the store at `path` (relative), fetched from the object store if
         needed. ValueError for a path outside the workspace, StoreError where it cannot be
         fetched."""
-        return local(self.workspace, self.catalogue, path)
+        return files.local(self.workspace, self.catalogue, path)
 
     def topics_of(self, log_sha256: str) -> Path:
         """Return the folder of a log's topics, fetched from the object store if needed
         (`local_recording`). StoreError where it cannot be fetched."""
-        return local_recording(self.workspace, self.catalogue, log_sha256)
+        return files.local_recording(self.workspace, self.catalogue, log_sha256)
 
     def keep_result(
         self, key: str, path: Path, stored: StoredFile | None = None, **row: Any
@@ -97,7 +99,7 @@ class WorkspaceAccess:
         stored : the file's entry in the object store, if it was uploaded already: slow work does
         not belong in a transaction. StoreError where it cannot be uploaded.
         """
-        stored = stored or put(self.workspace, path)
+        stored = stored or files.put(self.workspace, path)
         with self.catalogue.transaction():
             self.keep_file(path, stored)
             self.catalogue.add_result(key, path=self.workspace.relative(path), **row)
@@ -111,12 +113,14 @@ class WorkspaceAccess:
         ):  # who writes the same file at the same time notes it before or after, not between
             sha256, size = measured(path)
             if stored is not None and stored.sha256 != sha256:  # it was written again since
-                put(self.workspace, path, sha256=sha256)
+                files.put(self.workspace, path, sha256=sha256)
             self.catalogue.add_file(self.workspace.relative(path), sha256, size)
 
 
 @lru_cache(maxsize=32)
-def _vehicle(text: str, where: str) -> Vehicle:
+def _vehicle(text: str, where: str) -> "Vehicle":
+    from aerodb.vehicle import parse_vehicle
+
     return parse_vehicle(text, where)
 
 

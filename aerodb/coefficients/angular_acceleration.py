@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning import delay_between
 from aerodb.flight import Flight
@@ -139,6 +138,8 @@ def _share(bandwidth: float, step: float) -> float:
 
 def _late(flight: Flight, name: str) -> str:
     """Say by how much a logged acceleration is late, where that is known and no chance."""
+    from scipy.integrate import cumulative_simpson  # slow to import
+
     path = cumulative_simpson(bridge(flight[name]), dx=flight.step, initial=0.0)
     delay = delay_between(path, bridge(flight[name.removesuffix("dot")]), flight.step, name=name)
     if not delay.observable or abs(delay.seconds) <= AGREE * delay.standard_error:

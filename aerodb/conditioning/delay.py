@@ -10,9 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.integrate import cumulative_simpson
-from scipy.interpolate import CubicSpline
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.flight import Flight
@@ -93,6 +90,9 @@ def delay_between(
         < 1e-9
     ):
         return _unobservable(name, "nothing moves")
+    from scipy.fft import irfft, next_fast_len, rfft  # slow to import, as below
+    from scipy.interpolate import CubicSpline
+
     spline = CubicSpline(time, theirs)
     reach = round(largest / step)
     size = next_fast_len(n + reach, real=True)
@@ -157,6 +157,8 @@ def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
 
     From the autocorrelation of the residual up to `longest` samples.
     """
+    from scipy.fft import irfft, next_fast_len, rfft
+
     n = len(residual)
     inverse = np.linalg.pinv(regressors.T @ regressors)
     lags = min(n - 1, max(10, min(n // 5, longest)))
@@ -226,6 +228,9 @@ def _channel_delay(
 
     channels : name -> (n,) at `step` [s].
     """
+    from scipy.integrate import cumulative_simpson
+    from scipy.interpolate import CubicSpline
+
     rate, needed = KINEMATICS[name]
     lacking = [need for need in needed if need not in channels]
     if lacking:

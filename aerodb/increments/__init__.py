@@ -57,12 +57,11 @@ if TYPE_CHECKING:
         open_shapes,
         sign_reasons,
     )
-    from .held_out import UNCHANGED, held_out_error
+    from .held_out import NEAR_FLOOR, UNCHANGED, held_out_error
     from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
     from .parameters import ParameterSamples, check_parameters_of, parameter_samples
     from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
     from .validation import (
-        NEAR_FLOOR,
         AxisValidation,
         Floors,
         HoldOut,

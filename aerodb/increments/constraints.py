@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from aerodb.estimation import Regression
 from aerodb.support import Array
@@ -71,6 +70,8 @@ def constrained_fit(
     if np.all((estimates >= low) & (estimates <= high)):
         return ConstrainedFit(estimates, covariance, ())
     root = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)])).T
+    from scipy.optimize import lsq_linear  # slow to import
+
     bounded = lsq_linear(root, root @ estimates[free], bounds=(low[free], high[free]), tol=1e-12).x
     estimates = estimates.copy()
     estimates[free] = bounded

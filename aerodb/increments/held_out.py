@@ -8,6 +8,8 @@ from aerodb.nomenclature import AXES
 
 #: An error that changed by less than this fraction counts as unchanged.
 UNCHANGED: Final = 0.01
+#: An error within this factor of the noise floor is at it: the floor is known to a quarter.
+NEAR_FLOOR: Final = 1.25
 
 
 def held_out_error(report: Mapping[str, Any]) -> dict[str, Any]:

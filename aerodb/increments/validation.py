@@ -11,7 +11,7 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.increments.held_out import UNCHANGED
+from aerodb.increments.held_out import NEAR_FLOOR, UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.signals import Theil, rms, theil
 from aerodb.support import Array
@@ -25,8 +25,6 @@ HOLD_OUT_SHARE = 0.2
 #: Flights from which some are held out; below, each is left out in turn.
 FEWEST_FOR_HOLD_OUT = 5
 
-#: An error within this factor of the noise floor is at it: the floor is known to a quarter.
-NEAR_FLOOR = 1.25
 #: Part of the samples in which what is added is less than this part of its largest value, where
 #: flights are flown without it.
 _NIL = 0.1

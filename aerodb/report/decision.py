@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from aerodb.increments import NEAR_FLOOR
 from aerodb.remarks import REFUSED
-from aerodb.report.document import remarks_of
+from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
 from aerodb.report.next_command import next_step

@@ -3,14 +3,12 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from itertools import chain, repeat
 from typing import Any, Final
 
 from aerodb.coefficients import THRUST_REMEDY
 from aerodb.increments import AxisUpdate, AxisValidation, Beyond, Excursion, HoldOut, Update
 from aerodb.nomenclature import is_surface
-from aerodb.remarks import LEAVES_ENVELOPE, SAID, Remark, said, sentences
-from aerodb.report.former_documents import former_kinds
+from aerodb.remarks import LEAVES_ENVELOPE, Remark, said, sentences
 
 
 def update_document(
@@ -58,14 +56,6 @@ def add_remarks(document: dict[str, Any], remarks: Iterable[Remark]) -> None:
     raises KeyError for a document without their keys."""
     for key, entries in remark_documents(remarks).items():
         document[key] += entries
-
-
-def remarks_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return kind and sentence of each remark in a document; those without data are just said
-    (`SAID`)."""
-    data = document.get("remark_data")
-    kinds = former_kinds(document) if data is None else [each["kind"] for each in data]
-    return list(zip(chain(kinds, repeat(SAID)), document["remarks"], strict=False))
 
 
 def opening(

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from aerodb.increments import AT_LEAST
 from aerodb.report.decision import decision
 from aerodb.report.terms import term_unit
 from aerodb.units import SI, UnitSystem
@@ -174,6 +173,8 @@ def _measured(measures: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
 
 def _room(measure: Mapping[str, Any]) -> float:
     """Return how far a measure is from its limit, as a part of it; negative beyond it."""
+    from aerodb.increments import AT_LEAST  # slow to import
+
     over = measure["value"] - measure["limit"]
     side = -1.0 if measure["bound"] != AT_LEAST else 1.0
     return side * float(over) / (abs(measure["limit"]) or 1.0)

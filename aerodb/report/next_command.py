@@ -6,7 +6,6 @@ Commands repeat the options that the loop was asked with, so that they differ in
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.loop import ALL
 from aerodb.report.glossary import advice_words, listed
 
 #: Most measurements that a sentence names, and effects that are accepted one by one.
@@ -57,6 +56,8 @@ def measuring(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
 
 def accepting(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
     """Return the command that adds what is only suspected; empty where nothing is."""
+    from aerodb.loop import ALL  # slow to import
+
     options = to_try(document)
     if len(options) > _MOST:
         options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]

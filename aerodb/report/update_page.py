@@ -12,10 +12,11 @@ from aerodb.nomenclature import AXES, axis_description
 from aerodb.remarks import LEAVES_ENVELOPE, REFUSED
 from aerodb.report.decision import decision
 from aerodb.report.diff_figures import diff_figures
-from aerodb.report.document import excursion_text, remarks_of
+from aerodb.report.document import excursion_text
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import meaning, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
+from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.headlines import (

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import dct, dst
 
 from aerodb.support import Array
 
@@ -66,10 +65,10 @@ def smooth(
         noise = float(np.sqrt(0.5 * (n - 1) * np.mean(above**2))) if len(above) else 0.0
     omega = 2 * np.pi * frequency
     value, rate = line, np.full(n, slope)
-    value[1:-1] += 0.5 * dst(gain * series, type=1)
+    value[1:-1] += 0.5 * _sine_transform(gain * series)
     cosine = np.zeros(n)
     cosine[1:-1] = gain * series * omega
-    rate += 0.5 * dct(cosine, type=1)
+    rate += 0.5 * _cosine_transform(cosine)
     share = noise / np.sqrt(n - 1)
     return SmoothedRecord(
         value=value,
@@ -83,7 +82,7 @@ def smooth(
 def low_passed(values: Array, step: float, bandwidth: float) -> Array:
     """Return only the value (n,) of `smooth`, in less time."""
     line, series, _, gain = _spectrum(values, step, bandwidth)
-    line[1:-1] += 0.5 * dst(gain * series, type=1)
+    line[1:-1] += 0.5 * _sine_transform(gain * series)
     return line
 
 
@@ -101,7 +100,7 @@ def band_passed(values: Array, step: float, low: float, high: float) -> Array:
     half = np.pi * order / (2.0 * (len(line) - 1))
     straight = (first - (-1.0) ** order * last) / np.tan(half) / (len(line) - 1)
     between = np.linspace(first, last, len(line))
-    between[1:-1] += 0.5 * dst((gain - slow) * series - slow * straight, type=1)
+    between[1:-1] += 0.5 * _sine_transform((gain - slow) * series - slow * straight)
     return between
 
 
@@ -122,7 +121,7 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
     record = bridge(values)
     line = np.linspace(*_end_points(record, step, bandwidth), n)
     frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
-    series = np.asarray(dst((record - line)[1:-1], type=1) / (n - 1), dtype=np.float64)
+    series = np.asarray(_sine_transform((record - line)[1:-1]) / (n - 1), dtype=np.float64)
     return line, series, frequency, _gain(frequency, bandwidth)
 
 
@@ -158,3 +157,17 @@ def _end_weights(width: int) -> Array:
     return np.asarray(
         np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0]
     )
+
+
+def _sine_transform(values: Array) -> Array:
+    """The discrete sine transform of type 1."""
+    from scipy.fft import dst  # slow to import, and queries of databases never smooth
+
+    return np.asarray(dst(values, type=1))
+
+
+def _cosine_transform(values: Array) -> Array:
+    """The discrete cosine transform of type 1."""
+    from scipy.fft import dct
+
+    return np.asarray(dct(values, type=1))

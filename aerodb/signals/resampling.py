@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, prev_fast_len, rfft
-from scipy.linalg.blas import dtbsv
 
 from aerodb.signals.clock import interval, is_uniform
 from aerodb.support import Array
@@ -58,6 +56,8 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     The filter of `low_pass_taps`; the ends are continued by point reflection, which preserves value
     and slope.
     """
+    from scipy.fft import irfft, next_fast_len, rfft  # slow to import, as below
+
     kernel = low_pass_taps(new_step / step)
     padded = np.pad(values, len(kernel) // 2, mode="reflect", reflect_type="odd")
     size = next_fast_len(len(padded), real=True)
@@ -98,6 +98,8 @@ def decimated(
     step : s
     rate : least sampling rate afterwards, Hz
     """
+    from scipy.fft import prev_fast_len
+
     n = len(next(iter(channels.values()), ()))
     every = min(int(1.0 / (rate * step) + 1e-6), n // 64)
     if every < 2:
@@ -180,6 +182,8 @@ def first_order_lag(command: Array, step: float, time_constant: float) -> Array:
     """
     if time_constant <= 0.0:
         return command
+    from scipy.linalg.blas import dtbsv
+
     a = float(np.exp(-step / time_constant))
     # forward substitution in two diagonals: scipy.signal, which has filters, is slow to import
     diagonals = np.array([np.ones(len(command)), np.full(len(command), -a)])

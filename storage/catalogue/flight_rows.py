@@ -353,6 +353,7 @@ def _flight(values: dict[str, Any]) -> FlightRow:
         values[name] = enc.time_of(values[name]) if values[name] else None
     values["retracted_by"] = values["retracted_by"] or ""
     values["verdict"] = values["verdict"] or "unchecked"
-    values["reasons"] = tuple(enc.from_json(values["reasons"] or "[]"))
-    values["remarks"] = enc.remarks_from_json(values["remarks"] or "[]")
+    for name, read in (("reasons", enc.from_json), ("remarks", enc.remarks_from_json)):
+        text = values[name]  # most flights have none of either
+        values[name] = () if text in (None, "[]") else tuple(read(text))
     return FlightRow(**values, retract_reason=enc.from_json(retracted)[0] if retracted else "")

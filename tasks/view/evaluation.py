@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.increments import with_extrapolated_slopes
 from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.support import Array
@@ -38,6 +37,8 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     extrapolated there; None inside). Raises InputError for a name that is not an input and for a
     value that is not a number.
     """
+    from aerodb.increments import with_extrapolated_slopes  # slow to import
+
     database = database_of(catalogue, version)
     point = _point(database, at)
     channels = {name: np.array([value]) for name, value in point.channels.items()}

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aerodb.recording import Damage
 from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
 from aerodb.tasks.steps import repeat_documents, repeating
-from aerodb.tasks.workspace_access import WorkspaceAccess
+
+# A list of flights reads the catalogue alone, and does not wait for what reads files.
+if TYPE_CHECKING:
+    from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def flight_document(row: FlightRow) -> dict[str, Any]:
@@ -42,7 +45,7 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
     ]
 
 
-def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
+def flight_details(access: "WorkspaceAccess", row: FlightRow) -> dict[str, Any]:
     """Return a flight with its log, findings, consistency, results, and the versions based on it:
     times [s], figures in SI units. InputError where a stored file is damaged."""
     catalogue = access.catalogue
@@ -84,7 +87,7 @@ def damage_document(entry: Damage) -> dict[str, Any]:
 
 
 def _conditioning(
-    access: WorkspaceAccess, row: FlightRow, results: Sequence[ResultRow]
+    access: "WorkspaceAccess", row: FlightRow, results: Sequence[ResultRow]
 ) -> dict[str, Any]:
     """Return the conditioning findings of the last time the flight was processed, and a start that
     cannot be."""
@@ -100,7 +103,7 @@ def _conditioning(
 
 
 def _consistency(
-    access: WorkspaceAccess, row: FlightRow, results: Sequence[ResultRow]
+    access: "WorkspaceAccess", row: FlightRow, results: Sequence[ResultRow]
 ) -> Mapping[str, Any] | None:
     """Return the consistency document under the flight's present calibration; None if there is
     none."""

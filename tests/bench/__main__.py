@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.closed_loop import closed_loop
+from tests.bench.commands import commands
 from tests.bench.console import console
 from tests.bench.estimation import estimation
 from tests.bench.generated_log import DATABASE, NAME, VEHICLE, write_log
@@ -301,6 +302,7 @@ PARTS = (
     "running",
     "online",
     "console",
+    "commands",
 )
 
 
@@ -350,6 +352,8 @@ def main() -> None:
             online()
         if "console" in options.only:
             console(folder, options.seconds)
+        if "commands" in options.only:
+            commands(folder)
         if "estimation" in options.only:
             figures |= estimation(_measured_data())
         if "running" in options.only:
