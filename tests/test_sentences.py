@@ -65,7 +65,8 @@ ALLOWED = {
     # what others write
     "aerodb/errors.py": "Python's messages",
     "aerodb/increments/spline_terms.py": "model files",
-    "aerodb/logs/mapping_draft.py": "names of fields of logs",
+    "aerodb/logs/clocks.py": "names of fields of logs",
+    "aerodb/logs/field_names.py": "names of fields of logs",
     "aerodb/logs/vehicle_draft.py": "the template of a vehicle file",
     "aerodb/support/strict.py": "pydantic's messages",
     "aerodb/suspicions/surfaces.py": "the sign convention of a vehicle file",

@@ -25,7 +25,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .autopilot import wingless_sentence
     from .autopilots import read_autopilot
-    from .columns import TIME, find_columns
+    from .columns import TIME, find_columns, with_named_clock
     from .completeness import (
         airspeed_remedy,
         consequence_of_zeros,

@@ -8,13 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.logs.mapping_draft import (
-    clock_columns,
-    guess_by_name,
-    numeric_columns,
-    plain_name,
-    seconds_of,
-)
+from aerodb.logs.clocks import clock_columns, seconds_of
+from aerodb.logs.field_names import plain_name
+from aerodb.logs.mapping_draft import guess_by_name, numeric_columns
 from aerodb.nomenclature import CHANNELS, channel, is_surface
 from aerodb.recording import Recording, Topic
 from aerodb.support import Array
@@ -93,6 +89,25 @@ def find_columns(recording: Recording, names: Sequence[str], given: Mapping[str,
         if said:
             notes.append(f"{name} is column {field}, taken in {unit}: {said}")
     return Columns(_time(recording, topic, given.get(TIME)), values, tuple(notes))
+
+
+def with_named_clock(recording: Recording) -> Recording:
+    """Return a table's recording with topic times [s] (n,) of the column that is named as a time
+    and leaves nothing open; without one, nothing changes."""
+    if recording.format != "tabular":
+        return recording
+    columns = {
+        (topic.name, field): values
+        for topic in recording.topics.values()
+        for field, values in numeric_columns(topic)
+    }
+    clocks = clock_columns(recording, columns)
+    timed = {
+        name: replace(recording.topics[name], time=seconds_of(recording, name, clocks))
+        for name, clock in clocks.items()
+        if not clock.open
+    }
+    return replace(recording, topics={**recording.topics, **timed})
 
 
 def _joined(recording: Recording) -> Recording:

@@ -84,6 +84,12 @@ class MappedLog:
         (n,). Raises InputError when the field of ``[time]`` is not there.
         """
         time = self.mapping.time
+        if time is None and self.recording.format == "tabular":
+            raise InputError(
+                "no time: a table has none until its mapping names it",
+                f"{self.recording.source}, mapping {self.mapping.name}",
+                'add a [time] section: topic = "table", field = "NAME", unit = "s"',
+            )
         if time is None:
             stamps = self.recording.topics[topic].time
             return stamps if len(stamps) > 1 else None

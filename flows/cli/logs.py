@@ -48,7 +48,8 @@ def inspect(
         verdict = f"{visible(log.name)}: {inspection_verdict(document)}"
         if document["mapping"] is None:
             why = "; ".join("\n".join(document["because"]).splitlines())
-            session.headlines(verdict, [("because", why)], f"aerodb mapping init {_quoted(log)}")
+            said = [("because", why), *_first_look(document)]
+            session.headlines(verdict, said, f"aerodb mapping init {_quoted(log)}")
         else:
             session.headlines(
                 verdict,
@@ -126,9 +127,28 @@ def show(
     )
 
 
+def _first_look(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what a log without a mapping is: columns, rate where it has a time, what is not
+    read."""
+    largest = max(document["topics"], key=lambda topic: topic["samples"], default=None)
+    lines = []
+    if largest is not None:
+        rate = "no time is known" if largest["rate"] is None else f"{largest['rate']:.4g} Hz"
+        columns, names = f"{len(largest['fields'])} columns", ", ".join(largest["fields"][:8])
+        lines.append(("table", f"{largest['samples']} samples of {columns}, {rate}: {names}"))
+    for label, key in (("not read", "not_read"), ("read as", "read_as")):
+        lines += [(label, "; ".join(document[key]))] if document[key] else []
+    return lines
+
+
 def _to_ingest(log: Path, mapping: str | None) -> str:
     named = f"--mapping {_quoted(mapping)} " if mapping else ""
     return f"aerodb flight ingest {_quoted(log)} {named}--vehicle NAME"
+
+
+def _number(value: float | None, form: str) -> str:
+    """Return a number; a dash for none."""
+    return "-" if value is None else f"{value:{form}}"
 
 
 def _quoted(name: str | Path) -> str:
@@ -152,10 +172,10 @@ def _say_details(
         [
             [
                 t["topic"],
-                f"{t['rate']:.4g}",
+                _number(t["rate"], ".4g"),
                 str(t["samples"]),
-                f"{t['start']:.2f}",
-                f"{t['end']:.2f}",
+                _number(t["start"], ".2f"),
+                _number(t["end"], ".2f"),
                 str(t["gaps"]),
                 f"{t['longest_gap']:.3g}",
                 str(len(t["fields"])),

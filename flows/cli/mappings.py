@@ -50,11 +50,23 @@ def init(
         draft = draft_mapping(recording, name, fitting[0] if fitting else None)
     path.write_text(draft.text, encoding="utf-8")
     rows = [
-        [g.channel, f"{g.topic}.{g.field}", g.unit, f"{g.scale:g}", g.reason] for g in draft.guesses
+        [g.channel, f"{g.topic}.{g.field}", g.unit, f"{g.scale:g}", g.confidence, g.reason]
+        for g in draft.guesses
     ]
-    session.table(["channel", "field", "unit", "scale", "why"], rows)
+    if draft.clock is not None:
+        clock = draft.clock
+        place = f"{clock.topic}.{clock.field}"
+        rows.insert(0, ["time", place, clock.unit, "1", clock.confidence, clock.reason])
+    session.table(["channel", "field", "unit", "scale", "sure", "why"], rows)
     if not rows:
         session.say("no field has the name of a channel: the file lists all of them")
+    skipped, remarks = (recording.metadata.get(key, "") for key in ("skipped", "remarks"))
+    for note in [
+        *draft.notes,
+        *([f"not read: {skipped} (no numbers)"] if skipped else []),
+        *([str(remarks)] if remarks else []),
+    ]:
+        session.say(f"note: {note}")
     for question in draft.questions:
         session.say(f"question: {question}")
     session.say(f"wrote {path}; check it, then: aerodb log inspect {log} --mapping {path}")
@@ -69,9 +81,20 @@ def init(
                     "unit": g.unit,
                     "scale": g.scale,
                     "reason": g.reason,
+                    "confidence": g.confidence,
                 }
                 for g in draft.guesses
             ],
             "questions": list(draft.questions),
+            "notes": list(draft.notes),
+            "clock": None
+            if draft.clock is None
+            else {
+                "topic": draft.clock.topic,
+                "field": draft.clock.field,
+                "unit": draft.clock.unit,
+                "reason": draft.clock.reason,
+                "confidence": draft.clock.confidence,
+            },
         }
     )

@@ -228,7 +228,7 @@ def _columns(
             damage.append(Damage("values", what, topic="table"))
         columns[name] = cells.values
         stated = unit or layout.units[number].strip("[]() ") or cells.unit
-        unit = cells.unit if cells.read_as.endswith("as seconds") else stated
+        unit = cells.unit if cells.is_time else stated
         if unit:
             units[name] = _SYMBOLS.get(unit, unit)
         if cells.read_as:

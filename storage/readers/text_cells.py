@@ -36,6 +36,7 @@ class Cells:
     values: NDArray[np.float64]
     unit: str = ""
     read_as: str = ""
+    is_time: bool = False
 
 
 def is_number(cell: str) -> bool:
@@ -119,7 +120,7 @@ def _written_otherwise(texts: "pd.Series[Any]", comma: bool) -> Cells:
 
 def _times(texts: "pd.Series[Any]", comma: bool) -> Cells | None:
     found = seconds_of_texts(texts)
-    return None if found is None else Cells(found[0], "s", f"{found[1]} as seconds")
+    return None if found is None else Cells(found[0], "s", f"{found[1]} as seconds", True)
 
 
 def _truths(texts: "pd.Series[Any]", comma: bool) -> Cells:

@@ -4,7 +4,7 @@ vehicle is needed."""
 import math
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,7 @@ from aerodb.logs import (
     read_autopilot,
     wingless_sentence,
     with_mapped_clock,
+    with_named_clock,
     zero_channels,
 )
 from aerodb.logs import Mapping as LogMapping
@@ -107,6 +108,7 @@ def _looked_into(
         recording = with_mapped_clock(recording, chosen)
     except InputError as error:
         refusal = str(error)
+        recording = with_named_clock(recording)
     plotted = None
     if wanted is not None:
         plotted = plot_log(parsed.folder, recording.source, chosen, workspace, wanted)
@@ -123,7 +125,12 @@ def _looked_into(
         if found is None:
             found = look_over(parsed.folder, recording.source, chosen, workspace)
         summary = _summary(recording, chosen, found)
-    return InspectedLog(recording, {**_contents(recording), **summary}, plotted)
+    counted = {
+        name
+        for name, topic in recording.topics.items()
+        if recording.format == "tabular" and topic is parsed.recording.topics[name]
+    }
+    return InspectedLog(recording, {**_contents(recording, counted), **summary}, plotted)
 
 
 def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any]) -> dict[str, Any]:
@@ -276,6 +283,8 @@ def inspection_lines(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("surfaces", _surfaces(moved, document["servo_outputs"])),
         ("manoeuvres", _manoeuvres(document["segments"])),
         ("suspicions", "; ".join(each["sentence"] for each in document["suspicions"][:_FEW])),
+        ("not read", "; ".join(document["not_read"])),
+        ("read as", "; ".join(document["read_as"])),
         ("damage", _counted(Counter(e["kind"].replace("_", " ") for e in document["damage"]))),
     ]
 
@@ -347,17 +356,22 @@ def _counted(counts: Counter[str]) -> str:
     return ", ".join(words) or "none"
 
 
-def _contents(recording: Recording) -> dict[str, Any]:
-    """Return the topics and the damage of a recording as a document."""
+def _contents(recording: Recording, counted: Collection[str]) -> dict[str, Any]:
+    """Return the topics and the damage of a recording as a document.
+
+    counted : topics without a time, which have neither rate nor ends.
+    """
+    stated = recording.metadata
+    skipped, remarks = stated.get("skipped", ""), stated.get("remarks", "")
     topics = [
         {
             "topic": topic.name,
-            "rate": topic.rate,
+            "rate": None if topic.name in counted else topic.rate,
             "samples": topic.samples,
-            "start": topic.start,
-            "end": topic.end,
-            "gaps": len(topic.gaps),
-            "longest_gap": topic.longest_gap,
+            "start": None if topic.name in counted else topic.start,
+            "end": None if topic.name in counted else topic.end,
+            "gaps": 0 if topic.name in counted else len(topic.gaps),
+            "longest_gap": 0.0 if topic.name in counted else topic.longest_gap,
             "fields": list(topic.fields),
         }
         for topic in describe(recording).topics
@@ -369,5 +383,7 @@ def _contents(recording: Recording) -> dict[str, Any]:
         "size": recording.size,
         "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
         "topics": topics,
+        "not_read": [f"{skipped} (no numbers)"] if skipped else [],
+        "read_as": [str(remarks)] if remarks else [],
         "damage": [damage_document(entry) for entry in recording.damage],
     }

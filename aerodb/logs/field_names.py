@@ -1,0 +1,240 @@
+"""Which channel a field of a log is by its name, how sure that is, and what it leaves open."""
+
+import re
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from aerodb.nomenclature import CHANNELS, is_surface
+from aerodb.units import is_spelled, spelled
+
+#: Channel -> pattern of its names in logs, in lower case with underscores.
+_NAMES: Final[dict[str, str]] = {
+    "V": r"(true_?)?(air_?speed|tas|v_?tas|vtas|v_?true)|v|tas_?air_?speed",
+    "calibrated_airspeed": r"cas|ias|(calibrated|indicated)_?air_?speed|v_?cas|v_?ias|v_?ind",
+    "alpha": r"alpha|aoa|alfa|angle_?of_?attack|alpha_?vane",
+    "beta": r"beta|aos|ssa|(angle_?of_?)?side_?slip(_?angle)?|beta_?vane",
+    "qbar": r"q_?bar|q_?dyn|dyn(amic)?_?press(ure)?|q_?inf|p_?dyn|impact_?pressure",
+    "mach": r"mach(_?(number|no))?|ma",
+    "rho": r"rho|(air_?)?density",
+    "temperature": r"oat|sat|((static|outside|ambient)_?)?(air_?)?temp(erature)?",
+    "static_pressure": r"ps|p_?stat(ic)?|static_?press(ure)?|baro_?press(ure)?",
+    "p": r"p|(b_?)?roll_?(rate|speed)|gyro?_?x|gx|omega_?x|wx|roll_?rt|angular_velocity_x",
+    "q": r"q|(b_?)?pitch_?(rate|speed)|gyro?_?y|gy|omega_?y|wy|pitch_?rt|angular_velocity_y",
+    "r": r"r|(b_?)?yaw_?(rate|speed)|gyro?_?z|gz|omega_?z|wz|yaw_?rt|angular_velocity_z",
+    "ax_imu": r"a_?x|nx|acc(el|eleration)?_?x|(b_?)?long(itudinal)?_?acc(el|eleration)?"
+    r"|linear_acceleration_x|gload_?axial",
+    "ay_imu": r"a_?y|ny|acc(el|eleration)?_?y|(b_?)?lat(eral|rl)?_?acc?(el|eleration)?"
+    r"|linear_acceleration_y|gload_?side",
+    "az_imu": r"a_?z|nz|acc(el|eleration)?_?z|(b_?)?norm(al)?_?acc?(el|eleration)?"
+    r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?",
+    "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
+    "theta": r"theta|pitch|pitch_?(angle|attitude)|euler_?pitch",
+    "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(yaw|heading)_?angle|euler_?yaw",
+    "altitude": r"alt(itude)?(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?|alt(itude)?_?baro"
+    r"|gps_?alt(itude)?|alt(itude)?_?gps|height",
+    "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground|radio_?alt(itude)?",
+    "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity",
+    "velocity_east": r"v_?e(ast)?|vel_?e(ast)?|velocity_?e(ast)?|east_?velocity",
+    "velocity_down": r"v_?d(own)?|vel_?d(own)?|velocity_?d(own)?|down_?velocity"
+    r"|v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc",
+    "latitude": r"lat(itude)?|gps_?lat(itude)?",
+    "longitude": r"lon(g|gitude)?|gps_?lon(g|gitude)?|lng",
+    "delta_elevator": r"(delta_?)?(elevator|elev|ele)(_?(pos|position|deflection|angle))?|de|d_?e"
+    r"|delta_?e",
+    "delta_aileron": r"(delta_?)?(aileron|ail|ailrn)(_?(pos|position|deflection|angle))?|da|d_?a"
+    r"|delta_?a",
+    "delta_rudder": r"(delta_?)?(rudder|rud|ruddr)(_?(pos|position|deflection|angle))?|dr|d_?r"
+    r"|delta_?r",
+    "delta_flap": r"(delta_?)?flaps?(_?(pos|position|deflection|angle))?|df|d_?f|delta_?f",
+    "thrust": r"thrust|total_?thrust",
+    "mass": r"mass|aircraft_?mass|gross_?(mass|weight)",
+}
+#: Words beside which a name is not that of the channel.
+_OTHERS: Final = frozenset(
+    {
+        *("target", "tgt", "trgt", "desired", "des", "demand", "demanded", "dem", "cmd", "command"),
+        *("commanded", "setpoint", "sp", "set", "ref", "reference", "goal", "wanted", "req"),
+        *("requested", "selected", "sel", "bug", "nav", "home", "origin", "launch", "takeoff"),
+        *("waypoint", "wp", "bat", "batt", "battery", "oil", "fuel", "wind", "wnd", "pid", "ap"),
+        *("engine", "eng", "motor", "esc", "prop", "servo", "rc", "stick", "pilot", "trim", "hyd"),
+        *("error", "err", "limit", "min", "max", "std", "sigma", "var", "variance", "cov", "bias"),
+        *("offset", "innov", "innovation", "test", "ratio", "mag", "magnetometer", "cabin"),
+        *(
+            "board",
+            "board_temp",
+            "ground",
+            "gnd",
+            "gs",
+            "track",
+            "trk",
+            "course",
+            "count",
+            "status",
+        ),
+        *(
+            "valid",
+            "flag",
+            "health",
+            "quality",
+            "qnh",
+            "density_altitude",
+            "accuracy",
+            "hacc",
+            "vacc",
+        ),
+        *("gimbal", "camera", "mount", "autopilot", "fd", "director", "ils", "egt", "cht", "tit"),
+        *("i", "ff", "gain", "cpu", "term"),
+    }
+)
+#: Words behind a name that leave it what it is.
+_BEHIND: Final = frozenset(
+    {
+        *("filtered", "filt", "corr", "corrected", "raw", "meas", "measured", "est", "estimated"),
+        *("ekf", "ins", "imu", "ahrs", "adc", "boom", "vane", "body", "b", "true", "0", "1", "2"),
+        *("mean", "avg", "average", "smoothed", "value", "val", "surf"),
+    }
+)
+#: Names that leave something open -> what is to be answered.
+_OPEN: Final[tuple[tuple[str, str, str], ...]] = (
+    ("V", r"air_?speed|speed", "is it true or indicated airspeed?"),
+    ("V", r"v", "is it airspeed, or a component of velocity, or a voltage?"),
+    ("altitude", r"alt(itude)?|height", "above sea level, or above the ground or a take-off?"),
+    ("temperature", r"(air_?)?temp(erature)?", "is it that of the outside air?"),
+    ("psi", r"heading|hdg|hding", "is it true or magnetic?"),
+    ("velocity_down", r"vs", "is it the rate of climb?"),
+    ("height_above_ground", r"radio_?alt(itude)?", "is it above the ground?"),
+    ("mass", r"gross_?weight", "is it a mass?"),
+)
+#: Names of `velocity_down` that are positive upwards.
+_CLIMB: Final = re.compile(r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc")
+#: Ending of a name -> unit, beside those of `aerodb.units`; single letters that end other names too
+#: are not among them.
+_ENDINGS: Final = {
+    **{u: u for u in ("deg", "rad", "m", "ft", "kg", "g", "lbf", "lb", "slug", "s", "ms", "us")},
+    **{"ns": "ns", "dps": "deg/s", "degs": "deg/s", "deg_s": "deg/s", "rad_s": "rad/s"},
+    **{"rads": "rad/s", "mps": "m/s", "m_s": "m/s", "kn": "knot", "kts": "knot", "kt": "knot"},
+    **{"knots": "knot", "ktas": "knot", "kias": "knot", "kcas": "knot", "fps": "ft/s"},
+    **{"ft_s": "ft/s", "ft_min": "ft/min", "fpm": "ft/min", "kmh": "km/h", "kph": "km/h"},
+    **{"km_h": "km/h", "mph": "mile/hour", "mps2": "m/s^2", "m_s2": "m/s^2", "m_s_s": "m/s^2"},
+    **{"fps2": "ft/s^2", "ft_s2": "ft/s^2", "deg_sec": "deg/s", "rad_sec": "rad/s"},
+    **{"degree": "deg", "degrees": "deg", "radians": "rad", "feet": "ft", "meter": "m"},
+    **{"meters": "m", "psf": "psf", "pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mbar": "mbar"},
+    **{"inhg": "inHg", "degc": "degC", "deg_c": "degC", "celsius": "degC", "kelvin": "K"},
+    **{"sec": "s", "seconds": "s", "usec": "us", "msec": "ms", "min": "minute", "newton": "N"},
+    **{"deg/s": "deg/s", "rad/s": "rad/s", "m/s": "m/s", "ft/s": "ft/s", "m/s^2": "m/s^2"},
+    **{"m/s2": "m/s^2"},
+}
+_INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
+
+
+@dataclass(frozen=True)
+class Named:
+    """A channel that a name is of.
+
+    how : ``exact`` (the channel's own name), ``synonym``, ``part`` (only after words before or
+    behind it are left out). unit : that the name states, '' for none. open : what the name leaves
+    open, '' for nothing. sign : -1 for a name that counts against the channel.
+    """
+
+    channel: str
+    how: Literal["exact", "synonym", "part"]
+    unit: str
+    open: str = ""
+    sign: float = 1.0
+
+
+def plain_name(field: str) -> tuple[str, str]:
+    """Return the name of a field in lower case without its unit, and that unit, '' where it states
+    none. A number or an axis in brackets is an index.
+
+    >>> plain_name("AoA [deg]"), plain_name("airspeed_kts"), plain_name("data.angleOfAttack")
+    (('aoa', 'deg'), ('airspeed', 'knot'), ('angle_of_attack', ''))
+    """
+    words, unit = _words(field)
+    if not unit:
+        for end in sorted(_ENDINGS, key=len, reverse=True):
+            if words.endswith(f"_{end}"):
+                return words.removesuffix(f"_{end}"), _ENDINGS[end]
+    return words, unit
+
+
+def _words(field: str) -> tuple[str, str]:
+    """The words of a name, and the unit in its last brackets."""
+    bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", field)
+    is_unit = bracket is not None and not _INDEX.fullmatch(bracket[1].strip())
+    short = field[: bracket.start()] if bracket and is_unit else field
+    stated = bracket[1].strip() if bracket and is_unit else ""
+    parts = [
+        each for each in re.split(r"[.:]" if "/" not in short[:1] else r"[.:/]", short) if each
+    ]
+    last = parts[-1].strip() if parts else short
+    if len(parts) > 1 and re.fullmatch(r"[xyzXYZ]|\d+", last):
+        last = f"{parts[-2]}_{last}"
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z]|(?:US|MS)$)", "_", last).lower()
+    words = re.sub(r"[^a-z0-9/^]+", "_", words).strip("_")
+    return words, spelled(stated) if stated and is_spelled(stated) else ""
+
+
+def named(field: str, stated: str = "") -> Named | None:
+    """Return the channel that a name is of; None for none.
+
+    stated : the unit that the log states beside the name, as written: ``KIAS`` and ``ft agl`` also
+    tell the quantity.
+    """
+    if field in CHANNELS or (is_surface(field) and _known(field) in (None, field)):
+        return None if field == "time" else Named(field, "exact", "")
+    whole, bracket = _words(field)
+    short, unit = plain_name(field)
+    unit = bracket or unit
+    for words, own in ((whole, bracket), (short, unit)):
+        if (known := _known(words)) is not None:
+            return _meant(known, words, own, "synonym", f"{stated} {field}")
+    index = re.fullmatch(r"(.*?)(\[[012]\]|\([123]\))", field.strip())
+    if index is not None:
+        axis = "xyz"[int(index[2][1]) - (index[2][0] == "(")]
+        if (known := _known(f"{_words(index[1])[0]}_{axis}")) is not None:
+            return Named(known, "part", "", f"is index {index[2]} the axis {axis}?")
+    tokens = short.split("_")
+    if _OTHERS.intersection(tokens):
+        return None
+    while len(tokens) > 1 and tokens[-1] in _BEHIND:
+        tokens.pop()
+        if (known := _known("_".join(tokens))) is not None:
+            return _meant(known, "_".join(tokens), unit, "part", f"{stated} {field}")
+    for first in range(1, len(tokens)):
+        words = "_".join(tokens[first:])
+        known = _known(words)
+        if known is not None and (len(words) > 1 or stated or unit):
+            return _meant(known, words, unit, "part", f"{stated} {field}")
+    return None
+
+
+def _known(words: str) -> str | None:
+    return next((k for k, pattern in _NAMES.items() if re.fullmatch(pattern, words)), None)
+
+
+def _meant(
+    known: str, words: str, unit: str, how: Literal["synonym", "part"], written: str
+) -> Named | None:
+    """The channel of a name, as what is written of its unit tells the quantity."""
+    text = written.lower()
+    if known in ("V", "calibrated_airspeed"):
+        if re.search(r"\bk?gs\b|kgs", text):
+            return None
+        if re.search(r"k?[ic]as\b", text):
+            known = "calibrated_airspeed"
+        elif re.search(r"(k|m)?tas\b|true", text):
+            return Named("V", how, unit)
+        elif re.search(r"k?eas\b", text):
+            return Named("calibrated_airspeed", how, unit, "equivalent airspeed is not calibrated")
+    if known == "altitude" and re.search(r"agl\b", text):
+        return Named("height_above_ground", how, unit)
+    if known == "altitude" and re.search(r"m?sl\b|baro|gps", text):
+        return Named(known, how, unit)
+    if known == "psi" and re.search(r"mag", text):
+        return Named(known, how, unit, "it is magnetic: true heading differs by the declination")
+    if known == "psi" and "true" in text:
+        return Named(known, how, unit)
+    open_ = next((ask for k, p, ask in _OPEN if k == known and re.fullmatch(p, words)), "")
+    up = known == "velocity_down" and _CLIMB.fullmatch(words) is not None
+    return Named(known, how, unit, open_, -1.0 if up else 1.0)

@@ -1,0 +1,407 @@
+"""Mappings drafted for tables in the layouts of tools: every channel is right, or asked; none is
+wrong in silence. Names and units are those of the tools' own documents; the tables are our own."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.logs import draft_mapping
+from aerodb.nomenclature import channel
+from aerodb.storage.readers.tabular import read_tabular
+from aerodb.units import conversion
+
+#: Channel and the unit in which a column holds it, with -1 for the other sign; None: another thing.
+Meaning = tuple[str, str, float] | None
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A layout: columns with their meanings, and how the file is written.
+
+    head : lines above the data. clock : seconds to a text, or to a number, for columns of the
+    meaning ``time``.
+    """
+
+    columns: tuple[tuple[str, Meaning], ...]
+    head: Callable[[list[str]], str]
+    clock: Callable[[float, int], str]
+    sep: str = ","
+    end: str = ""
+    comma: bool = False
+
+
+def motion(seed: int, rate: float) -> dict[str, np.ndarray]:
+    """A flight of a light aircraft in SI, with what loggers have beside it."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(20 * rate)) / rate
+    slow, fast = 2 * np.pi * rng.uniform(0.03, 0.1), 2 * np.pi * rng.uniform(0.2, 0.5)
+    phi = np.deg2rad(25.0) * np.sin(slow * t)
+    theta = np.deg2rad(4.0 + 3.0 * np.sin(fast * t))
+    speed = rng.uniform(25.0, 90.0) + 3.0 * np.sin(fast * t)
+    truth = {
+        "time": t,
+        "V": speed,
+        "calibrated_airspeed": 0.93 * speed,
+        "alpha": np.deg2rad(4.0 + 2.0 * np.sin(fast * t)),
+        "beta": np.deg2rad(2.0 * np.cos(fast * t)),
+        "phi": phi,
+        "theta": theta,
+        "psi": np.deg2rad(40.0 + 60.0 * np.sin(slow * t)),
+        "p": np.gradient(phi, t),
+        "q": np.gradient(theta, t),
+        "r": np.deg2rad(6.0) * np.cos(slow * t),
+        "ax_imu": 0.5 * np.sin(fast * t),
+        "ay_imu": 0.4 * np.cos(slow * t),
+        "az_imu": -9.81 - 2.0 * np.sin(fast * t),
+        "altitude": 600.0 + 100.0 * np.sin(slow * t) + t,
+        "height_above_ground": 300.0 + 100.0 * np.sin(slow * t) + t,
+        "velocity_down": -1.0 - 100.0 * slow * np.cos(slow * t),
+        "velocity_north": speed * np.cos(slow * t),
+        "velocity_east": speed * np.sin(slow * t),
+        "latitude": np.deg2rad(47.1 + 1e-5 * t),
+        "longitude": np.deg2rad(8.5 + 1.3e-5 * t),
+        "temperature": 281.0 - 0.01 * t,
+        "static_pressure": 94000.0 - 10.0 * t,
+        "qbar": 0.6 * speed**2,
+        "rho": 1.15 - 1e-4 * t,
+        "mach": speed / 336.0,
+        "delta_elevator": np.deg2rad(5.0) * np.sin(fast * t),
+        "delta_aileron": np.deg2rad(8.0) * np.sin(slow * t),
+        "delta_rudder": np.deg2rad(3.0) * np.cos(slow * t),
+    }
+    truth["noise"] = rng.normal(50.0, 5.0, t.size)
+    truth["count"] = np.arange(t.size, dtype=float)
+    return truth
+
+
+def c(name: str, unit: str, sign: float = 1.0) -> Meaning:
+    return (name, unit, sign)
+
+
+def stamp(seconds: float, sign: str = ".") -> str:
+    return f"14:{int(seconds) // 60:02d}:{int(seconds + 1e-9) % 60:02d}" + (
+        f"{sign}{round(seconds % 1 * 1000) % 1000:03d}"
+    )
+
+
+def number(seconds: float, row: int) -> str:
+    return f"{seconds:.5f}"
+
+
+def plain(names: list[str], sep: str = ",") -> str:
+    return sep.join(names) + "\n"
+
+
+def units_below(units: str, sep: str = ",") -> Callable[[list[str]], str]:
+    return lambda names: plain(names, sep) + units.replace(",", sep) + "\n"
+
+
+T: Meaning = ("time", "s", 1.0)
+TOOLS: dict[str, Tool] = {
+    "Garmin G1000": Tool(
+        (
+            *(("Lcl Time", T), ("Latitude", c("latitude", "deg")), ("AltInd", None)),
+            *(("AltMSL", c("altitude", "ft")), ("OAT", c("temperature", "degC"))),
+            *(("IAS", c("calibrated_airspeed", "knot")), ("GndSpd", None)),
+            *(("VSpd", c("velocity_down", "ft/min", -1.0)), ("Pitch", c("theta", "deg"))),
+            *(("Roll", c("phi", "deg")), ("LatAc", c("ay_imu", "g"))),
+            *(("NormAc", c("az_imu", "g", -1.0)), ("volt1", None), ("E1 OilP", None)),
+            *(("TAS", c("V", "knot")), ("HDG", c("psi", "deg"))),
+        ),
+        lambda names: (
+            '#airframe_info, log_version="1.00", airframe_name="Example"\n'
+            "#hh:mm:ss, degrees, ft Baro, ft msl, deg C, kt, kt, fpm, deg, deg, G, G, volts, psi,"
+            " kt, deg\n" + plain(names, ", ")
+        ),
+        lambda t, k: stamp(t),
+        ", ",
+    ),
+    "X-Plane Data.txt": Tool(
+        (
+            *(("_totl,_time", T), ("Vind,_kias", c("calibrated_airspeed", "knot"))),
+            *(("Vtrue,_ktas", c("V", "knot")), ("VVI,__fpm", c("velocity_down", "ft/min", -1.0))),
+            *(("Gload,norml", c("az_imu", "g", -1.0)), ("Q,rad/s", c("q", "rad/s"))),
+            *(("P,rad/s", c("p", "rad/s")), ("R,rad/s", c("r", "rad/s"))),
+            *(("pitch,__deg", c("theta", "deg")), ("_roll,__deg", c("phi", "deg"))),
+            *(("hding,_true", c("psi", "deg")), ("alpha,__deg", c("alpha", "deg"))),
+            *(("_beta,__deg", c("beta", "deg")), ("__lat,__deg", c("latitude", "deg"))),
+            *(
+                ("__alt,ftmsl", c("altitude", "ft")),
+                ("__alt,ftagl", c("height_above_ground", "ft")),
+            ),
+        ),
+        lambda names: "\n " + " | ".join(names) + " | \n",
+        number,
+        " | ",
+        " | ",
+    ),
+    "JSBSim": Tool(
+        (
+            *(("Time", T), ("Vtotal (ft/s)", None), ("Q bar (psf)", c("qbar", "psf"))),
+            *(("P (deg/s)", c("p", "deg/s")), ("Q (deg/s)", c("q", "deg/s"))),
+            *(("R (deg/s)", c("r", "deg/s")), ("Phi (deg)", c("phi", "deg"))),
+            *(("Theta (deg)", c("theta", "deg")), ("Psi (deg)", c("psi", "deg"))),
+            *(("Alpha (deg)", c("alpha", "deg")), ("Beta (deg)", c("beta", "deg"))),
+            *(("Rho (slug/ft^3)", c("rho", "slug/ft^3")), ("Mach", c("mach", "1"))),
+            ("Altitude ASL (ft)", c("altitude", "ft")),
+        ),
+        plain,
+        number,
+    ),
+    "FlightGear": Tool(
+        (
+            *(("Time", T), ("/velocities/airspeed-kt", c("calibrated_airspeed", "knot"))),
+            *(("/orientation/roll-deg", c("phi", "deg")), ("/engines/engine/rpm", None)),
+            *(
+                ("/orientation/pitch-deg", c("theta", "deg")),
+                ("/position/altitude-ft", c("altitude", "ft")),
+            ),
+            ("/orientation/heading-deg", c("psi", "deg")),
+        ),
+        plain,
+        number,
+    ),
+    "mavlogdump ATT": Tool(
+        (
+            *(("timestamp", T), ("TimeUS", T), ("DesRoll", None), ("Roll", c("phi", "deg"))),
+            *(("DesPitch", None), ("Pitch", c("theta", "deg")), ("Yaw", c("psi", "deg"))),
+            *(("ErrRP", None),),
+        ),
+        plain,
+        lambda t, k: f"{1710253330.0 + t:.4f}" if k == 0 else f"{t * 1e6 + 3e8:.0f}",
+    ),
+    "ulog2csv airspeed": Tool(
+        (
+            *(("timestamp", T), ("indicated_airspeed_m_s", c("calibrated_airspeed", "m/s"))),
+            ("calibrated_airspeed_m_s", c("calibrated_airspeed", "m/s")),
+            *(("true_airspeed_m_s", c("V", "m/s")),),
+            ("air_temperature_celsius", c("temperature", "degC")),
+            ("confidence", None),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e6 + 1e7:.0f}",
+    ),
+    "ulog2csv rates": Tool(
+        (("timestamp", T), ("xyz[0]", None), ("xyz[1]", None), ("xyz[2]", None)),
+        plain,
+        lambda t, k: f"{t * 1e6 + 1e7:.0f}",
+    ),
+    "PlotJuggler": Tool(
+        (
+            *(("__time", T), ("/imu/angular_velocity/x", c("p", "rad/s"))),
+            *(("/imu/angular_velocity/y", c("q", "rad/s", -1.0)),),
+            *(("/imu/angular_velocity/z", c("r", "rad/s", -1.0)),),
+            *(("/imu/linear_acceleration/x", c("ax_imu", "m/s^2")),),
+            ("/imu/linear_acceleration/y", c("ay_imu", "m/s^2", -1.0)),
+            ("/imu/linear_acceleration/z", c("az_imu", "m/s^2", -1.0)),
+        ),
+        plain,
+        lambda t, k: f"{1710253330.0 + t:.4f}",
+    ),
+    "MATLAB writetable": Tool(
+        (
+            *(("time", T), ("u", None), ("v", None), ("w", None), ("p", c("p", "rad/s"))),
+            *(("q", c("q", "rad/s")), ("r", c("r", "rad/s")), ("phi", c("phi", "rad"))),
+            *(
+                ("theta", c("theta", "rad")),
+                ("psi", c("psi", "rad")),
+                ("de", c("delta_elevator", "rad")),
+            ),
+            *(("alpha", c("alpha", "rad")), ("qbar", c("qbar", "Pa"))),
+        ),
+        plain,
+        number,
+    ),
+    "German measuring system": Tool(
+        (
+            *(("Zeit [s]", T), ("TAS [kt]", c("V", "knot")), ("alpha [deg]", c("alpha", "deg"))),
+            *(("nz [g]", c("az_imu", "g", -1.0)), ("Bat_V", None), ("p [deg/s]", c("p", "deg/s"))),
+            ("h_msl [ft]", c("altitude", "ft")),
+        ),
+        lambda names: "sep=;\n" + plain(names, ";"),
+        number,
+        ";",
+        comma=True,
+    ),
+    "blackbox_decode": Tool(
+        (
+            *(
+                ("loopIteration", None),
+                ("time (us)", T),
+                ("axisP[0]", None),
+                ("rcCommand[0]", None),
+            ),
+            *(
+                ("gyroADC[0]", None),
+                ("gyroADC[1]", None),
+                ("accSmooth[2]", None),
+                ("motor[0]", None),
+            ),
+            ("vbatLatest (V)", None),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e6 + 5e6:.0f}",
+    ),
+    "QGroundControl": Tool(
+        (
+            *(("Timestamp", T), ("roll", c("phi", "deg")), ("pitch", c("theta", "deg"))),
+            *(("heading", c("psi", "deg")), ("rollRate", c("p", "deg/s"))),
+            *(("pitchRate", c("q", "deg/s")), ("yawRate", c("r", "deg/s")), ("groundSpeed", None)),
+            *(("airSpeed", c("calibrated_airspeed", "m/s")),),
+            *(("climbRate", c("velocity_down", "m/s", -1.0)), ("altitudeAMSL", None)),
+            *(("batteryVoltage", None), ("throttlePct", None)),
+        ),
+        plain,
+        lambda t, k: f"2024-03-12 {stamp(t)}",
+    ),
+    "Dynon SkyView": Tool(
+        (
+            *(
+                ("Session Time", T),
+                ("Pitch (deg)", c("theta", "deg")),
+                ("Roll (deg)", c("phi", "deg")),
+            ),
+            *(
+                ("Magnetic Heading (deg)", None),
+                ("Vertical Speed (ft/min)", c("velocity_down", "ft/min", -1.0)),
+            ),
+            ("Indicated Airspeed (knots)", c("calibrated_airspeed", "knot")),
+            *(("True Airspeed (knots)", c("V", "knot")), ("OAT (deg C)", c("temperature", "degC"))),
+            *(("Pressure Altitude (ft)", None), ("Oil Pressure (PSI)", None), ("Volts 1", None)),
+            *(("Wind Speed (knots)", None), ("Angle of Attack (%)", None)),
+        ),
+        plain,
+        number,
+    ),
+    "Airdata (DJI)": Tool(
+        (
+            *(("time(millisecond)", T), ("latitude", c("latitude", "deg"))),
+            *(("longitude", c("longitude", "deg")), ("height_above_takeoff(feet)", None)),
+            *(("speed(mph)", None), ("compass_heading(degrees)", c("psi", "deg"))),
+            *(("pitch(degrees)", c("theta", "deg")), ("roll(degrees)", c("phi", "deg"))),
+            ("battery_percent", None),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e3:.0f}",
+    ),
+    "EdgeTX": Tool(
+        (
+            *(("Time", T), ("1RSS(dB)", None), ("ASpd(kts)", None), ("Alt(m)", None)),
+            *(("AccX(g)", c("ax_imu", "g")), ("AccZ(g)", c("az_imu", "g", -1.0)), ("Rud", None)),
+            *(("Ele", None), ("Ail", None), ("TxBat(V)", None)),
+        ),
+        plain,
+        lambda t, k: stamp(t),
+    ),
+    "two-line header": Tool(
+        (
+            *(("TIME", T), ("VTAS", c("V", "ft/s")), ("ALPHA", c("alpha", "deg"))),
+            *(("BETA", c("beta", "deg")), ("P", c("p", "deg/s")), ("NZ", c("az_imu", "g", -1.0))),
+            *(("DE", c("delta_elevator", "deg")), ("PS", c("static_pressure", "psf"))),
+            ("OAT", c("temperature", "degR")),
+        ),
+        units_below("sec,ft/sec,deg,deg,deg/sec,G,deg,lbf/ft2,R", "  "),
+        number,
+        "  ",
+    ),
+    "rosbag to CSV": Tool(
+        (
+            *(("rosbagTimestamp", T), ("seq", None), ("angular_velocity.x", c("p", "rad/s"))),
+            *(("angular_velocity.y", c("q", "rad/s", -1.0)), ("orientation.x", None)),
+            ("linear_acceleration.z", c("az_imu", "m/s^2", -1.0)),
+        ),
+        plain,
+        lambda t, k: f"{1710253330000000000 + round(t * 1e9)}",
+    ),
+    "iNav or MAVLink in whole numbers": Tool(
+        (
+            *(("time_boot_ms", T), ("lat", c("latitude", "deg")), ("lon", c("longitude", "deg"))),
+            *(("vx", None), ("hdg", None), ("relative_alt", None), ("nav_roll", None)),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e3 + 20000:.0f}",
+    ),
+}
+#: Tables of each tool, of other flights and rates.
+EACH = 6
+
+
+def write(path: Path, tool: Tool, truth: dict[str, np.ndarray], seed: int) -> None:
+    """A table of a tool; columns that are no channel hold noise, counters count."""
+    rng = np.random.default_rng(seed)
+    texts = []
+    for number_, (name, meaning) in enumerate(tool.columns):
+        if meaning == T:
+            cells = [tool.clock(float(t), number_) for t in truth["time"]]
+        elif meaning is None:
+            counts = name in ("loopIteration", "seq")
+            values = truth["count"] if counts else rng.normal(50.0, 9.0, truth["time"].size)
+            cells = [f"{value:.0f}" if counts else f"{value:.4f}" for value in values]
+        else:
+            known, unit, sign = meaning
+            scale, offset = conversion(unit, channel(known).unit)
+            values = (sign * truth[known] - offset) / scale
+            whole = name in ("lat", "lon")
+            cells = [f"{value * 1e7:.0f}" if whole else f"{value:.7f}" for value in values]
+        texts.append([cell.replace(".", ",") if tool.comma else cell for cell in cells])
+    names = [name for name, _ in tool.columns]
+    lines = [tool.sep.join(row) + tool.end + "\n" for row in zip(*texts, strict=True)]
+    path.write_text(tool.head(names) + "".join(lines), encoding="utf-8")
+
+
+def judged(path: Path, tool: Tool, truth: dict[str, np.ndarray]) -> Counter[str]:
+    """How many channels are right, asked, left unnamed, and wrong in silence."""
+    recording = read_tabular(path)
+    draft = draft_mapping(recording, "own")
+    fields = recording.topics["table"].fields
+    found: Counter[str] = Counter()
+    wrong = []
+    clock = draft.clock
+    assert clock is not None, path.read_text()[:300]
+    time = np.asarray(fields[clock.field]) * conversion(clock.unit, "s")[0]
+    is_right = np.allclose(time - time[0], truth["time"], atol=2e-3)
+    found["right" if is_right else "asked" if clock.open else "wrong"] += 1
+    if not is_right and not clock.open:
+        wrong.append(f"time: {clock}")
+    meant = dict(zip(fields, (meaning for _, meaning in tool.columns), strict=False))
+    for guess in draft.guesses:
+        scale, offset = conversion(guess.unit, channel(guess.channel).unit)
+        values = scale * guess.scale * np.asarray(fields[guess.field]) + offset
+        spread = np.ptp(truth[guess.channel]) if guess.channel in truth else 1.0
+        meaning = meant[guess.field]
+        is_right = (
+            meaning is not None
+            and meaning[0] == guess.channel
+            and bool(np.allclose(values, truth[guess.channel], atol=0.01 * spread + 1e-4))
+        )
+        kind = "right" if is_right else "asked" if guess.confidence == "asked" else "wrong"
+        found[kind] += 1
+        if kind == "wrong":
+            wrong.append(f"{guess}")
+    mapped = {guess.field for guess in draft.guesses}
+    lost = [f for f, m in meant.items() if m not in (None, T) and f not in mapped]
+    found["listed as not mapped"] += len(lost)
+    assert all(f"# table.{field}: " in draft.text for field in lost)
+    assert not wrong, wrong
+    return found
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_channels_of_a_tool_are_right_or_asked(tmp_path: Path, name: str) -> None:
+    total: Counter[str] = Counter()
+    for seed in range(EACH):
+        truth = motion(seed, (10.0, 20.0, 25.0, 40.0, 50.0, 100.0)[seed])
+        path = tmp_path / f"table{seed}.{'txt' if name.startswith(('X', 'two')) else 'csv'}"
+        write(path, TOOLS[name], truth, seed)
+        total += judged(path, TOOLS[name], truth)
+    print(f"{name}: {dict(total)}")
+    assert total["right"] >= EACH  # at least the clock
+
+
+def test_at_least_a_hundred_tables_of_fifteen_tools() -> None:
+    assert len(TOOLS) >= 15
+    assert len(TOOLS) * EACH >= 100
