@@ -87,6 +87,12 @@ def _check(file: DerivativeFile, flight: StatedCondition) -> None:
             "derivatives",
             "convert them: aerodb derivatives FILE, twice",
         )
+    if file.errors:
+        raise InputError(
+            f"errors of {', '.join(file.errors)} are not counted here",
+            "[errors]",
+            "leave them out: the trim takes mass and inertia as known",
+        )
     speed = flight.condition.V
     if abs(file.flight["V"] - speed) > _SAME_SPEED * speed:
         raise InputError(

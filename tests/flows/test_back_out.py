@@ -224,6 +224,7 @@ def test_a_right_build_up_stays(
         ("Mq = [-2.0, 0.1]", ("fin_CLa",), "fin_CLa changes none of the derivatives"),
         ("Mq = [-2.0, 0.1]", ("tail_CLa", "wing_CLa"), "are not told apart"),
         ("Cm_q_hat = [-20.0, 1.0]", ("tail_CLa",), "no dimensional derivatives"),
+        ("Mq = [-2.0, 0.1]\n[errors]\nIyy = 50.0", ("tail_CLa",), "errors of Iyy are not counted"),
     ],
 )
 def test_refusals_say_what_to_do(

@@ -40,10 +40,12 @@ _SAME: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class _Ended:
-    """Where one start ended: vector (f,), and its cost with the noise of that place."""
+    """Where one start ended: vector (f,), its cost with the noise of that place, and whether the
+    search came to rest there."""
 
     vector: Array
     cost: float
+    settled: bool
 
 
 def nonlinear_refinement(
@@ -81,7 +83,7 @@ def nonlinear_refinement(
     best = min(ends, key=lambda each: each.cost)
     placed: Any = replace(model, parameters=problem.parameters.changed(problem.named(best.vector)))  # type: ignore[type-var]
     solution = search(placed, records, most_iterations=0)
-    solution = replace(solution, converged=True, iterations=len(ends))
+    solution = replace(solution, converged=best.settled, iterations=len(ends))
     fit = fit_of("nonlinear-refinement", placed, records, solution, ASSUMES)
     return replace(fit, notes=(*fit.notes, _told(ends, best, fit, problem, starts)))
 
@@ -184,7 +186,8 @@ class _Problem:
                 break
         parts, _ = self._residuals(vector, noise, slopes)
         count = np.sum([each.mask.sum(axis=0) for each in self.measured], axis=0)
-        return _Ended(vector, float(count @ np.log(noise)) + 0.5 * float(parts @ parts))
+        cost = float(count @ np.log(noise)) + 0.5 * float(parts @ parts)
+        return _Ended(vector, cost, ended.status > 0)
 
     def _just_inside(self, vector: Array) -> Array:
         """The vector away from bounds, on which the search cannot start."""

@@ -37,7 +37,7 @@ def test_the_planted_terms_are_the_printed_ones() -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 20))]
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 100))]
 )
 def test_a_locked_surface_is_named_and_nothing_else(seed: int) -> None:
     found = {f.hypothesis: f for f in closed(seed, {"stabilator_left": 0.0}).findings}
@@ -49,7 +49,7 @@ def test_a_locked_surface_is_named_and_nothing_else(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 20))]
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 100))]
 )
 def test_a_healthy_aircraft_has_none(seed: int) -> None:
     assert not closed(seed, None).findings
