@@ -35,9 +35,18 @@ def test_a_right_build_up_is_left_alone() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(
-    "name", ["wing_slope", "wing_zero", "tail_slope", "fin_slope", "rudder_part"]
+    ("name", "least"),
+    [
+        ("wing_slope", 2),
+        ("tail_slope", 2),
+        ("fin_slope", 2),
+        ("elevator_part", 2),
+        ("rudder_part", 2),
+        ("wing_zero", 0),  # a constant, which a wrong zero of the normal force is as well
+    ],
 )
-def test_intervals_hold_what_a_parameter_lacks(name: str) -> None:
+def test_intervals_hold_what_a_parameter_lacks(name: str, least: int) -> None:
+    """In at least this many of three campaigns it is named; each interval holds what it lacks."""
     true = aircraft().parameters[name]
     hits = named = 0
     for seed in range(200, 209, 3):
@@ -46,5 +55,5 @@ def test_intervals_hold_what_a_parameter_lacks(name: str) -> None:
         own = [each for each in findings if each.subject == name]
         named += bool(own)
         hits += any(each.ci95[0] < 0.15 * true < each.ci95[1] for each in own)
-    assert named >= 2
+    assert named >= least
     assert hits == named
