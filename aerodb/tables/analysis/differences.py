@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
+from aerodb.tables.analysis.part_changes import changed_parts
 from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment, Interval
@@ -28,11 +29,11 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term, variable, reference value or regressor of an increment that differs.
+    """A part, term, variable, reference value or regressor of an increment that differs.
 
     Parameters
     ----------
-    kind : ``term``, ``variable``, ``parameter``, ``reference`` or ``increment``.
+    kind : ``part``, ``term``, ``variable``, ``parameter``, ``reference`` or ``increment``.
     before, after : its text; empty where it does not exist.
     change, sigma : coefficient of a regressor and its standard error, or by how much a parameter
         changes and what is known of it afterwards; None for other kinds.
@@ -239,9 +240,11 @@ def _reference(before: ReferenceGeometry, after: ReferenceGeometry) -> list[Term
 
 
 def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
-    changes = []
+    parts = changed_parts(before, after)
+    changes = [TermChange("part", name, "", old, new) for name, (old, new) in parts.items()]
     old_terms, new_terms = (
-        {term.name: term for term in database.terms} for database in (before, after)
+        {term.name: term for term in database.terms if term.part not in parts}
+        for database in (before, after)
     )
     for name in dict.fromkeys([*old_terms, *new_terms]):
         old, new = old_terms.get(name), new_terms.get(name)
@@ -254,6 +257,8 @@ def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
             changes += _parameter(name, before, after)
             continue
         sides = [database.variables.get(name) for database in (before, after)]
+        if any(side is not None and side.part in parts for side in sides):
+            continue
         texts = [str(variable.expression) if variable is not None else "" for variable in sides]
         if texts[0] != texts[1]:
             changes.append(TermChange("variable", name, "", texts[0], texts[1]))

@@ -12,7 +12,7 @@ from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
 from aerodb.exchange.native import database_document_sha256, from_document, read_native, to_document
 from aerodb.simulation import Condition, flight_model, linear_model, modes, trim
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
-from aerodb.tables import failed_check_cases, make_check_cases, parse, with_parameters
+from aerodb.tables import diff, failed_check_cases, make_check_cases, parse, with_parameters
 from tests.support.parts import MASSES, TEXT, aircraft
 
 
@@ -45,6 +45,16 @@ def test_what_something_else_has_changed_is_stored_as_terms() -> None:
     assert "parts" not in document
     again = from_document(document)
     assert failed_check_cases(again, make_check_cases(half)) == ()
+
+
+def test_a_difference_of_parts_is_told_as_it_is_written() -> None:
+    moved = TEXT.replace("tip = [-6.7, 1.7, -0.4]", "tip = [-6.7, 1.9, -0.4]")
+    changed = diff(aircraft(), read_native(moved)).terms
+    assert [(each.kind, each.name) for each in changed] == [("part", "tail")]
+    assert changed[0].before == "tip = [-6.7, 1.7, -0.4]"
+    assert changed[0].after == "tip = [-6.7, 1.9, -0.4]"
+    steeper = diff(aircraft(), aircraft({"tail_slope": 4.0})).terms
+    assert [(each.kind, each.name) for each in steeper] == [("parameter", "tail_slope")]
 
 
 def test_terms_and_parts_stand_beside_each_other() -> None:
