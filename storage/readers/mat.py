@@ -1,11 +1,13 @@
 """MATLAB's MAT files, version 5 to 7.3, as named arrays and texts.
 
 Variables of version 5-7 before a cut are read, and damaged ones are left out and reported.
-Version 7.3 is HDF5. Cells, sparse matrices, objects and arrays of structs contain no series of
-samples and are listed in `skipped`.
+Version 7.3 is HDF5. Cells of texts are labels of columns. Other cells, sparse matrices, objects and
+arrays of structs contain no series of samples and are listed in `skipped`; MATLAB's objects are
+named with the way to save what they hold.
 """
 
 import io
+import math
 import struct
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
-from aerodb.support import MOST_EXPANSION, Malformed, MatClass, MatElements
+from aerodb.support import MOST_EXPANSION, Malformed, MatClass, MatElements, MatHeader
 
 #: Bytes that a file may expand to.
 MOST_BYTES: Final = 4 << 30
@@ -28,10 +30,12 @@ _DEEPEST: Final = 8
 
 @dataclass
 class Variables:
-    """Arrays and texts by dotted name, as stored in the file; names of variables that are not
-    arrays; damage."""
+    """Arrays and texts by dotted name, as stored in the file; cells of texts; names of variables
+    that are not arrays; what MATLAB's objects are; damage."""
 
     values: dict[str, NDArray[Any] | str] = field(default_factory=dict)
+    labels: dict[str, list[str]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
 
@@ -41,6 +45,28 @@ class Variables:
         if len(self.values) >= _MOST_VARIABLES:
             raise Malformed("too many variables")
         self.values[name] = value
+
+
+#: Class of MATLAB's objects -> how to save what they hold, as MATLAB writes it.
+_WAYS: Final = {
+    "timetable": "S = table2struct(timetable2table({0}), 'ToScalar', true)",
+    "table": "S = table2struct({0}, 'ToScalar', true)",
+    "datetime": "S.time = posixtime({0})",
+    "duration": "S.time = seconds({0})",
+    "timeseries": "S.time = {0}.Time; S.data = {0}.Data",
+    "string": "S.{0} = char({0})",
+    "categorical": "S.{0} = double({0})",
+}
+
+
+def _object(name: str, kind: str) -> str:
+    """What a MATLAB object is, and how to save what it holds."""
+    plain = name.rsplit(".", 1)[-1]
+    way = _WAYS.get(kind, "S = struct({0})").format(plain)
+    return (
+        f"{name} is a MATLAB {kind or 'object'}, not read: save it as {way};"
+        " save('flight.mat', '-struct', 'S')"
+    )
 
 
 def read_mat5(data: bytes) -> Variables:
@@ -78,8 +104,25 @@ def _add(array: MatElements, prefix: str, variables: Variables, depth: int) -> N
         variables.add(name, array.text(errors="replace"))
     elif header.is_number and not header.is_complex:
         variables.add(name, array.shaped(header))
+    elif header.kind == MatClass.CELL and (labels := _texts(array, header)):
+        variables.labels[name] = labels
+    elif header.kind == MatClass.OPAQUE:
+        own, _, kind = (bytes(array.element()[1]).decode("latin-1") for _ in range(3))
+        variables.skipped.append(prefix or own or name)
+        variables.remarks.append(_object(prefix or own or name, kind))
     else:
         variables.skipped.append(name)
+
+
+def _texts(array: MatElements, header: MatHeader) -> list[str]:
+    """The texts of a cell; empty where it holds anything else."""
+    texts: list[str] = []
+    for _ in range(min(math.prod(header.shape), _MOST_VARIABLES)):
+        inner = array.array()
+        if not inner.data or inner.header().kind != MatClass.CHAR:
+            return []
+        texts.append(inner.text(errors="replace").strip())
+    return texts
 
 
 def read_hdf5(data: bytes, where: str) -> Variables:
@@ -114,14 +157,36 @@ def _group(group: Any, prefix: str, variables: Variables, depth: int) -> None:
                     _group(item, f"{name}.", variables, depth + 1)
                 else:
                     variables.skipped.append(name)
+            elif "MATLAB_object_decode" in item.attrs:
+                kind = bytes(item.attrs.get("MATLAB_class", b"")).decode("latin-1")
+                variables.skipped.append(name)
+                variables.remarks.append(_object(name, kind))
             elif _is_array(item):
                 _dataset(item, name, variables)
+            elif labels := _referred_texts(item):
+                variables.labels[name] = labels
             else:
                 variables.skipped.append(name)
         except Exception as error:  # as above; one damaged variable leaves the others
             variables.damage.append(
                 Damage("framing", f"variable {name} cannot be read: {str(error)[:120]}")
             )
+
+
+def _referred_texts(item: Any) -> list[str]:
+    """The texts of a cell of version 7.3, whose datasets it refers to; empty for anything else."""
+    if not isinstance(item, h5py.Dataset) or item.attrs.get("MATLAB_class") != b"cell":
+        return []
+    if item.size > _MOST_VARIABLES:
+        return []
+    texts = []
+    for reference in np.asarray(item[()]).T.ravel(order="F"):
+        each = item.file[reference]
+        if each.attrs.get("MATLAB_class") != b"char" or each.size > _MOST_VARIABLES:
+            return []
+        codes = np.asarray(each[()]).T.ravel(order="F")
+        texts.append("".join(chr(int(code)) for code in codes).strip())
+    return texts
 
 
 def _is_array(item: Any) -> bool:

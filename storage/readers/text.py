@@ -201,7 +201,7 @@ def _columns(
     """Columns of numbers by name, their units, names of those of text or nothing, damage where
     single cells are not numbers, and how texts were read."""
     headers = [(layout.names[k] if layout.names else "") for k in range(len(frame.columns))]
-    split = [_split_unit(header, headers) for header in headers]
+    split = [split_unit(header, headers) for header in headers]
     shorts = [short for short, _ in split]
     columns: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
@@ -236,14 +236,15 @@ def _columns(
     return columns, units, text, damage, said
 
 
-def _split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
-    """Name and unit of a header such as ``alpha [deg]``, ``alpha (deg)`` or ``alpha,__deg``; no
-    unit: empty. A number or an axis in brackets is an index, but for a 1 that stands apart where
+def split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
+    """Return name and unit of a header such as ``alpha [deg]`` or ``alpha,__deg``; no unit: empty.
+
+    A number or an axis in brackets is an index, but for a 1 that stands apart where
     no other header has the same name: the unit of numbers.
 
-    >>> _split_unit("V (ft/s)"), _split_unit("gyro[0]"), _split_unit("Vtrue,_ktas")
+    >>> split_unit("V (ft/s)"), split_unit("gyro[0]"), split_unit("Vtrue,_ktas")
     (('V', 'ft/s'), ('gyro[0]', ''), ('Vtrue', 'ktas'))
-    >>> _split_unit("mach [1]"), _split_unit("gyro [1]", ["gyro [0]", "gyro [1]"])
+    >>> split_unit("mach [1]"), split_unit("gyro [1]", ["gyro [0]", "gyro [1]"])
     (('mach', '1'), ('gyro [1]', ''))
     """
     match = _UNIT.fullmatch(name)

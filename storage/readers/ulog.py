@@ -253,8 +253,8 @@ def messages_of(definitions: ULog) -> tuple[LoggedMessage, ...]:
 
 
 def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:
-    """UTC at time zero of the file's header, from the log's own information or from satellite
-    navigation."""
+    """UTC at the time of the file's header: from the log's own information, from satellite
+    navigation, or from the time of booting."""
     stated = definitions.msg_info_dict.get("start_utc")
     if isinstance(stated, str):
         try:
@@ -272,4 +272,7 @@ def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:
                 first = int(fixed[0])
                 elapsed = float(topic.time[first]) - definitions.start_timestamp * 1e-6
                 return datetime.fromtimestamp(float(utc[first]), UTC) - timedelta(seconds=elapsed)
+    booted = definitions.msg_info_dict.get("boot_time_utc_us")  # PX4 from version 1.17
+    if isinstance(booted, int) and 1e15 < booted < 1e16:
+        return datetime.fromtimestamp((booted + definitions.start_timestamp) * 1e-6, UTC)
     return None

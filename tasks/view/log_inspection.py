@@ -149,6 +149,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         and name not in expected
         and not (servos and is_surface(name))
     ]
+    absent = [name for name in missing if name not in findings["computed"]]
     grounded = bool(findings["segments"]) and not _flown(findings["segments"])
     unusable = [
         *(wingless or ([findings["unusable"]] if findings["unusable"] else [])),
@@ -167,8 +168,8 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "empty": list(empty),
         "prevents": [
             *wingless,
-            *consequences_of_missing(missing),
-            *airspeed_remedy(missing),
+            *consequences_of_missing(absent),
+            *airspeed_remedy(absent),
             *remarks,
         ],
         **findings,
@@ -178,7 +179,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "remarks": remarks,
         "servo_outputs": servos,
         "usable": not unusable,
-        "because": [*unusable, *([] if wingless else airspeed_remedy(missing))],
+        "because": [*unusable, *([] if wingless else airspeed_remedy(absent))],
     }
 
 

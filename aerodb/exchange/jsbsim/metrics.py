@@ -113,7 +113,7 @@ def read_number(text: str | None, where: str) -> float:
 
 
 def _convert(element: Any, text: str | None, default: str, to: str, where: str) -> float:
-    unit = element.get("unit", default)
+    unit = element.get("unit") or default  # JSBSim converts nothing for unit="" as without it
     if unit not in _UNITS:
         raise InputError(f"unit '{unit}' of <{element.tag}>", where, nearest(unit, _UNITS))
     return float(convert(read_number(text, f"{where}: <{element.tag}>"), _UNITS[unit], to))

@@ -1,5 +1,6 @@
 """ULog: same numbers as PX4's own reader; round trip; every lost byte is accounted for."""
 
+import struct
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -418,3 +419,17 @@ def test_one_topic_without_a_timestamp_costs_no_other(tmp_path: Path) -> None:
     (damage,) = recording.damage
     assert (damage.topic, damage.kind) == ("bbb", "values")
     assert damage.what.startswith("10 messages not decoded")
+
+
+def test_the_time_of_booting_dates_a_log(tmp_path: Path) -> None:
+    """PX4 from version 1.17 states when it booted; the header's time counts from there."""
+    write_ulog(tmp_path / "a.ulg", example_topics())
+    data, booted, key = (tmp_path / "a.ulg").read_bytes(), 1710253330000000, b"boot_time_utc_us"
+    text = b"uint64_t " + key
+    body = bytes([len(text)]) + text + struct.pack("<Q", booted)
+    at = 16 + (3 + struct.unpack_from("<H", data, 16)[0] if data[18:19] == b"B" else 0)
+    dated = data[:at] + struct.pack("<HB", len(body), ord("I")) + body + data[at:]
+    (tmp_path / "a.ulg").write_bytes(dated)
+    header = struct.unpack_from("<Q", data, 8)[0]
+    expected = datetime.fromtimestamp((booted + header) * 1e-6, UTC)
+    assert read_ulog(tmp_path / "a.ulg").start_utc == expected
