@@ -78,6 +78,8 @@ _MEANING = {
     **{rate: (f"velocities/{rate}-aero-rad_sec", 1.0) for rate in "pqr"},
     "qbar": ("aero/qbar-psf", POUND / FOOT**2),
     "rho": ("atmosphere/rho-slugs_ft3", POUND / FOOT**4),
+    "temperature": ("atmosphere/T-R", 1.0 / 1.8),
+    "static_pressure": ("atmosphere/P-psf", POUND / FOOT**2),
     "altitude": ("position/h-sl-ft", FOOT),
     "height_above_ground": ("position/h-agl-ft", FOOT),
     "phi": ("attitude/phi-rad", 1.0),

@@ -21,6 +21,17 @@ SLUG: Final = POUND_FORCE / FOOT  # kg
 POUNDS_PER_SLUG: Final = 32.174049  # weight in JSBSim, wherever it is
 KNOT: Final = 1852.0 / 3600.0  # m/s, exact
 DEGREES: Final = 180.0 / math.pi
+RANKINE: Final = 1.8  # degrees Rankine of 1 K
+#: Sutherland's viscosity as JSBSim has it (FGAtmosphere: 2.269690e-8 slug/(s ft R^0.5), 198.72 R).
+_VISCOSITY: Final = (
+    f"{2.269690e-8 * POUND_FORCE / FOOT**2 * RANKINE**0.5!r}*temperature^1.5"
+    f"/({198.72 / RANKINE!r} + temperature)"
+)
+#: Sine of the angle of climb relative to the air (Stevens & Lewis, eq. 3.4-2).
+_CLIMB: Final = (
+    "cos(alpha)*cos(beta)*sin(theta) - sin(beta)*sin(phi)*cos(theta)"
+    " - sin(alpha)*cos(beta)*cos(phi)*cos(theta)"
+)
 
 QBAR: Final = "aero/qbar-psf"
 AREA: Final = "metrics/Sw-sqft"
@@ -63,9 +74,15 @@ PROPERTIES: Final[dict[str, str]] = {
     **{f"velocities/{rate}{kind}-rad_sec": rate for rate in "pqr" for kind in ("", "-aero")},
     "velocities/mach": "mach",
     "velocities/vt-fps": f"V/{FOOT!r}",
-    "velocities/u-aero-fps": f"V*cos(alpha)*cos(beta)/{FOOT!r}",
-    "velocities/v-aero-fps": f"V*sin(beta)/{FOOT!r}",
-    "velocities/w-aero-fps": f"V*sin(alpha)*cos(beta)/{FOOT!r}",
+    **{
+        f"velocities/{axis}{kind}-fps": f"{component}/{FOOT!r}"
+        for axis, component in {
+            "u": "V*cos(alpha)*cos(beta)",
+            "v": "V*sin(beta)",
+            "w": "V*sin(alpha)*cos(beta)",
+        }.items()
+        for kind in ("", "-aero")  # the same without wind
+    },
     "velocities/vc-kts": f"calibrated_airspeed/{KNOT!r}",
     "velocities/vc-fps": f"calibrated_airspeed/{FOOT!r}",
     "attitude/phi-rad": "phi",
@@ -73,6 +90,14 @@ PROPERTIES: Final[dict[str, str]] = {
     "attitude/theta-rad": "theta",
     "attitude/pitch-rad": "theta",
     "atmosphere/rho-slugs_ft3": f"rho/{SLUG_PER_FT3!r}",
+    "atmosphere/P-psf": f"static_pressure/{PSF!r}",
+    "atmosphere/T-R": f"temperature*{RANKINE!r}",
+    "atmosphere/a-fps": f"V/mach/{FOOT!r}",
+    "aero/Re": f"V*c_ref*rho/({_VISCOSITY})",
+    **{
+        f"flight-path/gamma-{unit}": f"asin({_CLIMB}){scale}"
+        for unit, scale in (("rad", ""), ("deg", f"*{DEGREES!r}"))
+    },
     **{
         f"inertia/cg-{axis}-in": f"{sign}cg_{axis}/{INCH!r}"
         for axis, sign in (("x", "-"), ("y", ""), ("z", "-"))
@@ -99,6 +124,13 @@ PROPERTIES: Final[dict[str, str]] = {
         }.items()
         for unit, scale in (("rad", ""), ("deg", f"*{DEGREES!r}"))
     },
+}
+
+#: Place of the moment reference in inches, in structural axes -> its index and sign in body axes.
+AERO_REFERENCE: Final = {
+    "metrics/aero-rp-x-in": (0, -1.0),
+    "metrics/aero-rp-y-in": (1, 1.0),
+    "metrics/aero-rp-z-in": (2, -1.0),
 }
 
 #: Channel -> property and scale to the channel's unit, for exports.

@@ -6,6 +6,7 @@ impossible, the function is divided by them. Structural axes (inches, x aft, y r
 metres in body axes, with the structural origin as datum.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import reduce
 from typing import Any, Final
@@ -22,6 +23,8 @@ from aerodb.exchange.jsbsim.metrics import (
     read_section,
 )
 from aerodb.exchange.jsbsim.properties import (
+    AERO_REFERENCE,
+    INCH,
     LIFT_SQUARED,
     OWN_CHANNEL,
     PROPERTIES,
@@ -34,6 +37,7 @@ from aerodb.exchange.jsbsim.properties import (
     property_description,
     property_unit,
 )
+from aerodb.exchange.jsbsim.scalings import read_scalings
 from aerodb.nomenclature import channel
 from aerodb.tables import (
     LIFT_INCREMENTS,
@@ -60,6 +64,8 @@ from aerodb.tables import (
 Loader = Callable[[str], bytes]
 
 _LIMITS: Final = ("alphalimits", "hysteresis_limits")
+#: Position of a leg of the landing gear: all legs move together.
+_GEAR: Final = re.compile(r"gear/(unit|gear)(\[\d+\])?/(position|pos)-norm")
 
 
 def import_jsbsim(
@@ -94,7 +100,7 @@ def import_jsbsim(
     root = read_root(xml, name)
     metrics = read_section(root, "metrics", name, loader)
     reference, constants = read_reference(metrics, name), read_constants(metrics, name)
-    reading = _AircraftReader(name, dict(bindings or {}), constants)
+    reading = _AircraftReader(name, dict(bindings or {}), constants, read_scalings(root, name))
     reading.read(read_section(root, "aerodynamics", name, loader))
     return reading.database(reference)
 
@@ -102,8 +108,15 @@ def import_jsbsim(
 class _AircraftReader:
     """Reader of one file's aerodynamics: functions, axes, and meanings of properties."""
 
-    def __init__(self, where: str, bindings: dict[str, str], constants: dict[str, float]) -> None:
+    def __init__(
+        self,
+        where: str,
+        bindings: dict[str, str],
+        constants: dict[str, float],
+        scalings: Mapping[str, tuple[str, str]],
+    ) -> None:
         self._where = where
+        self._scalings = scalings
         self._bindings = bindings
         self._constants = constants
         self._functions = JsbsimFunctions(where)
@@ -321,12 +334,32 @@ class _AircraftReader:
             total = reduce(plus, [*lift, Name(LIFT_INCREMENTS)])
             return Variable(Operation("^", total, Number(2)), "1", note) if lift else None
         text = self._text(name, reference)
-        return Variable(parse(text), "", note) if text else None
+        if text:
+            return Variable(parse(text), "", note)
+        if name in self._scalings and self._is_settled(name, reference):
+            of, made = self._scalings[name]
+            scaled = parse(made.replace("{x}", self._functions.identifier(of)))
+            return Variable(scaled, "", property_description(name, f"scaled {of}, by the file"))
+        return None
+
+    def _is_settled(self, name: str, reference: ReferenceGeometry) -> bool:
+        """Whether a property that the file's flight control scales is made of known ones."""
+        seen = {name}
+        while name in self._scalings and not self._text(name, reference):
+            name = self._scalings[name][0]
+            if name in seen:
+                return False
+            seen.add(name)
+        known = (self._bindings, self._functions.defined, self._constants)
+        return any(name in each for each in known) or bool(self._text(name, reference))
 
     def _text(self, name: str, reference: ReferenceGeometry) -> str:
         """The expression of a property of JSBSim or of an earlier export; '' if there is none."""
         if name == "aero/h_b-mac-ft":
             return height_of_reference_point(*reference.moment_reference)
+        if name in AERO_REFERENCE:
+            place, sign = AERO_REFERENCE[name]
+            return repr(sign * reference.moment_reference[place] / INCH)
         if name == WING_ALPHA:
             return f"alpha + {self._constants.get(WING_INCIDENCE, 0.0)!r}".replace("+ -", "- ")
         if name == STALL_HYSTERESIS and not self._hysteresis:
@@ -339,7 +372,7 @@ class _AircraftReader:
                 raise InputError(
                     error.what, f"{self._where}: property {name}", error.remedy
                 ) from None
-        return PROPERTIES.get(name, "")
+        return PROPERTIES.get(_GEAR.sub("gear/gear-pos-norm", name.removeprefix("/")), "")
 
 
 def _relays(free: Mapping[str, str]) -> tuple[StateModel, ...]:
