@@ -105,7 +105,7 @@ def estimate(
     named = " ".join(f"--flights {each}" for each in flights or ())
     then = (
         ""
-        if vehicle is None or linear
+        if vehicle is None or linear or parse_model_file(text).inertias
         else f"aerodb close-loop --vehicle {vehicle} --baseline {baseline} {named}".rstrip()
         if parse_model_file(text).parameters
         else f"aerodb update --vehicle {vehicle} --model {model} --method {document['believe']}"

@@ -47,6 +47,7 @@ NOISE = {
 LARGEST = {"stabilator": 4.5 * DEGREE, "aileron": 10.0 * DEGREE, "rudder": 7.0 * DEGREE}
 _SIDES = "".join(
     f'[surfaces.{name}]\nlimits = ["-12 deg", "12 deg"]\n'
+    f'log = {{ topic = "table", field = "delta_{name}" }}\n'
     f"[sensors.delta_{name}]\nnoise = {NOISE['delta_' + name.split('_')[0]]!r}\n"
     for name in SURFACES
 )
@@ -167,6 +168,11 @@ def halves(nominal_terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[s
 
 def database(new: bool = True) -> AeroDatabase:
     """The database in six surfaces; `new`: with the terms of `added`."""
+    return read_native(text(new))
+
+
+def text(new: bool = True) -> str:
+    """The file of `database`."""
     terms = halves(nominal())
     if new:
         for axis, own in added().items():
@@ -179,7 +185,7 @@ def database(new: bool = True) -> AeroDatabase:
     for axis, own in terms.items():
         lines.append(f"[derivatives.{axis}]")
         lines += [f'"{name}" = {value!r}' for name, value in own.items()]
-    return read_native("\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def vehicle() -> Vehicle:
