@@ -19,28 +19,11 @@
     entry.dataset.ended = answer.kind;
   }
 
-  function send({ file, vehicle, entry }) {
-    return new Promise((resolve) => {
-      const request = new XMLHttpRequest();
-      const say = (text) => { entry.textContent = `${entry.dataset.name}: ${text}`; };
-      const refused = (text) => { say(text); entry.dataset.ended = "refused"; resolve(); };
-      request.open("POST", `${location.origin}/api/vehicles/${encodeURIComponent(vehicle)}/logs?name=${encodeURIComponent(file.name)}`);
-      request.setRequestHeader("X-CSRF-Token", form.dataset.csrf);
-      request.setRequestHeader("Content-Type", "application/octet-stream");
-      request.upload.addEventListener("progress", (event) => {
-        if (event.lengthComputable) say(event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} % sent` : "being ingested");
-      });
-      request.upload.addEventListener("load", () => say("being ingested"));
-      request.addEventListener("error", () => refused("the connection was lost"));
-      request.addEventListener("load", () => {
-        let answer = null;
-        try { answer = JSON.parse(request.responseText); } catch { refused(request.responseText || `refused (${request.status})`); return; }
-        if (answer.error) { refused([answer.error.what, answer.error.where, answer.error.remedy].filter(Boolean).join("; ")); return; }
-        ending(entry, answer);
-        resolve();
-      });
-      request.send(file);
-    });
+  async function send({ file, vehicle, entry }) {
+    const say = (text) => { entry.textContent = `${entry.dataset.name}: ${text}`; };
+    const path = `/api/vehicles/${encodeURIComponent(vehicle)}/logs`;
+    try { ending(entry, await drops.send(path, file, form.dataset.csrf, say, "being ingested")); }
+    catch (error) { say(error.message); entry.dataset.ended = "refused"; }
   }
 
   async function work() {
@@ -61,15 +44,5 @@
     work();
   }
 
-  chosen.addEventListener("change", () => { add([...chosen.files]); chosen.value = ""; });
-  form.addEventListener("submit", (event) => event.preventDefault());
-  const holdsFiles = (event) => [...(event.dataTransfer?.types || [])].includes("Files");
-  addEventListener("dragover", (event) => { if (holdsFiles(event)) { event.preventDefault(); form.classList.add("over"); } });
-  addEventListener("dragleave", (event) => { if (!event.relatedTarget) form.classList.remove("over"); });
-  addEventListener("drop", (event) => {
-    if (!holdsFiles(event)) return;
-    event.preventDefault();
-    form.classList.remove("over");
-    add([...event.dataTransfer.files]);
-  });
+  drops.listen(form, chosen, add);
 })();

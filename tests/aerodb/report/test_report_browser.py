@@ -20,9 +20,11 @@ SHOWN = """() => [...document.images].map((image) => image.complete && image.nat
 SMALLEST_TYPE = """() => Math.min(...[...document.querySelectorAll('body *')]
   .filter((e) => e.checkVisibility() && [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
   .map((e) => 0.75 * parseFloat(getComputedStyle(e).fontSize)))"""
-FOLDED = (
-    """() => [...document.querySelectorAll('details td')].map((cell) => cell.checkVisibility())"""
-)
+FOLDED = """() => [...document.querySelectorAll('details td')].filter((cell) => !cell.closest('.screen'))
+  .map((cell) => cell.checkVisibility())"""
+#: What paper leaves to the screen, and the sentence that says so.
+LEFT = """() => [...document.querySelectorAll('.screen')].map((e) => e.checkVisibility())"""
+SAYS_SO = """() => [...document.querySelectorAll('.paper')].map((e) => e.checkVisibility())"""
 
 
 @pytest.fixture(scope="module")
@@ -89,10 +91,14 @@ def test_what_is_folded_away_is_printed(browser: Any, pages: list[Path]) -> None
         for path in pages:
             visit(page, "file://", str(path))
             assert not any(page.evaluate(FOLDED))
+            left = len(page.evaluate(LEFT))
+            assert page.evaluate(SAYS_SO) == [False] * bool(left)
             page.emulate_media(media="print")
             shown = page.evaluate(FOLDED)
-            assert shown
+            assert shown or left
             assert all(shown)
+            assert not any(page.evaluate(LEFT))
+            assert page.evaluate(SAYS_SO) == [True] * bool(left)
             wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
             page.set_viewport_size({"width": 690, "height": 1000})  # A4 less its margins, at 96 dpi
             assert not page.evaluate(wide), f"{path.stem} is cut off on paper"
