@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 9,
     "update": 12,
     "gram": 14,
-    "close_loop": 41,
+    "close_loop": 42,
 }
 
 #: Names of versions that the product itself moves.

@@ -25,7 +25,6 @@ from aerodb.tables import AeroDatabase, Expression, Name, number, parse, plus
 #: Axis of an increment -> body axis that shows its constant.
 _SHOWN_ON: Final = {"C_lift": "CZ", "CZ": "CZ", "Cm": "Cm"}
 _SLOPE: Final = parse("alpha")
-_TURNED: Final = "; alpha from zero lift, which leaves the smaller constant"
 
 
 def about_zero_lift(
@@ -51,10 +50,7 @@ def about_zero_lift(
     }
     known = {_SLOPE, turned, *others}
     for axis, body in _SHOWN_ON.items():
-        pair = [
-            _about(candidate, first, axis, known, each, note)
-            for each, note in ((_SLOPE, ""), (turned, _TURNED))
-        ]
+        pair = [_about(candidate, first, axis, known, each) for each in (_SLOPE, turned)]
         if turned == _SLOPE or pair[0] is pair[1]:
             continue
         constants = [
@@ -106,7 +102,6 @@ def _about(
     axis: str,
     known: Set[Expression],
     slope: Expression,
-    note: str,
 ) -> AeroDatabase:
     """The candidate whose increments on an axis, from number `first`, have `slope` in place of
     those that are known."""
@@ -114,8 +109,7 @@ def _about(
     for place, each in enumerate(changed):
         regressors = tuple(slope if one in known else one for one in each.regressors)
         if place >= first and each.axis == axis and regressors != each.regressors:
-            said = each.note.removesuffix(_TURNED) + note
-            changed[place] = replace(each, regressors=regressors, note=said)
+            changed[place] = replace(each, regressors=regressors)
     same = all(map(operator.is_, changed, candidate.increments))
     return candidate if same else replace(candidate, increments=tuple(changed))
 

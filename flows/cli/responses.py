@@ -279,14 +279,14 @@ def _within_words(document: dict[str, Any]) -> str:
         return f"checks within tolerance: {count_within(document)}"
     if document["manoeuvres"]:
         return "nothing is judged: the tolerances name no manoeuvre of these flights"
-    why = [entry["reason"].split("; ")[0] for entry in document["not_flown"]]
+    why = [entry["what"] for entry in document["not_flown"]]
     return f"nothing is judged: {why[0] if why else 'these flights have no manoeuvre'}"
 
 
 def _remedy(document: dict[str, Any]) -> str:
     """Return what the first stretch that was not flown asks for."""
-    reasons = [entry["reason"].partition("; ")[2] for entry in document["not_flown"]]
-    return next((reason for reason in reasons if reason), "hold out flights with manoeuvres")
+    remedies = [entry["remedy"] for entry in document["not_flown"]]
+    return next(filter(None, remedies), "hold out flights with manoeuvres")
 
 
 def say_responses(

@@ -86,13 +86,20 @@ def responses_summary(
         "failed": failed,
         "not_flown": [
             {"flight": flight, "name": labels[flight], "since": s["since"], "until": s["until"]}
-            | {"reason": s.get("what", s["reason"]).replace("\n", "; ")}
+            | _why(s.get("what", s["reason"]))
             for flight, s in stretches
             if "reason" in s
         ],
         "passed": bool(checks) and not failed,
         **_qualification(after, before, labels),
     }
+
+
+def _why(lines: str) -> dict[str, str]:
+    """Why a stretch was not flown, in one sentence and by part: what is wrong, and what to do."""
+    first, _, rest = lines.partition("\n")
+    joined = "; ".join(rest.splitlines())
+    return {"reason": "; ".join(filter(None, (first, joined))), "what": first, "remedy": joined}
 
 
 def _qualification(
