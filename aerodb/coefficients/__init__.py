@@ -11,14 +11,15 @@ The way through:
    state models along the flight; `band_limited` limits whatever is compared with moments.
 
 3. `lacking_inputs` names what a database needs and flights lack, `with_held_inputs` holds it at
-   zero, and `input_uses` says what each `InputUse` changes.
+   zero, and `input_uses` says what each `InputUse` changes. `without_values` and `divisors` say
+   which coefficients a database has no value of, and which inputs must not be held.
 
 A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
 (`thrust_share`, THRUST_REMEDY).
 
 `total` holds the coefficients, `angular_acceleration` the choice between logged angular
 accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison,
-`inputs` the inputs that flights lack.
+`inputs` the inputs that flights lack, `finite` whether a database has values.
 """
 
 from typing import TYPE_CHECKING
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
         with_flow_rates,
         with_states,
     )
+    from .finite import divisors, without_values
     from .inputs import (
         UNHOLDABLE,
         InputUse,

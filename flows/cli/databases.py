@@ -85,6 +85,7 @@ def import_file(
     document = _imported(session, import_flow, parameters)
     session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
     _say_checks(session, document)
+    _say_values(session, document)
     _say_released(session, document, vehicle)
     _say_inputs(session, document)
     if document["lacking"]:
@@ -144,6 +145,16 @@ def _say_checks(session: Session, document: dict[str, Any]) -> None:
         session.say(f"- and {checks['failed'] - 5} more: aerodb --json version show")
 
 
+def _say_values(session: Session, document: dict[str, Any]) -> None:
+    """Warn of coefficients that have no value anywhere."""
+    if document["without_values"]:
+        names = ", ".join(document["without_values"])
+        session.say(
+            f"WARNING: {names} have no finite value at any point of usual flight: not released;"
+            " bind the inputs that they are divided by, and import again"
+        )
+
+
 def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> None:
     label, checks = document["label"], document["file_checks"]
     if document["replaced"]:
@@ -165,7 +176,7 @@ def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> N
 
 def _command(file: Path, vehicle: str, bind: list[str], document: dict[str, Any]) -> str:
     """The whole command with a binding per input that no flight has, to be edited."""
-    given = [*bind, *(texts[0] for texts in document["proposals"].values())]
+    given = [*bind, *(texts[0] for texts in document["proposals"].values() if texts)]
     lines = [f"aerodb database import {shlex.quote(str(file))} --vehicle {shlex.quote(vehicle)}"]
     return " \\\n".join([*lines, *(f"  --bind {shlex.quote(text)}" for text in given)])
 
@@ -182,8 +193,10 @@ def _say_inputs(session: Session, document: dict[str, Any]) -> None:
         proposed = "" if use["accepted"] else "no flight has "
         session.say(f"- {proposed}{use['sentence']}")
         if not use["accepted"]:
-            session.say(f"  proposed: zero: {_zero(use)}")
-            for text in document["proposals"].get(use["name"], ())[:-1]:
+            divides = use["name"] in document["dividing"]
+            told = "it divides: state its value" if divides else f"proposed: zero: {_zero(use)}"
+            session.say(f"  {told}")
+            for text in document["proposals"].get(use["name"], ())[: None if divides else -1]:
                 session.say(f"  or, if that is meant: --bind {text}")
         for each in use["residuals"]:
             if each["with_zero"] < each["now"]:

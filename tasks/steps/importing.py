@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from aerodb.coefficients import with_held_inputs
+from aerodb.coefficients import with_held_inputs, without_values
 from aerodb.errors import InputError, OpenQuestionsError, Question
 from aerodb.exchange import (
     CSV_HEAD,
@@ -55,12 +55,14 @@ def import_database(
     """Import a database file as a version without parent.
 
     A vehicle's first import becomes ``released``, and so does the same file imported again while
-    nothing was made of the first; neither does if the check cases of the file fail.
+    nothing was made of the first; neither does if the check cases of the file fail, or if a
+    coefficient has no finite value (`without_values`).
 
     accept_proposals : hold inputs that no flight has at zero. replace_reason : why this import
     replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
+    without_values (coefficients that are finite nowhere),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
     ask : where inputs leave questions, store nothing and return them (questions: each an
     `aerodb.errors.Question` as JSON).
@@ -90,13 +92,16 @@ def import_database(
     if ask and not accept_proposals and known["proposals"]:
         return {"questions": [asdict(question) for question in _questions(known)]}
     held = known["lacking"] if accept_proposals else []
+    if held and known["dividing"]:
+        raise _cannot_be_zero(known, path.name)
     if held:
         database = with_held_inputs(database, held)
         known = inputs_document(access, vehicle, database, flights, bindings or {})
         settings["held"] = held
-    outcome = _outcome(checks)
+    outcome, gone = _outcome(checks), list(without_values(database))
     report = {
         "imported_from": path.name,
+        **({"without_values": gone} if gone else {}),
         **({"held_at_zero": held} if held else {}),
         **({"file_checks": outcome} if outcome else {}),
     }
@@ -113,7 +118,7 @@ def import_database(
             reason=replace_reason,
             accept=accept,
         )
-    elif checks is None or checks.passed:
+    elif (checks is None or checks.passed) and not gone:
         _release(access, version, released, path.name)
     replaced = access.catalogue.version_of_id(released).label if released else None
     now = access.named(vehicle, RELEASED)
@@ -124,9 +129,25 @@ def import_database(
         "released": now == version.id,
         "replaced": replaced if now == version.id and released != version.id else None,
         "held": held,
+        "without_values": gone,
         "file_checks": outcome,
         **known,
     }
+
+
+def _cannot_be_zero(known: Mapping[str, Any], where: str) -> OpenQuestionsError:
+    """The refusal to hold at zero what a coefficient is divided by."""
+    asked = [
+        Question(
+            f"zero for {known['written'][name]} leaves a coefficient without any value: what is it?",
+            known["written"][name],
+            tuple((expression, "") for expression in known["expressions"][name]),
+        )
+        for name in known["dividing"]
+    ]
+    names = ", ".join(known["written"][name] for name in known["dividing"])
+    remedy = f"state it in the unit of the file: --bind {asked[0].name}=NUMBER"
+    return OpenQuestionsError(f"the database divides by {names}", where, remedy, asked)
 
 
 def _questions(known: Mapping[str, Any]) -> list[Question]:

@@ -10,6 +10,7 @@ from aerodb.coefficients import (
     Comparison,
     InputUse,
     compare,
+    divisors,
     held_inputs,
     input_uses,
     lacking_inputs,
@@ -41,7 +42,8 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
     Returns a document: inputs (names), flights (number looked at), lacking (inputs that no flight
     has and that zero is proposed for), required (those that flights must give), written (input ->
     its name in the file), expressions (input that the file alone knows -> those that may be meant;
-    the last is zero), proposals (the same as bindings) and uses (per input that is held or made
+    the last is zero, unless it divides), dividing (inputs whose zero leaves a coefficient without
+    any value), proposals (the same as bindings) and uses (per input that is held or made
     from motion: name, source, written (its name in the file), channel (that is held; empty for
     another input), binding, accepted, range, effects, residuals, sentence), and warnings (kind
     ``other_reference``, with the lengths [m] or areas [m2] of both, or ``control_removed``; name,
@@ -110,8 +112,15 @@ def inputs_document(
     new = {name if name in held.variables else f"{name}_held" for name in lacking}
     free, channels = database.free_inputs, _known(described, flights)
     written = {name: written_name(name, free.get(name, "")) for name in database.inputs}
+    dividing = divisors(database, [name for name in lacking if name in free])
     expressions = {
-        name: list(propose_bindings(name, free[name], channels)) for name in lacking if name in free
+        name: [
+            text
+            for text in propose_bindings(name, free[name], channels)
+            if text != "0" or name not in dividing
+        ]
+        for name in lacking
+        if name in free
     }
     uses = input_uses(held, described, pairs, new, _bound(held, bindings, pairs))
     sizes = [
@@ -126,6 +135,7 @@ def inputs_document(
         "uses": [_use(use) for use in uses],
         "written": written,
         "expressions": expressions,
+        "dividing": list(dividing),
         "proposals": {
             name: [f"{written[name]}={expression}" for expression in proposed]
             for name, proposed in expressions.items()

@@ -165,3 +165,52 @@ def test_what_was_bound_to_zero_is_told_against_the_flights_own_values(twin_otte
     assert before["binding"] == "motion"
     assert elevator["effects"][0]["axis"] == "C_drag"
     assert elevator["effects"][0]["change"] == pytest.approx(before["effects"][0]["change"])
+
+
+RATIO = AIRCRAFT.replace(
+    "<property>aero/alpha-rad</property><value>5.0</value>",
+    "<property>aero/alpha-rad</property><quotient><property>aircraft/wing/S-ft2</property>"
+    "<property>{}</property></quotient><value>5.0</value>",
+).replace("fcs/brake-norm", "aero/mach-unknown")
+
+
+@pytest.mark.parametrize("divisor", ["aircraft/wing/S-ft2", "other/span-of-sim"])
+def test_zero_is_not_proposed_for_what_divides(glider, divisor):
+    """Both inputs alone at zero: 0/0, or a number over zero, leave the lift without a value."""
+    workspace, importing = glider
+    Path(importing[2]).write_text(RATIO.format(divisor), encoding="utf-8")
+    document = asked(workspace, *importing)
+    (name,) = document["dividing"]
+    assert document["written"][name] == divisor
+    assert f"{divisor}=0" not in document["proposals"][name]
+    assert document["without_values"] == []
+    refused = aerodb(workspace, *importing, "--accept-proposals")
+    assert refused.returncode != 0
+    assert f"the database divides by {divisor}" in refused.stderr
+    assert f"--bind {divisor}=NUMBER" in refused.stderr
+    others = [f"{written}=174" for written in ("aircraft/wing/S-ft2", divisor)]
+    bound = asked(
+        workspace,
+        *importing,
+        *(word for text in dict.fromkeys(others) for word in ("--bind", text)),
+        "--accept-proposals",
+    )
+    assert bound["without_values"] == []
+    assert bound["dividing"] == []
+
+
+def test_a_database_without_any_value_is_stored_and_not_released(glider):
+    workspace, importing = glider
+    Path(importing[2]).write_text(RATIO.format("aircraft/wing/S-ft2"), encoding="utf-8")
+    words = (*importing, "--bind", "aircraft/wing/S-ft2=0", "--accept-proposals")
+    document = asked(workspace, *words)
+    assert not document["released"]
+    assert {"CX", "CZ"} & set(document["without_values"])
+    assert "no finite value" in aerodb(workspace, *words).stdout
+
+
+def test_an_input_that_does_not_divide_is_proposed_at_zero_as_before(glider):
+    workspace, importing = glider
+    document = asked(workspace, *importing)
+    assert document["dividing"] == []
+    assert document["proposals"]["fcs_brake_norm"][-1] == "fcs/brake-norm=0"
