@@ -14,6 +14,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.recording import Recording, Topic
 from aerodb.storage.files import write_topics
+from aerodb.storage.readers.foreign_formats import refuse_foreign
 from aerodb.storage.writers import write_ulog
 
 #: First bytes of the files.
@@ -63,7 +64,8 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     """
     try:
         with path.open("rb") as handle:
-            head = handle.read(8)
+            head = handle.read(64)
+        refuse_foreign(path, head)
         if head.startswith(_ULOG) or path.suffix.lower() in _ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog
 

@@ -139,7 +139,7 @@ def _cannot_be_zero(known: Mapping[str, Any], where: str) -> OpenQuestionsError:
     """The refusal to hold at zero what a coefficient is divided by."""
     asked = [
         Question(
-            f"zero for {known['written'][name]} leaves a coefficient without any value: what is it?",
+            f"zero for {known['written'][name]} leaves a coefficient without a value: what is it?",
             known["written"][name],
             tuple((expression, "") for expression in known["expressions"][name]),
         )

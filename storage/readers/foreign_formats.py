@@ -1,0 +1,101 @@
+"""Logs and tables of other programs that are not read here: by their first bytes, with the way out.
+
+Sources: rosbag format 2.0 (wiki.ros.org), SQLite's header, ULog encryption of PX4 (docs.px4.io),
+MAVLink telemetry logs (mavlink.io), PKWARE's zip, blackbox (betaflight.com), Excel.
+"""
+
+import re
+import struct
+import zipfile
+from pathlib import Path
+from typing import Final
+
+from aerodb.errors import InputError
+
+#: First bytes -> what the file is, and the way out.
+_MARKS: Final[tuple[tuple[bytes, str, str], ...]] = (
+    (
+        b"#ROSBAG V",
+        "a bag of ROS 1",
+        "convert it: mcap convert FLIGHT.bag FLIGHT.mcap, or rosbags-convert",
+    ),
+    (
+        b"SQLite format 3\x00",
+        "a bag of ROS 2 (SQLite)",
+        "convert it: mcap convert FLIGHT.db3 FLIGHT.mcap, or ros2 bag convert to mcap",
+    ),
+    (
+        b"ULogEnc",
+        "an encrypted log of PX4",
+        "decrypt it with your private key: Tools/decrypt_ulog.py of PX4",
+    ),
+    (
+        b"H Product:Blackbox",
+        "a blackbox log of Betaflight or iNav",
+        "decode it to CSV: blackbox_decode FLIGHT.bbl",
+    ),
+    (b"\xd0\xcf\x11\xe0", "an Excel file (.xls)", "save the sheet of the table as CSV"),
+    (b"\x1f\x8b", "compressed by gzip", "unpack it first: gunzip"),
+    (b"7z\xbc\xaf", "an archive (7z)", "unpack it first"),
+    (b"MDF     ", "a measurement file (MDF)", "export its channels as CSV or MAT"),
+    (b"TDSm", "a LabVIEW measurement (TDMS)", "export it as CSV"),
+)
+#: First line of a DataFlash log that was converted to text.
+_TEXT_LOG: Final = re.compile(rb"\s*FMT,\s*128,\s*89,\s*FMT,")
+#: First byte of a MAVLink message, versions 1 and 2, behind 8 bytes of time.
+_MAVLINK: Final = (0xFE, 0xFD)
+#: Times of telemetry logs: 2000 to 2100 [us].
+_TIMES: Final = (9.4e14, 4.1e15)
+_NAMES: Final = {
+    ".bag": _MARKS[0],
+    ".db3": _MARKS[1],
+    ".ulge": _MARKS[2],
+    ".bbl": _MARKS[3],
+    ".bfl": _MARKS[3],
+    ".xls": _MARKS[4],
+}
+
+
+def refuse_foreign(path: Path, head: bytes) -> None:
+    """Raise InputError for a log or table that another program reads, with the way out.
+
+    head : the first bytes of the file, 64 at least if it has them. Files that are none pass.
+    """
+    found = next(((what, way) for mark, what, way in _MARKS if head.startswith(mark)), None)
+    if found is None and head.startswith(b"PK\x03\x04"):
+        found = _zipped(path)
+    if found is None and _TEXT_LOG.match(head):
+        found = (
+            "an ArduPilot log as text",
+            "use the .bin of the same flight, or convert it with Mission Planner",
+        )
+    if found is None and _is_telemetry(head):
+        found = (
+            "a telemetry log of MAVLink",
+            "use the log on board (.bin, .ulg): telemetry is thinned out; or convert it to CSV:"
+            " mavlogdump.py --format csv --types ATTITUDE,VFR_HUD FLIGHT.tlog",
+        )
+    if found is None and path.suffix.lower() in _NAMES:
+        found = _NAMES[path.suffix.lower()][1:]
+    if found is not None:
+        raise InputError(f"{found[0]}: not read", str(path), found[1])
+
+
+def _is_telemetry(head: bytes) -> bool:
+    if len(head) < 9 or head[8] not in _MAVLINK:
+        return False
+    (stamp,) = struct.unpack(">Q", head[:8])
+    return bool(_TIMES[0] < stamp < _TIMES[1])
+
+
+def _zipped(path: Path) -> tuple[str, str]:
+    """What is in an archive: a workbook of Excel, or files to be unpacked."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()[:50]
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return "a damaged archive (zip)", "copy it again, then unpack it"
+    if "[Content_Types].xml" in names:
+        return "an Excel file (.xlsx)", "save the sheet of the table as CSV"
+    first = names[0] if names else "nothing"
+    return f"an archive (zip) that holds {first:.80}", "unpack it first: unzip"

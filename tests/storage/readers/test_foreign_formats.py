@@ -1,0 +1,96 @@
+"""Files of other programs are named by their first bytes, whatever they are called, with the way
+out; what only looks like one is read as before."""
+
+import io
+import sqlite3
+import struct
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.storage.readers.any_format import read_log
+from tests.support.command import aerodb
+
+
+def archive(*names: str) -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as made:
+        for name in names:
+            made.writestr(name, "content")
+    return held.getvalue()
+
+
+def bag_of_ros_2(folder: Path) -> bytes:
+    with sqlite3.connect(folder / "made.db3") as bag:
+        bag.execute("create table topics (id integer, name text, type text)")
+    bag.close()
+    return (folder / "made.db3").read_bytes()
+
+
+def telemetry(magic: int) -> bytes:
+    """Messages behind their times [us], big-endian, as ground stations write them."""
+    message = bytes([magic, 9, 0, 0, 0, 1, 1, 0, 0, 0]) + bytes(11)
+    return b"".join(struct.pack(">Q", 1710253330000000 + 1000 * k) + message for k in range(9))
+
+
+FILES = {
+    "flight.bag": (b"#ROSBAG V2.0\n" + bytes(64), "a bag of ROS 1", "mcap convert"),
+    "flight.tlog": (telemetry(0xFE), "telemetry log of MAVLink", "mavlogdump"),
+    "second.tlog": (telemetry(0xFD), "telemetry log of MAVLink", "mavlogdump"),
+    "flight.log": (
+        b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n",
+        "ArduPilot log as text",
+        ".bin",
+    ),
+    "flight.ulg": (b"ULogEnc\x01" + bytes(64), "encrypted log of PX4", "decrypt"),
+    "flight.zip": (archive("logs/flight.ulg"), "holds logs/flight.ulg", "unzip"),
+    "table.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel", "CSV"),
+    "broken.zip": (archive("a")[:20], "damaged archive", "unpack"),
+    "flight.bbl": (b"H Product:Blackbox flight data recorder\n", "blackbox", "blackbox_decode"),
+    "flight.mf4": (b"MDF     4.10" + bytes(60), "MDF", "CSV"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("suffix", ["", ".csv", ".bin"])
+def test_a_file_of_another_program_is_named(tmp_path: Path, name: str, suffix: str) -> None:
+    content, what, way = FILES[name]
+    path = tmp_path / (name + suffix)
+    path.write_bytes(content)
+    with pytest.raises(InputError) as refusal:
+        read_log(path)
+    assert what in refusal.value.what
+    assert way in refusal.value.remedy
+    assert name in refusal.value.where
+
+
+def test_a_bag_of_ros_2_by_command(tmp_path: Path) -> None:
+    (tmp_path / "flight_0.db3").write_bytes(bag_of_ros_2(tmp_path))
+    done = aerodb(tmp_path / "w", "log", "inspect", str(tmp_path / "flight_0.db3"))
+    assert done.returncode == 3
+    assert "a bag of ROS 2 (SQLite): not read" in done.stderr
+    assert "mcap convert" in done.stderr
+
+
+def test_a_table_that_begins_with_like_words_is_read(tmp_path: Path) -> None:
+    for number, head in enumerate(("PKx,b", "H Product,b", "MDF,b", "FMT,b", "SQLite,b")):
+        path = tmp_path / f"{number}.csv"
+        path.write_text(f"{head}\n1,2\n3,4\n")
+        assert list(read_log(path).topics["table"].fields) == head.split(",")
+
+
+def test_no_first_bytes_raise_anything_else(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for name, (content, _, _) in FILES.items():
+        for _ in range(40):
+            data = bytearray(content)
+            for at in rng.integers(0, len(data), 3):
+                data[at] ^= 1 << int(rng.integers(8))
+            path = tmp_path / name
+            path.write_bytes(data[: int(rng.integers(1, len(data) + 1))])
+            with suppress(InputError):  # anything else fails
+                assert read_log(path).topics is not None
