@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .autopilot import wingless_sentence
+    from .ardupilot import hover_times
+    from .autopilot import hover_sentence, wingless_sentence
     from .autopilots import read_autopilot
     from .columns import TIME, find_columns, with_named_clock
     from .completeness import (

@@ -9,6 +9,8 @@ left are positive.
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface
 from aerodb.recording import Recording
 
@@ -36,6 +38,10 @@ _AIRSPEEDS: Final = {
     "TRIM": (("AIRSPEED_CRUISE", 1.0), ("TRIM_ARSPD_CM", 0.01)),
     "MAX": (("AIRSPEED_MAX", 1.0), ("ARSPD_FBW_MAX", 1.0)),
 }
+#: Modes of a quadplane in which lift motors carry it: QSTABILIZE to QRTL, QAUTOTUNE, QACRO.
+_HOVER_MODES: Final = (17, 18, 19, 20, 21, 22, 23)
+#: Q_FRAME_CLASS of a tailsitter without lift motors.
+_TAILSITTER: Final = 10
 _POSITIONS: Final = {"imu": ("INS_POS1",), "gps": ("GPS_POS1", "GPS1_POS")}
 
 
@@ -62,7 +68,7 @@ def read_ardupilot(recording: Recording) -> LoggedAircraft:
     names = [name for name in ("aileron", "elevator", "rudder") if name in moved]
     firmware = str(recording.metadata.get("ver_sw", ""))
     return LoggedAircraft(
-        kind=_KINDS.get(str(recording.metadata.get("sys_name", "")), ""),
+        kind=_kind(recording, known),
         surfaces=tuple(LoggedSurface(name, -1, True) for name in names),
         combinations=(),
         airspeeds={
@@ -74,6 +80,41 @@ def read_ardupilot(recording: Recording) -> LoggedAircraft:
         points=_points(known),
         notes=(firmware,) if firmware else (),
     )
+
+
+def _kind(recording: Recording, known: Mapping[str, Any]) -> str:
+    """Kind of vehicle; a plane with Q_ENABLE is a quadplane, or a tailsitter by its parameters."""
+    kind = _KINDS.get(str(recording.metadata.get("sys_name", "")), "")
+    if kind != "fixed wing" or float(known.get("Q_ENABLE", 0)) < 1:
+        return kind
+    tailsitter = (
+        float(known.get("Q_TAILSIT_ENABLE", 0)) >= 1
+        or float(known.get("Q_FRAME_CLASS", 0)) == _TAILSITTER
+    )
+    return "tailsitter VTOL" if tailsitter else "quadplane VTOL"
+
+
+def hover_times(recording: Recording) -> tuple[tuple[float, float], ...]:
+    """Return from when to when [s] an ArduPilot log is in a mode in which lift motors carry the
+    aircraft; the last stretch ends with the log."""
+    topic = recording.topics.get("MODE")
+    number = None if topic is None else topic.fields.get("ModeNum", topic.fields.get("Mode"))
+    if topic is None or number is None or not len(topic.time):
+        return ()
+    modes = np.asarray(number)
+    if modes.dtype.kind not in "fiu":
+        return ()
+    last = max(float(each.time[-1]) for each in recording.topics.values() if len(each.time))
+    ends = [*(float(time) for time in topic.time[1:]), last]
+    found: list[tuple[float, float]] = []
+    for mode, start, end in zip(modes, topic.time, ends, strict=True):
+        if int(mode) not in _HOVER_MODES:
+            continue
+        if found and found[-1][1] == float(start):
+            found[-1] = (found[-1][0], end)
+        else:
+            found.append((float(start), end))
+    return tuple(found)
 
 
 def _points(known: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:

@@ -7,7 +7,7 @@ here trailing edge down and left are positive, so that scales are negative unles
 otherwise.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -120,6 +120,24 @@ class LoggedAircraft:
 def wingless_sentence(kind: str) -> str:
     """Return what it means that a log is of an aircraft without wings."""
     return f"the log is of a {kind}: without a wing there is no database to compare it with"
+
+
+def hover_sentence(kind: str, hover: Sequence[tuple[float, float]] = ()) -> str:
+    """Return what it means that a log is of an aircraft that also hovers; '' for others.
+
+    hover : from when to when [s] it does by its modes; empty where the log does not say.
+
+    >>> hover_sentence("fixed wing"), hover_sentence("quadplane VTOL", [(5.0, 20.0)])[-31:]
+    ('', 'by its modes from 5.0 to 20.0 s')
+    """
+    if "VTOL" not in kind:
+        return ""
+    turned = " with its axes turned" if "tailsitter" in kind else ""
+    times = " and ".join(f"from {start:.1f} to {end:.1f} s" for start, end in hover[:3])
+    return (
+        f"hover and transition{turned} are no wing-borne flight of a {kind}: leave them out"
+        f"{times and f'; by its modes {times}'}"
+    )
 
 
 def read_px4(recording: Recording) -> LoggedAircraft:

@@ -111,6 +111,8 @@ def test_the_commands_take_the_log_as_it_comes_from_the_card(folder: Path, tmp_p
     log, workspace = str(folder / "00000001.bin"), tmp_path / "w"
     seen = asked(workspace, "log", "inspect", log)
     assert (seen["format"], seen["mapping"]) == ("dataflash", "ardupilot")
+    assert "calibrated_airspeed" in seen["channels"]  # of which V and qbar are computed
+    assert not any("airspeed" in sentence for sentence in (*seen["prevents"], *seen["because"]))
     done = command(workspace, "vehicle", "init", "plane", "--from", log, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "plane.toml").read_text(encoding="utf-8")
