@@ -207,9 +207,9 @@ class Session:
         self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]
     ) -> bool:
         """Print a table whose rows fit lines of the terminal; return whether they do."""
-        wide = [
-            max(map(cell_len, column), default=0) for column in zip(columns, *rows, strict=True)
-        ]
+        if any(len(row) != len(columns) for row in rows):
+            return False  # rich fills up what is missing
+        wide = [max(map(cell_len, column)) for column in zip(columns, *rows, strict=True)]
         if sum(wide) + _GAP * (len(wide) - 1) > self.people.width:
             return False
 

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any, Final
 
 from aerodb.storage.catalogue import Catalogue
@@ -17,12 +18,15 @@ _REPEATED: Final = {
 }
 
 
-def loop_options(catalogue: Catalogue, parameters: Mapping[str, Any]) -> list[str]:
+def loop_options(
+    catalogue: Catalogue, parameters: Mapping[str, Any], asked: datetime | None = None
+) -> list[str]:
     """Return the options beside ``--vehicle`` that ask for the same loop again; empty for the
     defaults.
 
     parameters : of `aerodb.flows.close_loop.close_loop_flow`; flights and baseline are ids. A file
-    of effects is named FILE, because its text alone is known. UnknownNameError for another vehicle.
+    of effects is named FILE, because its text alone is known. asked : when; flights that came later
+    were not left out (None: now). UnknownNameError for another vehicle.
     """
     vehicle, baseline = parameters["vehicle"], parameters["baseline"]
     options = []
@@ -30,7 +34,10 @@ def loop_options(catalogue: Catalogue, parameters: Mapping[str, Any]) -> list[st
         row = catalogue.versions_by_id([baseline]).get(baseline)
         options.append(f"--baseline {row.label if row else baseline[:12]}")
     chosen = parameters["flights"]
-    if not {row.id for row in catalogue.flights(vehicle)} <= {*chosen}:
+    there = {
+        row.id for row in catalogue.flights(vehicle) if asked is None or row.added_utc <= asked
+    }
+    if not there <= {*chosen}:
         options += [f"--flights {flight[:12]}" for flight in chosen]
     if parameters.get("hold_out") == []:
         options.append("--hold-out none")
@@ -46,4 +53,6 @@ def options_of_result(catalogue: Catalogue, key: str) -> list[str]:
     where no run did, or another flow."""
     run = catalogue.first_run_with(key)
     known = run is not None and {"vehicle", "baseline", "flights"} <= {*run.parameters}
-    return loop_options(catalogue, run.parameters) if run is not None and known else []
+    if run is None or not known:
+        return []
+    return loop_options(catalogue, run.parameters, run.started_utc)

@@ -331,3 +331,11 @@ def test_commands_that_a_loop_proposes_repeat_its_options(
     assert f"aerodb {asked_for} --measured" in page.text
     report = Path(found["page"]).read_text("utf-8")
     assert f"aerodb {asked_for} --measured" in report
+    later = write_csv(tmp_path / "later.csv", channels(41))
+    asked(workspace.root, "flight", "ingest", str(later), "--vehicle", NAME, "--direct")
+    assert client_of(workspace).get(f"/findings/{found['report']}").text.count("--flights") == 0
+    some = [row["flight"] for row in asked(workspace.root, "flight", "list")][:4]
+    chosen = [word for flight in some for word in ("--flights", flight)]
+    _, lines = on_terminal(workspace.root, 100, *given, *chosen, "--direct")
+    (step,) = [line for line in lines if f"aerodb close-loop --vehicle {NAME}" in line]
+    assert all(f"--flights {flight[:12]}" in step for flight in some)
