@@ -10,7 +10,7 @@ from aerodb.errors import InputError, Question
 from aerodb.flows.cli.output import Session, visible
 
 #: Words that stand for what only the user knows.
-_BLANKS = ("FACTOR", "EXPRESSION")
+_BLANKS = ("FACTOR", "EXPRESSION", "NUMBER")
 
 
 def can_ask(session: Session) -> bool:

@@ -5,11 +5,11 @@ is read by its standard names.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from aerodb.errors import InputError, OpenQuestionsError, nearest
+from aerodb.errors import InputError, OpenQuestionsError, Question, nearest
 from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.daveml.names import (
     POSITION_SIGNS,
@@ -144,7 +144,11 @@ class Model:
 
         reference : replaces the reference geometry of the file.
         """
-        reference = reference or self._reference()
+        try:
+            reference = reference or self._reference()
+        except OpenQuestionsError as question:
+            self._questions.append(question)
+            reference = ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))  # until it is answered
         free: dict[str, str] = {}
         # Variables that only repeat a channel, a constant or a free input.
         repeated: dict[str, Expression] = {}
@@ -172,8 +176,13 @@ class Model:
             uncertainty = self.uncertainties.get(identity)
             variables[name] = Variable(value, signal.declared.unit, description, notes, uncertainty)
         self._refuse_unused(used)
+        try:
+            terms = self._terms(variables)
+        except OpenQuestionsError as question:  # the first words: what such a file is not
+            every = [question, *self._questions]
+            asked = [each for one in every for each in one.questions]
+            raise OpenQuestionsError(question.what, self.where, question.remedy, asked) from None
         raise_together(self._questions, self.where)
-        terms = self._terms(variables)
         if repeated:
             variables, terms = _without(variables, terms, repeated)
         for tree in [term.expression for term in terms] + [
@@ -308,11 +317,17 @@ class Model:
         if missing:
             names = {attribute: name for name, attribute in REFERENCES.items()}
             what = f"no variable named {names[CONSTANTS[missing[0]]]} with an initialValue"
-            raise InputError(
-                what,
-                self.where,
-                f"bind {', '.join(f'{key}=NUMBER' for key in missing)} in m2 and m",
-            )
+            units = {key: "m2" if CONSTANTS[key] == "area" else "m" for key in missing}
+            asked = [
+                Question(
+                    f"the reference {CONSTANTS[key]} is not in the file: what is it in {unit}?",
+                    key,
+                    (("NUMBER", f"in {unit}"),),
+                )
+                for key, unit in units.items()
+            ]
+            remedy = f"bind {', '.join(f'{key}=NUMBER' for key in missing)} in m2 and m"
+            raise OpenQuestionsError(what, self.where, remedy, asked)
         point = [0.0, 0.0, 0.0]
         for signal in self.signals.values():
             if signal.declared.name in POSITIONS and signal.initial is not None:
@@ -378,10 +393,11 @@ class Model:
             axes[axis] = signed_name(self._identifiers[signal.declared.identity], sign)
         if not axes:
             outputs = ", ".join(s.declared.identity for s in marked[:12])
-            raise InputError(
-                "no output is a known coefficient",
+            raise OpenQuestionsError(
+                "no output is a known coefficient: is the file one of aerodynamics?",
                 self.where,
                 f"bind axes with CX=EXPRESSION; outputs: {outputs}",
+                _axis_questions([each.declared for each in marked[:12]]),
             )
         stability = "C_side" not in axes and "CY" in axes
         terms: list[Term] = []
@@ -391,6 +407,28 @@ class Model:
             else:
                 terms += _addends(axis, expression, variables)
         return _named(terms)
+
+
+#: Standard names of what other models than aerodynamics give (AIAA S-119).
+_OTHER_OUTPUTS: Final = re.compile(
+    r"thrust|engine|fuel|total_?mass|mass|.*[iI]nertia|.*[cC]ommand|atmospher|air(Density|Pressure)"
+)
+
+
+def _axis_questions(outputs: Sequence[Declaration]) -> list[Question]:
+    """Which axes outputs may be that are called like one, whatever the case of their letters; else
+    one question about all of them."""
+    ours = [each.identity for each in outputs if not _OTHER_OUTPUTS.match(each.name)]
+    alike = [
+        Question(f"is output '{output}' the coefficient {axis}?", axis, ((output, "if it is"),))
+        for output in ours
+        for axis in (*AXES, *WIND_AXES)
+        if output.lower() == axis.lower() and (axis.lower() != "cl" or output == axis)
+    ]
+    every = ", ".join((*AXES, *WIND_AXES))
+    return alike or [
+        Question(f"which output is which of {every}?", "CX", (("EXPRESSION", "of the outputs"),))
+    ]
 
 
 def hat_rate_expression(rate: str, constant: str) -> Expression:

@@ -72,3 +72,51 @@ def test_jsbsim_binds_by_path_or_identifier_and_checks_the_unit():
             import_jsbsim(AIRCRAFT, bindings={name: "delta_slat"}, name="g")
         database = import_jsbsim(AIRCRAFT, bindings={name: "delta_slat*57.3"}, name="g")
         assert database.inputs == ("alpha", "beta", "delta_slat")
+
+
+OPEN = b"""<DAVEfunc xmlns="http://daveml.org/2010/DAVEML"><fileHeader name="x"><author name="x" org="y"/>
+<creationDate date="2024-01-01"/></fileHeader>
+<variableDef name="angleOfSideslip" varID="beta" units="deg" sign="wind in right ear"/>
+<variableDef name="%s" varID="%s" units="nd"><calculation>
+<math xmlns="http://www.w3.org/1998/Math/MathML"><apply><times/><cn>-0.006</cn><ci>beta</ci></apply>
+</math></calculation><isOutput/></variableDef></DAVEfunc>"""
+GEOMETRY = {"S_ref": "11", "c_ref": "0.8", "b_ref": "15"}
+
+
+def test_geometry_sign_and_outputs_are_asked_in_one_round():
+    error = asked(OPEN % (b"cy", b"cy"), {})
+    assert [question.name for question in error.questions] == ["CY", *GEOMETRY, "beta"]
+    said = str(error)
+    assert "no output is a known coefficient" in said.splitlines()[0]
+    assert "--bind CY=cy" in said
+    assert "--bind S_ref=NUMBER   in m2" in said
+    beta = error.questions[-1].proposals[0][0]
+    database = import_daveml(
+        OPEN % (b"cy", b"cy"), bindings={**GEOMETRY, "CY": "cy", "beta": beta}, name="f"
+    )
+    assert database.reference.area == 11.0
+    value = database.predict({"beta": np.array([0.1])}).coefficients["CY"]
+    assert abs(value[0]) == pytest.approx(0.006 * np.rad2deg(0.1))
+
+
+@pytest.mark.parametrize(
+    ("name", "identity", "axis"),
+    [
+        (b"totalCoefficientOfSideForce", b"cy", "CY"),
+        (b"thrustBodyForce_X", b"cy", "CX"),
+        (b"thrustBodyForce_X", b"FEX", "CX"),
+        (b"lift", b"CLtot", "CX"),
+        (b"cl", b"cl", "CX"),
+    ],
+)
+def test_all_that_is_open_is_asked_whatever_the_output_is(name, identity, axis):
+    """An output that is called like an axis is proposed for it, but not a thrust, nor cl, which is
+    lift or roll."""
+    error = asked(OPEN % (name, identity), {})
+    assert error.what.startswith("no output is a known coefficient")
+    assert [question.name for question in error.questions] == [axis, *GEOMETRY, "beta"]
+
+
+def test_what_is_answered_is_asked_no_more():
+    error = asked(OPEN % (b"cy", b"cy"), {"S_ref": "11", "CY": "cy"})
+    assert [question.name for question in error.questions] == ["c_ref", "b_ref", "beta"]
