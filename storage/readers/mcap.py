@@ -8,7 +8,7 @@ import hashlib
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -40,12 +40,19 @@ from aerodb.storage.readers.mcap_messages import (
     Values,
     message_reader,
 )
+from aerodb.storage.readers.mcap_px4 import px4_topics
 from aerodb.storage.readers.missing_samples import missing_by_topic
 
 #: Header stamps that differ from the recorder's clock by more than this [s] are from another clock.
 _CLOCKS_APART = 60.0
 _REMEDY = (
     "check that the transfer was complete; `mcap recover` may still save what this reader could not"
+)
+
+
+_CONVERT = (
+    "convert it to ROS 2 messages (cdr): rosbags-convert for ROS 1; else write it as JSON or"
+    " protobuf"
 )
 
 
@@ -213,7 +220,9 @@ def read_mcap(path: Path) -> Recording:
         why = "; ".join(
             f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2]
         )
-        raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), _REMEDY)
+        foreign = any("is not supported" in reason for _, reason in reading.unread)
+        remedy = _CONVERT if foreign else _REMEDY
+        raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), remedy)
     losses = [_damage(entry, start) for entry in reading.damage]
     if sum_is_wrong and not losses:
         losses.append(
@@ -238,10 +247,22 @@ def read_mcap(path: Path) -> Recording:
             )
         )
     losses += [*missing_by_topic(topics, losses), *damage]
+    topics, named = px4_topics(topics, _schemas(reading))
+    losses = [replace(loss, topic=named.get(loss.topic, loss.topic)) for loss in losses]
     layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
+    layout = "px4" if named else layout
     utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
     metadata = {**reading.metadata, **_left_out(reading)}
     return Recording(str(path), "mcap", sha256, size, topics, metadata, tuple(losses), utc, layout)
+
+
+def _schemas(reading: _Reading) -> dict[str, str]:
+    """Topic -> name of the type of its messages."""
+    return {
+        channel.topic: reading.schemas[channel.schema_id].name
+        for channel in reading.channels.values()
+        if channel.schema_id in reading.schemas
+    }
 
 
 def _has_ros2(reading: _Reading) -> bool:

@@ -291,3 +291,63 @@ def test_a_chunk_that_hides_as_a_private_record_is_missed(tmp_path: Path) -> Non
     path.write_bytes(data)
     (damage,) = read_log(path).damage
     assert "statistics count" in damage.what
+
+
+def write_bridged(path: Path, prefix: str, stamped: bool = True) -> None:
+    """px4_msgs as the bridge to ROS 2 writes them: 100 Hz on PX4's clock, delivered in pairs."""
+    rates = "uint64 timestamp\nuint64 timestamp_sample\nfloat32[3] xyz\nfloat32[3] xyz_derivative\n"
+    airspeed = "uint64 timestamp\nfloat32 true_airspeed_m_s\n"
+    with path.open("wb") as out:
+        writer = Writer(out)
+        fast = writer.register_msgdef("px4_msgs/msg/VehicleAngularVelocity", rates)
+        slow = writer.register_msgdef("px4_msgs/msg/AirspeedValidated", airspeed)
+        for k in range(200):
+            stamp = 50_000_000 + 10_000 * k if stamped else 0
+            message = {
+                "timestamp": stamp,
+                "timestamp_sample": stamp,
+                "xyz": [0.1, 0.2, 0.001 * k],
+                "xyz_derivative": [0.0, 0.0, 0.0],
+            }
+            at = START + (k // 2) * 20_000_000
+            writer.write_message(f"{prefix}vehicle_angular_velocity", fast, message, log_time=at)
+            if k % 10 == 0:
+                speed = {"timestamp": stamp, "true_airspeed_m_s": 20.0 + k}
+                writer.write_message(f"{prefix}airspeed_validated_v1", slow, speed, log_time=at)
+        writer.finish()
+
+
+@pytest.mark.parametrize("prefix", ["/fmu/out/", "/uav1/fmu/out/", "/px4_1/fmu/out/", "/px4/"])
+def test_messages_of_px4_are_its_topics_under_any_prefix(tmp_path: Path, prefix: str) -> None:
+    write_bridged(tmp_path / "a.mcap", prefix)
+    recording = read_mcap(tmp_path / "a.mcap")
+    assert recording.layout == "px4"
+    assert set(recording.topics) == {"vehicle_angular_velocity", "airspeed_validated"}
+    topic = recording.topics["vehicle_angular_velocity"]
+    np.testing.assert_allclose(topic.time, np.arange(200) * 0.01, atol=1e-9)
+    mapping = choose_mapping(recording, builtin_mappings().values())
+    flight = map_recording(recording, mapping, parse_vehicle(VEHICLE))
+    np.testing.assert_allclose(flight["p"], 0.1, rtol=1e-6)
+    np.testing.assert_allclose(flight["q"], 0.2, rtol=1e-6)  # no turned axes, as in REP 103
+    assert flight["V"][0] == pytest.approx(20.0, abs=0.5)
+
+
+def test_messages_of_px4_without_stamps_keep_the_time_of_the_recorder(tmp_path: Path) -> None:
+    write_bridged(tmp_path / "a.mcap", "/fmu/out/", stamped=False)
+    topic = read_mcap(tmp_path / "a.mcap").topics["vehicle_angular_velocity"]
+    np.testing.assert_allclose(topic.time, (np.arange(200) // 2) * 0.02, atol=1e-9)
+
+
+def test_what_another_program_wrote_is_to_be_converted(tmp_path: Path) -> None:
+    path = tmp_path / "ros1.mcap"
+    with path.open("wb") as out:
+        writer = PlainWriter(out)
+        writer.start(profile="ros1", library="")
+        schema = writer.register_schema("std_msgs/Float64", "ros1msg", FLOAT.encode())
+        channel = writer.register_channel("/v", "ros1", schema)
+        writer.add_message(channel, 10**9, np.float64(1).tobytes(), 10**9)
+        writer.finish()
+    with pytest.raises(InputError) as refusal:
+        read_mcap(path)
+    assert "rosbags-convert" in str(refusal.value.remedy)
+    assert "recover" not in str(refusal.value.remedy)
