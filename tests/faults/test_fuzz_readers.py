@@ -227,6 +227,15 @@ def _csv(path: Path, table: pd.DataFrame) -> None:
     table.to_csv(path, index=False)
 
 
+def _excel_text(path: Path, table: pd.DataFrame) -> None:
+    """Decimal commas, dates, a row of units, titles, thousands, remarks and closing lines."""
+    stamps = pd.Timestamp("2024-03-12") + pd.to_timedelta(table["time"], unit="s")
+    dated = table.assign(time=stamps.dt.strftime("%d.%m.%Y %H:%M:%S,%f"), remark="Nr. 1")
+    text = dated.to_csv(index=False, sep=";", decimal=",")
+    names, rows = text.split("\n", 1)
+    path.write_text(f"sep=;\nFlight test\n\n{names}\n;deg;deg;deg/s;ft msl;\n{rows}END OF DATA\n")
+
+
 def _parquet(path: Path, table: pd.DataFrame) -> None:
     table.to_parquet(path)
 
@@ -243,7 +252,14 @@ def _hdf5(path: Path, table: pd.DataFrame) -> None:
 
 @pytest.mark.parametrize("change", [flip, scramble])
 @pytest.mark.parametrize(
-    ("suffix", "write"), [(".csv", _csv), (".parquet", _parquet), (".mat", _mat), (".h5", _hdf5)]
+    ("suffix", "write"),
+    [
+        (".csv", _csv),
+        (".txt", _excel_text),
+        (".parquet", _parquet),
+        (".mat", _mat),
+        (".h5", _hdf5),
+    ],
 )
 def test_damaged_tables_are_read_or_refused(
     suffix: str,
