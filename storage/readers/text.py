@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.recording import Damage
 from aerodb.storage.readers.text_cells import is_number, numbers_of
-from aerodb.storage.readers.text_layout import SAMPLE, Layout, closing_lines, text_layout
+from aerodb.storage.readers.text_layout import SAMPLE, SEP, Layout, closing_lines, text_layout
 from aerodb.units import is_spelled
 
 _UNIT: Final = re.compile(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*")
@@ -98,7 +98,8 @@ def _refuse_binary(data: bytes, where: str) -> None:
 
 
 def _quoted_title(lines: list[bytes], layout: Layout) -> str:
-    title = next(line for line in lines if line.strip()).decode("utf-8", "replace").strip()
+    filled = [line for line in lines if line.strip() and not SEP.fullmatch(line)]
+    title = filled[0].decode("utf-8", "replace").strip()
     more = f" and {layout.titles - 1} more" if layout.titles > 1 else ""
     return f"titles above the table are not read: '{title:.40}'{more}"
 

@@ -23,7 +23,7 @@ _LEAST_LINES: Final = 50
 #: Most closing lines without a number that are looked for.
 _MOST_CLOSING: Final = 20
 _DELIMITERS: Final = (";", "\t", "|", ",", " ")
-_SEP: Final = re.compile(rb'"?sep=(.)"?\s*', re.IGNORECASE)
+SEP: Final = re.compile(rb'"?sep=(.)"?\s*', re.IGNORECASE)
 _COMMENT: Final = "#%"
 #: Share of the names of a row that must be units, so that it is the row of units.
 _LEAST_UNITS: Final = 0.5
@@ -73,7 +73,7 @@ def text_layout(lines: list[bytes], where: str) -> Layout:
     enough = sum(k < _LEAST_LINES or size < _SAMPLE_SIZE for k, size in enumerate(sizes))
     sample = [_decoded(line) for line in lines[:enough]]
     skipped, only = 0, ""
-    if sample and (sep := _SEP.fullmatch(lines[0])):
+    if sample and (sep := SEP.fullmatch(lines[0])):
         skipped, only = 1, sep[1].decode("latin-1")
     best: tuple[tuple[float, ...], str, list[_Row], list[_Row]] | None = None
     for order, delimiter in enumerate((only,) if only else _DELIMITERS):

@@ -55,6 +55,7 @@ FORMS = {
     "excel sep": "sep=;\n" + HEADER.replace(",", ";") + rows(";", comma),
     "excel sep quoted": '"sep=\t"\n' + HEADER.replace(",", "\t") + rows("\t"),
     "titles": "Flight test\nAircraft,example\n\n" + HEADER + rows(","),
+    "titles below sep": "sep=;\nFlight test\n" + HEADER.replace(",", ";") + rows(";", comma),
     "many titles": "".join(f"H line {k}: setting\n" for k in range(150)) + HEADER + rows(","),
     "trailing": HEADER + rows(",", end=","),
     "trailing in the header too": "time,V,az,\n" + rows(",", end=","),
@@ -147,6 +148,7 @@ def test_dates_are_seconds_since_1970(tmp_path: Path) -> None:
     ("form", "said"),
     [
         ("titles", "titles above the table are not read: 'Flight test' and 1 more"),
+        ("titles below sep", "titles above the table are not read: 'Flight test'"),
         ("closing", "closing lines are not read: 'END OF DATA'"),
         ("names again", "1 comments or repeated headers between the data"),
         ("ISO", "time: dates as seconds"),
