@@ -20,6 +20,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "close_loop": 42,
 }
 
+#: Of what `import` makes of JSBSim files, in their keys alone.
+JSBSIM_IMPORT: Final = 2
+
 #: Names of versions that the product itself moves.
 RELEASED: Final = "released"
 CANDIDATE: Final = "candidate"

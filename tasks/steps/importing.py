@@ -24,7 +24,7 @@ from aerodb.exchange import (
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import files_beside
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.result_versions import RELEASED, RESULT_VERSION
+from aerodb.tasks.result_versions import JSBSIM_IMPORT, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.inputs import flights_of, inputs_document
 from aerodb.tasks.steps.publish import add_version, move
 from aerodb.tasks.steps.release import promote
@@ -87,6 +87,8 @@ def import_database(
         return {"questions": [asdict(question) for question in error.questions]}
     checks = _file_checks(data, path.name, database)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
+    if path.suffix.lower() == ".xml":
+        settings["jsbsim"] = JSBSIM_IMPORT
     flights = flights_of(access, vehicle, run)
     known = inputs_document(access, vehicle, database, flights, bindings or {})
     if ask and not accept_proposals and known["proposals"]:
