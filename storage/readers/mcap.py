@@ -110,6 +110,8 @@ class _Reading:
     """Messages met, whether or not they could be decoded."""
     counted: int | None = None
     """Messages that the file's own statistics count."""
+    is_foreign: bool = False
+    """Whether another program's encoding was met."""
 
     def take(self, opcode: int, content: bytes) -> None:
         """Process one record; messages whose definition is damaged are lost and counted."""
@@ -176,6 +178,7 @@ class _Reading:
         except Exception as error:  # as above
             return f"their schema cannot be parsed ({_words(error)})"
         if reader is None:
+            self.is_foreign = True
             kind = f"'{schema.encoding}'" if schema is not None else "no schema"
             known = "only ROS 2 (cdr, ros2msg), json, and protobuf with its descriptors"
             return f"encoding '{channel.message_encoding}' with {kind} is not supported ({known})"
@@ -220,8 +223,7 @@ def read_mcap(path: Path) -> Recording:
         why = "; ".join(
             f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2]
         )
-        foreign = any("is not supported" in reason for _, reason in reading.unread)
-        remedy = _CONVERT if foreign else _REMEDY
+        remedy = _CONVERT if reading.is_foreign else _REMEDY
         raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), remedy)
     losses = [_damage(entry, start) for entry in reading.damage]
     if sum_is_wrong and not losses:

@@ -269,7 +269,8 @@ def test_format_of_absurd_size_costs_its_topic_only(log: Path) -> None:
         (b"ULog\x01\x12\x35\x01", "header is incomplete"),
         (b"ULog\x01\x12\x35\x01" + bytes(8), "no data"),
         (b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\xffD" + bytes(300), "no data"),
-        (b"PK\x03\x04 not a log", "not a ULog file"),
+        (b"PX\x03\x04 not a log", "not a ULog file"),
+        (b"PK\x03\x04 not a log", "a damaged archive"),
         (
             b"ULog\x01\x12\x35\x01" + bytes(8) + b"\x28\x00B" + bytes(8) + b"\x02" + bytes(31),
             "ncompatible flag",
