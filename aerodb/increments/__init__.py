@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
     from .chosen_knots import with_chosen_knots
     from .considered import ConsiderParameter
-    from .constraints import alias_groups
+    from .constraints import alias_groups, correlation_of
     from .derivatives import (
         DerivativeChange,
         derivative_changes,

@@ -6,8 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from aerodb.coefficients import Comparison, band_limited
-from aerodb.nomenclature import MOMENT_AXES
+from aerodb.coefficients import Comparison
+from aerodb.increments.samples import as_compared
 from aerodb.support import Array, Mask
 
 
@@ -53,9 +53,7 @@ def consider_covariance(
             if axis not in parameter.columns:
                 continue
             column = parameter.sigma / sizes.get(axis, 1.0) * parameter.columns[axis]
-            if axis in MOMENT_AXES and comparison.bandwidth is not None:
-                step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
-                column = band_limited(column, step, comparison.bandwidth)
+            column = as_compared(axis, column, comparison)
             moved = gain[:, part] @ column[good]
             if parameter.shared:
                 together[parameter.name] = together.get(parameter.name, 0.0) + moved

@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.coefficients import Comparison, band_limited
+from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, nearest
 from aerodb.estimation import Regression, least_squares
 from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
-from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.increments.samples import as_compared
+from aerodb.nomenclature import AXES
 from aerodb.signals import rms
 from aerodb.support import Array, Mask
 from aerodb.tables import (
@@ -143,8 +144,10 @@ def parameter_samples(
             if axis not in comparison.usable or not any(axis in each for each in slopes):
                 continue
             still = np.zeros(len(comparison.time))
-            columns = [_seen(axis, each.get(axis, still), comparison) for each in slopes]
-            residual = comparison.measured[axis] - _seen(axis, now[axis], comparison)
+            columns = [as_compared(axis, each.get(axis, still), comparison) for each in slopes]
+            residual = comparison.measured[axis] - as_compared(
+                axis, np.broadcast_to(now[axis], still.shape), comparison
+            )
             good = comparison.usable[axis] & np.isfinite(residual)
             if good.any():
                 matrix = np.column_stack(columns)
@@ -158,16 +161,6 @@ def parameter_samples(
             "fly what they act on, or leave them out: a constant is taken for a sensor's bias",
         )
     return [replace(each, size=_left(found, each.axis)) for each in found]
-
-
-def _seen(axis: str, values: Array, comparison: Comparison) -> Array:
-    """What is predicted on an axis (n,), band-limited like what is measured there."""
-    n = len(comparison.time)
-    values = np.broadcast_to(values, (n,))
-    if axis not in MOMENT_AXES or comparison.bandwidth is None:
-        return np.asarray(values)
-    step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
-    return band_limited(values, step, comparison.bandwidth)
 
 
 def _left(samples: Sequence[ParameterSamples], axis: str) -> float:

@@ -129,10 +129,17 @@ def _columns(
     columns = [
         np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors
     ]
-    if axis in MOMENT_AXES and comparison.bandwidth is not None:
-        step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
-        columns = [band_limited(column, step, comparison.bandwidth) for column in columns]
+    columns = [as_compared(axis, column, comparison) for column in columns]
     return np.column_stack(columns)
+
+
+def as_compared(axis: str, values: Array, comparison: Comparison) -> Array:
+    """Return what is predicted on an axis (n,), dimensionless, band-limited like what is measured
+    there."""
+    if axis not in MOMENT_AXES or comparison.bandwidth is None:
+        return values
+    step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
+    return band_limited(values, step, comparison.bandwidth)
 
 
 def excited(matrix: Array, regressors: Sequence[Regressor]) -> Mask:

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerodb.consistency import StateNoise
 from aerodb.effects import NATURAL_ANGLE_ERRORS, FlightView, predicted_change, with_wind
-from aerodb.increments import AxisUpdate, ConsiderParameter, Update
+from aerodb.increments import AxisUpdate, ConsiderParameter, Update, correlation_of
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, parameter_covariance, with_parameter_covariance
 
@@ -101,9 +101,9 @@ def _flattened(axis: AxisUpdate, noisier: Sequence[AxisUpdate], factor: float) -
             for name, value in zip(axis.names, axis.estimates, strict=True)
         ]
     covariance = axis.covariance + factor**2 * np.outer(moved, moved)
-    deviation = np.sqrt(np.diag(covariance))
-    scale = np.where(deviation > 0, deviation, 1.0)
-    correlation = covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
     return replace(
-        axis, covariance=covariance, standard_errors=deviation, correlation=np.asarray(correlation)
+        axis,
+        covariance=covariance,
+        standard_errors=np.sqrt(np.diag(covariance)),
+        correlation=correlation_of(covariance),
     )

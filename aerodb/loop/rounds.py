@@ -14,19 +14,13 @@ from aerodb.effects import SURFACE_MOTION, FlightView, add_effects, envelopes_of
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.accept import Accept
 from aerodb.loop.axis_models import AxisModel, axis_models
+from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms
-from aerodb.loop.remarks import (
-    TRACED_BEFORE,
-    on_linear_terms,
-    on_shapes,
-    on_stall,
-    on_withheld,
-    on_without_gain,
-)
+from aerodb.loop.remarks import on_linear_terms, on_shapes, on_stall, on_withheld, on_without_gain
 from aerodb.loop.sensor_share import found_sensors
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT, added_stall
@@ -46,14 +40,11 @@ from aerodb.tracing import (
     accompanying_linear_terms,
     downgraded_on_axes,
     joint_covariance,
-    only_suspected,
     trace,
 )
 
 #: The loop ends after this many rounds whatever it still finds.
 MOST_ROUNDS = 4
-#: Why a hypothesis that residuals may have suggested is suspected at most.
-_LATE = "it joined the library after these flights had been looked at"
 #: Before the first round.
 _NOTHING: Final = Traced((), (), (), (), ())
 #: Axes on which a stall acts.
@@ -186,7 +177,7 @@ def _next_round(given: _Given, state: _State) -> _State:
     else:
         shaped = checked_shapes(source, flights, database, library, traced.findings)
         traced = replace(traced, findings=shaped)
-    traced = replace(traced, findings=_only_with_gain(traced.findings, given.without_gain))
+    traced = replace(traced, findings=only_with_gain(traced.findings, given.without_gain))
     have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain
     if database.states:
         have |= {h.id for h in library.hypotheses if h.effect == EFFECT}
@@ -338,40 +329,6 @@ def _traced(
             traced, findings=downgraded_on_axes(traced.findings, axes_of_misfit_shapes(database))
         ),
         remarks,
-    )
-
-
-def only_what_was_frozen(
-    traced: Traced, known: frozenset[str] | None
-) -> tuple[Traced, tuple[str, ...]]:
-    """Downgrade to `suspected` findings that an earlier look at the residuals could have suggested.
-
-    known : ids of the earlier libraries, None if there was none. A hypothesis that joined the
-    library after these flights had been traced has no error rate.
-    """
-    if known is None:
-        return traced, ()
-    late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
-    findings = tuple(
-        only_suspected(f, _LATE) if is_late else f
-        for f, is_late in zip(traced.findings, late, strict=True)
-    )
-    return replace(traced, findings=findings), (TRACED_BEFORE,)
-
-
-def _only_with_gain(
-    findings: Sequence[Finding], without_gain: frozenset[str]
-) -> tuple[Finding, ...]:
-    """Downgrade confirmed findings whose addition lowered no error of other flights."""
-    because = (
-        "its addition lowers the error of other flights by less than 1 %, or by less than the"
-        " error without a name on its axis"
-    )
-    return tuple(
-        only_suspected(each, because)
-        if each.hypothesis in without_gain and each.verdict == "confirmed"
-        else each
-        for each in findings
     )
 
 

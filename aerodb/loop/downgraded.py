@@ -1,0 +1,48 @@
+"""Findings that may be suspected at most: those that earlier looks may have suggested, and those
+whose addition has lowered no error of other flights.
+
+docs/method/tracing.md, section 13.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from aerodb.loop.remarks import TRACED_BEFORE
+from aerodb.tracing import Finding, Traced, only_suspected
+
+#: Why a hypothesis that residuals may have suggested is suspected at most.
+_LATE = "it joined the library after these flights had been looked at"
+
+
+def only_what_was_frozen(
+    traced: Traced, known: frozenset[str] | None
+) -> tuple[Traced, tuple[str, ...]]:
+    """Downgrade to `suspected` findings that an earlier look at the residuals could have suggested.
+
+    known : ids of the earlier libraries, None if there was none. A hypothesis that joined the
+    library after these flights had been traced has no error rate.
+    """
+    if known is None:
+        return traced, ()
+    late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
+    findings = tuple(
+        only_suspected(f, _LATE) if is_late else f
+        for f, is_late in zip(traced.findings, late, strict=True)
+    )
+    return replace(traced, findings=findings), (TRACED_BEFORE,)
+
+
+def only_with_gain(
+    findings: Sequence[Finding], without_gain: frozenset[str]
+) -> tuple[Finding, ...]:
+    """Downgrade confirmed findings whose addition lowered no error of other flights."""
+    because = (
+        "its addition lowers the error of other flights by less than 1 %, or by less than the"
+        " error without a name on its axis"
+    )
+    return tuple(
+        only_suspected(each, because)
+        if each.hypothesis in without_gain and each.verdict == "confirmed"
+        else each
+        for each in findings
+    )
