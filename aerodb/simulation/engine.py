@@ -21,7 +21,14 @@ from aerodb.simulation.layout import (
     ReferenceNumbers,
 )
 from aerodb.support import Array, in_threads
-from aerodb.tables import AeroDatabase, Expression, Relay, TotalCoefficients, total_coefficients
+from aerodb.tables import (
+    LOAD_AXES,
+    AeroDatabase,
+    Expression,
+    Relay,
+    TotalCoefficients,
+    total_coefficients,
+)
 
 #: Runs computed side by side in one thread: their numbers stay in the processor's cache.
 BLOCK: Final = 16
@@ -137,6 +144,7 @@ def flight_model(
         for s in total.states
     ]
     outputs, m = total.machine.outputs, len(total.states)
+    loads = len(LOAD_AXES) if database.has_loads else 0
     reference = database.reference
     lines = [(*np.asarray(e.direction) / np.linalg.norm(e.direction), *e.point) for e in engines]
     moved = (
@@ -159,7 +167,8 @@ def flight_model(
         states=_slots([s.name for s in total.states], slots, len(total.machine.slots)),
         steady=np.array(outputs[6 : 6 + m], dtype=np.int64),
         laws=np.array(laws, dtype=np.float64).reshape(-1, 4),
-        thrust=np.array(outputs[6 + m :], dtype=np.int64),
+        loads=np.array(outputs[6 + m : 6 + m + loads], dtype=np.int64),
+        thrust=np.array(outputs[6 + m + loads :], dtype=np.int64),
         lines=np.array(lines, dtype=np.float64).reshape(-1, 6),
         actuated=np.array([inputs.index(name) for name in actuated], dtype=np.int64),
         actuators=np.array(moved, dtype=np.float64).reshape(-1, 4),
@@ -367,6 +376,16 @@ def _set_parameters(
         slots[places[name]] = value
 
 
+def _check_airspeed(model: FlightModel, speed: Array) -> None:
+    """Raise InputError for a start without airspeed, unless loads act there."""
+    if not np.all(speed >= 0) or not (np.all(speed > 0) or model.database.has_loads):
+        raise InputError(
+            "the start has no airspeed",
+            f"database {model.database.name}",
+            "give V [m/s] above zero; only a database with loads (FX to MZ) flies at V = 0",
+        )
+
+
 def initial_state(
     model: FlightModel, start: Mapping[str, Any], first: Mapping[str, Array], k: int
 ) -> Array:
@@ -379,8 +398,7 @@ def initial_state(
     if unknown:
         raise InputError(f"a start has no '{unknown[0]}'", remedy=nearest(unknown[0], _START))
     at = {name: np.broadcast_to(np.asarray(start.get(name, 0.0), float), (k,)) for name in _START}
-    if not np.all(at["V"] > 0):
-        raise InputError("the start has no airspeed", remedy="give V [m/s] above zero")
+    _check_airspeed(model, at["V"])
     along, side = at["V"] * np.cos(at["beta"]), at["V"] * np.sin(at["beta"])
     air = np.stack([along * np.cos(at["alpha"]), side, along * np.sin(at["alpha"])])
     quaternion = quaternion_from_euler(at["phi"], at["theta"], at["psi"])

@@ -40,7 +40,7 @@ from aerodb.simulation.layout import (
     X,
 )
 from aerodb.support import Array, Integers
-from aerodb.tables import execute
+from aerodb.tables import STILL_AIR, execute
 
 #: Tolerance of alphadot and betadot [rad/s], and the most evaluations to find them.
 _TOLERANCE = 1e-11
@@ -150,8 +150,8 @@ def _prepare(
     density = h[H.density_ratio, k] * pressure / (GAS_CONSTANT * warm)
     chan[CHAN.V, k], chan[CHAN.alpha, k], chan[CHAN.beta, k] = (
         speed,
-        math.atan2(w, u),
-        math.asin(v / speed),
+        min(speed / STILL_AIR, 1.0) * math.atan2(w, u),
+        math.asin(v / max(speed, STILL_AIR)),
     )
     chan[CHAN.p, k], chan[CHAN.q, k], chan[CHAN.r, k] = p, q, r
     chan[CHAN.rho, k], chan[CHAN.qbar, k] = density, 0.5 * density * speed * speed
@@ -190,14 +190,32 @@ def _loads(model: Numbers, h: Array, k: int, slots: Array, chan: Array, work: Ar
         scale * slots[model.totals[TOTAL.CY], k],
         scale * slots[model.totals[TOTAL.CZ], k],
     )
+    mx, my, mz = (
+        scale * span * slots[model.totals[TOTAL.Cl], k],
+        scale * chord * slots[model.totals[TOTAL.Cm], k],
+        scale * span * slots[model.totals[TOTAL.Cn], k],
+    )
+    if model.loads.shape[0] > 0:
+        fx, fy, fz = (
+            fx + slots[model.loads[TOTAL.CX], k],
+            fy + slots[model.loads[TOTAL.CY], k],
+            fz + slots[model.loads[TOTAL.CZ], k],
+        )
+        mx, my, mz = (
+            mx + slots[model.loads[TOTAL.Cl], k],
+            my + slots[model.loads[TOTAL.Cm], k],
+            mz + slots[model.loads[TOTAL.Cn], k],
+        )
     ax, ay, az = (
         model.reference.x - h[H.cg_x, k],
         model.reference.y - h[H.cg_y, k],
         model.reference.z - h[H.cg_z, k],
     )
-    mx = scale * span * slots[model.totals[TOTAL.Cl], k] + ay * fz - az * fy + h[H.moment_x, k]
-    my = scale * chord * slots[model.totals[TOTAL.Cm], k] + az * fx - ax * fz + h[H.moment_y, k]
-    mz = scale * span * slots[model.totals[TOTAL.Cn], k] + ax * fy - ay * fx + h[H.moment_z, k]
+    mx, my, mz = (
+        mx + ay * fz - az * fy + h[H.moment_x, k],
+        my + az * fx - ax * fz + h[H.moment_y, k],
+        mz + ax * fy - ay * fx + h[H.moment_z, k],
+    )
     fx, fy, fz = fx + h[H.force_x, k], fy + h[H.force_y, k], fz + h[H.force_z, k]
     for e in range(model.thrust.shape[0]):
         thrust = slots[model.thrust[e], k]
@@ -291,8 +309,10 @@ def evaluate(
                 work[WORK.w_rate, k] - work[WORK.air_w_rate, k],
             )
             plane, speed = u * u + w * w, chan[CHAN.V, k]
-            rate = (u * dw - w * du) / plane
-            slip = (dv * plane - v * (u * du + w * dw)) / (speed * speed * math.sqrt(plane))
+            rate = (u * dw - w * du) / max(plane, STILL_AIR * STILL_AIR)
+            slip = (dv * plane - v * (u * du + w * dw)) / max(
+                speed * speed * math.sqrt(plane), STILL_AIR * STILL_AIR * STILL_AIR
+            )
             if not moving:
                 chan[CHAN.alphadot, k], chan[CHAN.betadot, k] = rate, slip
                 continue
@@ -381,6 +401,13 @@ def _finish(
         chan[CHAN.pdot + j - X.p, k] = out[j, k]
     for j in range(model.totals.shape[0]):
         chan[CHAN.CX + j, k] = slots[model.totals[j], k]
+    if model.loads.shape[0] > 0:
+        scale = chan[CHAN.qbar, k] * model.reference.area
+        for j, length in enumerate(
+            (1.0, 1.0, 1.0, model.reference.span, model.reference.chord, model.reference.span)
+        ):
+            if scale != 0.0:  # without dynamic pressure a load has no coefficient
+                chan[CHAN.CX + j, k] += slots[model.loads[j], k] / (scale * length)
     for j in range(model.states.shape[0]):
         out[EXTRA + j, k] = 0.0
         if model.laws[j, LAW.relaxation] > 0.0:

@@ -244,7 +244,8 @@ class Numbers(NamedTuple):
     motion : slot of each of `MOTION`, -1 where the database does not read it.
     surroundings : slot of each of `SURROUNDINGS` that it reads (`cg_x`), else -1.
     inputs : (i,) slots of the inputs.
-    totals : (6,) slots of the coefficients, in the order of `TOTAL`.
+    totals : (6,) slots of the coefficients without loads, in the order of `TOTAL`.
+    loads : (6,) slots of forces [N] and moments [N m], in the same order; (0,) without any.
     states, steady : (m,) slots of the values and steady values of its states.
     laws : (m, 4) columns `LAW`.
     thrust : (e,) slots of the thrust of each engine [N].
@@ -260,6 +261,7 @@ class Numbers(NamedTuple):
     surroundings: Integers
     inputs: Integers
     totals: Integers
+    loads: Integers
     states: Integers
     steady: Integers
     laws: Array

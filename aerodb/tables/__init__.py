@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     from .reference import (
         HAT_RATES,
         INCREMENT_AXES,
+        STILL_AIR,
         WIND_AXES,
         ReferenceGeometry,
         body_to_wind,

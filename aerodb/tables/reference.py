@@ -14,6 +14,10 @@ from aerodb.support import Array
 
 Point = tuple[float, float, float]
 
+#: Airspeed [m/s] below which the angles of the flow and dimensionless rates fade to zero, so that a
+#: vehicle with loads flies at V = 0: far below any speed that is measured or perturbed.
+STILL_AIR: Final = 1e-6
+
 #: Dimensionless rate -> the rate, and the length of `ReferenceGeometry` that scales it.
 HAT_RATES: Final[dict[str, tuple[str, str]]] = {
     "p_hat": ("p", "span"),

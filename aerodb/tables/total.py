@@ -17,9 +17,9 @@ from aerodb.tables.definitions import LIFT_INCREMENTS
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.instructions import Machine, machine
-from aerodb.tables.loads import LOAD_AXES, load_shares, summed
+from aerodb.tables.loads import LOAD_AXES, summed
 from aerodb.tables.program import AnyTable
-from aerodb.tables.reference import HAT_RATES, WIND_AXES
+from aerodb.tables.reference import HAT_RATES, STILL_AIR, WIND_AXES
 from aerodb.tables.state_model import Relay, StateModel
 
 #: Begin of the names of inputs that hold an increment's estimates: axis, number, regressor.
@@ -32,8 +32,9 @@ class TotalCoefficients:
 
     Parameters
     ----------
-    machine : its outputs are CX CY CZ Cl Cm Cn about the database's moment reference, then the
-        steady value of each of `states`, then the given `further` expressions.
+    machine : its outputs are CX CY CZ Cl Cm Cn about the database's moment reference, without the
+        share of loads, then the steady value of each of `states`, then FX FY FZ [N] MX MY MZ [N m]
+        of a database that has loads, then the given `further` expressions.
     inputs : channels and free inputs that it needs, without states, estimates and scales.
     states : those with memory, whose values are inputs under their names.
     estimates : names of the inputs for the database's parameters and then for the estimates of the
@@ -66,10 +67,12 @@ def total_coefficients(
         for name, variable in database.variables.items()
         if variable.parameter is None
     }
+    speed, weight = _moving() if database.has_loads else (Name("V"), Number(1.0))
     for hat, (rate, _) in HAT_RATES.items():
         length = "b_ref" if rate in ("p", "r") else "c_ref"
         half = Operation("/", Name(length), Number(2.0))
-        variables[hat] = Operation("/", Operation("*", Name(rate), half), Name("V"))
+        over = Operation("/", Operation("*", Name(rate), half), speed)
+        variables[hat] = times(over, weight) if database.has_loads else over
     remembered = []
     for state in database.states:
         if state.name not in database.needs:
@@ -85,9 +88,7 @@ def total_coefficients(
         sums[term.axis].append(
             term.expression if factor is None else times(Name(factor), term.expression)
         )
-    loads = [(axis, part) for axis in LOAD_AXES for part in sums.pop(axis)]
-    for axis, share in load_shares(loads):
-        sums[axis].append(share)
+    loads = [summed(sums.pop(axis)) for axis in LOAD_AXES]
     lift: list[Expression] = []
     for k, increment in enumerate(database.increments):
         if not increment.acts_as_layer:
@@ -102,7 +103,8 @@ def total_coefficients(
         Number(0.0) if isinstance(state.law, Relay) else state.expression() for state in remembered
     ]
     tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
-    program = database.compiled([*totals, *steady, *further], variables, tables)
+    apart = loads if database.has_loads else []
+    program = database.compiled([*totals, *steady, *apart, *further], variables, tables)
     unused = database.parameters.keys() - set(program.inputs)
     estimates = {name: value for name, value in estimates.items() if name not in unused}
     own = {state.name for state in remembered} | set(estimates) | set((factors or {}).values())
@@ -112,6 +114,15 @@ def total_coefficients(
         tuple(remembered),
         tuple(estimates),
         tuple(estimates.values()),
+    )
+
+
+def _moving() -> tuple[Expression, Expression]:
+    """Airspeed that is never zero [m/s], and a weight that is zero at V = 0 and 1 in flight."""
+    still = Number(STILL_AIR)
+    return (
+        Call("max", (Name("V"), still)),
+        Call("min", (Operation("/", Name("V"), still), Number(1.0))),
     )
 
 

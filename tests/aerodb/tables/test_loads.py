@@ -76,16 +76,19 @@ def test_a_load_adds_its_share_of_the_coefficient() -> None:
 def test_what_flies_has_the_same_numbers() -> None:
     total = total_coefficients(database(LOADS, COEFFICIENTS))
     rng = np.random.default_rng(3)
-    values = {name: rng.uniform(0.1, 0.9, 5) for name in total.inputs}
+    values = {name: rng.uniform(0.1, 0.9, 5) for name in (*total.inputs, "qbar")}
     slots = np.repeat(total.machine.slots[:, None], 5, axis=1)
-    for name, row in values.items():
-        slots[total.machine.inputs[name]] = row
+    for name, slot in total.machine.inputs.items():
+        slots[slot] = values[name]
     execute(
         total.machine.instructions, slots, np.zeros((8, 5), np.int64), np.zeros((0, 5), bool), 5
     )
     found = database(LOADS, COEFFICIENTS).predict(values).coefficients
-    for axis, slot in zip(AXES, total.machine.outputs, strict=False):
-        np.testing.assert_allclose(slots[slot], found[axis], rtol=1e-13)
+    assert "qbar" not in total.inputs  # loads exist at V = 0
+    outputs, lengths = slots[list(total.machine.outputs)], (1.0, 1.0, 1.0, 9.0, 1.3, 9.0)
+    for k, (axis, length) in enumerate(zip(AXES, lengths, strict=True)):
+        share = outputs[6 + k] / (values["qbar"] * 12.0 * length)
+        np.testing.assert_allclose(outputs[k] + share, found[axis], rtol=1e-13)
 
 
 def test_a_load_moves_a_body_at_any_speed_as_newton_says() -> None:
@@ -105,6 +108,46 @@ def test_a_load_moves_a_body_at_any_speed_as_newton_says() -> None:
     behind = simulate(model, time[:1], {"V": 2.0, "altitude": 300.0}, {**MASSES, "cg_x": -2.0})
     # Up at a point 2 m ahead of the CG: nose up.
     assert behind.channels["qdot"][0, 0] == pytest.approx(2.0 * weight / MASSES["Iyy"])
+
+
+#: Terms that divide by the airspeed, of which nothing may be left at V = 0.
+BY_AIRSPEED = {"CZ": "-4*alpha - 3*alphadot_hat", "Cl": "-0.4*p_hat - 0.1*beta", "Cm": "-8*q_hat"}
+
+
+def test_a_body_begins_at_rest() -> None:
+    """At V = 0 there is no division by the dynamic pressure: 100 N along x and 70 N m about x."""
+    weight = MASSES["mass"] * GRAVITY
+    spun = {"FX": "100", "MX": "70", "FY": f"-sin(phi)*{weight!r}", "FZ": f"-cos(phi)*{weight!r}"}
+    own = database(spun, {})
+    point = dict(zip(("cg_x", "cg_y", "cg_z"), REFERENCE.moment_reference, strict=True))
+    time = np.arange(0.0, 4.001, 0.01)
+    run = simulate(flight_model(own), time, {"altitude": 300.0}, {**MASSES, **point})
+    np.testing.assert_allclose(run.channels["V"][:, 0], 0.2 * time, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(run.channels["p"][:, 0], 0.1 * time, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(run.channels["altitude"][:, 0], 300.0, rtol=1e-12)
+    # Coefficients without dynamic pressure give no load, though hats and angles are over V.
+    still = database({**spun, "FX": "0"}, BY_AIRSPEED)
+    hung = simulate(flight_model(still), time, {"altitude": 300.0}, {**MASSES, **point})
+    np.testing.assert_allclose(hung.channels["p"][:, 0], 0.1 * time, rtol=1e-9, atol=1e-12)
+    assert all(np.isfinite(values).all() for values in hung.channels.values())
+
+
+def test_a_flight_passes_through_rest() -> None:
+    """Thrown upward at 4 m/s, tail first: V is 0 on a sample of its way, and nothing is NaN."""
+    model = flight_model(database({"FX": "0.0*V"}, BY_AIRSPEED))
+    rise = 4.0 / GRAVITY
+    time = np.linspace(0.0, 2.0 * rise, 201)
+    start = {"V": 4.0, "altitude": 300.0, "theta": np.pi / 2}
+    run = simulate(model, time, start, {**MASSES, "cg_x": -2.0, "cg_y": 0.1, "cg_z": 0.2})
+    top = 300.0 + 0.5 * GRAVITY * rise**2
+    np.testing.assert_allclose(run.channels["altitude"][100, 0], top, rtol=1e-7)
+    np.testing.assert_allclose(run.channels["V"][100, 0], 0.0, atol=1e-9)
+    assert all(np.isfinite(values).all() for values in run.channels.values())
+
+
+def test_a_database_without_loads_has_no_flight_at_rest() -> None:
+    with pytest.raises(InputError, match="no airspeed"):
+        simulate(flight_model(database({}, COEFFICIENTS)), np.zeros(1), {"V": 0.0}, MASSES)
 
 
 def test_a_thrust_line_and_its_load_fly_alike() -> None:
