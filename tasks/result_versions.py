@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 9,
-    "update": 12,
+    "update": 13,
     "gram": 14,
-    "close_loop": 42,
+    "close_loop": 43,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

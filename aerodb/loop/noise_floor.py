@@ -18,6 +18,7 @@ from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import rms
 from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase
+from aerodb.tracing import rotating_air, with_deflection_noise
 from aerodb.vehicle import Vehicle
 
 #: Realisations of the state noise, as many as tracing draws (`TracingSettings.noisy_copies`).
@@ -32,9 +33,9 @@ def noise_floors(
     """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless.
 
     The larger of the sensors' white noise in the measured coefficient and of the state noise run
-    through measurement and prediction (which holds both, where reconstruction gives it), and what
-    the constant errors leave of which reconstruction is not sure. Raises InputError where a flight
-    lacks what is needed.
+    through measurement and prediction (which holds both, where reconstruction gives it), with the
+    stated noise of deflections and the rotation of gusts, and what the constant errors leave of
+    which reconstruction is not sure. Raises InputError where a flight lacks what is needed.
     """
 
     def floor(id: str) -> dict[str, NoiseFloor]:
@@ -44,10 +45,11 @@ def noise_floors(
             for axis, good in comparison.usable.items()
             if good.any()
         }
-        noise = source.reconstruction(id).noise
-        known = (
-            {} if noise is None else state_error(source.flight(id), noise, database, source.vehicle)
+        flight = source.flight(id)
+        noise = with_deflection_noise(
+            source.reconstruction(id).noise, source.vehicle, flight.channels, flight.step
         )
+        known = {} if noise is None else state_error(flight, noise, database, source.vehicle)
         return {axis: _with_white(sigma, known.get(axis)) for axis, sigma in white.items()}
 
     return dict(zip(flights, in_threads(floor, flights), strict=True))
@@ -62,7 +64,10 @@ def state_error(
     flight: Flight, noise: StateNoise, database: AeroDatabase, vehicle: Vehicle
 ) -> dict[str, tuple[float, NoiseFloor]]:
     """Return axis -> rms by which measured - predicted changes under the state noise of a flight,
-    and under its constant errors, each of one sigma and independent; dimensionless."""
+    and under its constant errors, each of one sigma and independent; dimensionless.
+
+    Gusts also turn the air (`rotating_air`): the prediction has its rates, the gyros do not.
+    """
     first = max(0, (len(flight.time) - _MOST) // 2)
     part = slice(first, first + _MOST)
     cut = replace(
@@ -72,15 +77,27 @@ def state_error(
         flags={name: values[part] for name, values in flight.flags.items()},
     )
 
-    def residuals(errors: Mapping[str, Array | float]) -> Comparison:
-        wrong = cut.with_channels({n: cut[n] + e for n, e in errors.items() if n in cut})
-        return compare(wrong, total_coefficients(wrong, vehicle), database, vehicle.reference)
+    def with_errors(flight: Flight, errors: Mapping[str, Array | float]) -> Flight:
+        return flight.with_channels({n: flight[n] + e for n, e in errors.items() if n in flight})
+
+    def residuals(
+        errors: Mapping[str, Array | float], air: Mapping[str, Array] | None = None
+    ) -> Comparison:
+        wrong = with_errors(cut, errors)
+        measured = total_coefficients(wrong, vehicle)
+        felt = with_errors(wrong, air) if air else wrong
+        return compare(felt, measured, database, vehicle.reference)
+
+    def draws(of: StateNoise, *seed: int) -> dict[str, Array]:
+        drawn = of.draw(np.random.default_rng([*seed]), len(cut.time), cut.step)
+        return {name: error - error.mean() for name, error in drawn.items()}
 
     clean = residuals({})
-    moving = []
-    for number in range(_DRAWS):
-        drawn = noise.draw(np.random.default_rng([number]), len(cut.time), cut.step)
-        moving.append(residuals({n: e - e.mean() for n, e in drawn.items()}))
+    air = rotating_air(noise, cut, vehicle.reference.span)
+    moving = [
+        residuals(draws(noise, number), None if air is None else draws(air, number, 1))
+        for number in range(_DRAWS)
+    ]
     constant = []
     for name, size in noise.offset.items():
         if name in cut and size > 0.0:

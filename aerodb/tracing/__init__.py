@@ -89,6 +89,7 @@ if TYPE_CHECKING:
         normal_equations_from_arrays,
         normal_equations_of,
         roll_rates,
+        rotating_air,
         thinned,
         tracing_bandwidth,
         units,

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         with_shape_terms,
         without_shape_terms,
     )
-    from .state_errors import noisy_copies, roll_rates
+    from .state_errors import noisy_copies, roll_rates, rotating_air
     from .thinning import LONG, thinned
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

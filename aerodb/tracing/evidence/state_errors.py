@@ -93,9 +93,7 @@ def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | 
     speed = float(np.nanmedian(flight["V"])) if "V" in flight else 0.0
     if "alpha" not in noise.density or not speed > 0.0:
         return None
-    alpha = np.asarray(noise.density["alpha"])
-    if "alpha" in noise.unsteady:
-        alpha = np.maximum(np.asarray(noise.unsteady["alpha"]) - alpha, 0.0)
+    alpha = _gusts(noise, "alpha")
     edges = np.asarray(noise.edges)
     omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
     x = np.square(omega * _LENGTH / speed)
@@ -111,6 +109,43 @@ def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | 
         pressure_slope=0.0,
         unsteady={},
     )
+
+
+def rotating_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | None:
+    """Spectrum of the rates p, q, r [rad/s] at which gusts turn the air about an aircraft.
+
+    p is that of `rolling_air`. q and r are how the gusts change along the path: ``omega^2 / (1 +
+    (4 b omega / pi V)^2)`` times the spectrum of the gusts in alpha, and with 3 in place of 4 of
+    those in beta (MIL-F-8785C, 3.7.5). span : m. None where the flight has no airspeed, or the air
+    did not move.
+    """
+    rolling = rolling_air(noise, flight, span)
+    speed = float(np.nanmedian(flight["V"])) if "V" in flight else 0.0
+    edges = np.asarray(noise.edges)
+    omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
+    density = {} if rolling is None else dict(rolling.density)
+    for rate, angle, width in (("q", "alpha", 4.0), ("r", "beta", 3.0)):
+        if angle in noise.density and speed > 0.0:
+            filtered = omega**2 / (1.0 + (width * span * omega / (np.pi * speed)) ** 2)
+            density[rate] = tuple((_gusts(noise, angle) * filtered).tolist())
+    if not any(np.any(each) for each in density.values()):
+        return None
+    return replace(
+        noise,
+        offset=dict.fromkeys(density, 0.0),
+        density=density,
+        pressure_slope=0.0,
+        unsteady={},
+    )
+
+
+def _gusts(noise: StateNoise, angle: str) -> Array:
+    """Density of the gusts in a flow angle: its difference from the path in steady wind beyond the
+    error of its sensor; without a vane, what the smoother allows for."""
+    density = np.asarray(noise.density[angle])
+    if angle not in noise.unsteady:
+        return density
+    return np.maximum(np.asarray(noise.unsteady[angle]) - density, 0.0)
 
 
 def roll_rates(

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerodb.coefficients import compare, total_coefficients
 from aerodb.consistency import StateNoise
 from aerodb.loop import ReconstructionErrors, noise_floors
 from aerodb.signals import rms
+from aerodb.vehicle import Sensor
 from tests.aerodb.loop.test_axis_models import database, flights
 from tests.support.flights_in_memory import FlightsInMemory
 
@@ -15,10 +17,13 @@ ERROR = 0.002  # rad, of alpha
 
 
 class Known(FlightsInMemory):
-    """Flights whose reconstruction is not sure of alpha: by a constant, and by noise up to 1 Hz."""
+    """Flights in calm air whose reconstruction is not sure of alpha: by a constant, and by noise up
+    to 1 Hz."""
 
     def reconstruction(self, flight: str) -> ReconstructionErrors:
-        noise = StateNoise("sensor", (0.1, 1.1), {"alpha": ERROR}, {"alpha": (ERROR**2,)})
+        noise = StateNoise(
+            "sensor", (0.1, 1.1), {"alpha": ERROR}, {"alpha": (ERROR**2,)}, 0.0, {"alpha": (0.0,)}
+        )
         return replace(ReconstructionErrors(), noise=noise)
 
 
@@ -51,3 +56,22 @@ def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: Flights
     floors = noise_floors(source, [id], database(1.0))[id]
     assert floors["Cm"].level == 0.0
     assert floors["Cm"].shape == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
+
+
+def test_the_stated_noise_of_a_deflection_is_felt_by_the_prediction_alone(
+    source: FlightsInMemory,
+) -> None:
+    """Against white noise added to the deflection of the log, compared as any flight is."""
+    id, name = next(iter(source.flown)), "delta_elevator"
+    flight, clean = source.flight(id), source.comparison(id, database(1.0))
+    drawn = ERROR * np.random.default_rng(3).standard_normal(len(flight.time))
+    noisy = flight.with_channels({name: flight[name] + drawn})
+    beside = compare(
+        noisy, total_coefficients(noisy, source.vehicle), database(1.0), source.vehicle.reference
+    )
+    expected = rms((beside.residual("Cm") - clean.residual("Cm"))[clean.usable["Cm"]])
+    sensors = {**source.vehicle.sensors, name: Sensor(noise=ERROR)}
+    stated = source.vehicle.model_copy(update={"sensors": sensors})
+    floor = noise_floors(FlightsInMemory(stated, source.flown), [id], database(1.0))[id]["Cm"]
+    assert expected > 2.0 * noise_floors(source, [id], database(1.0))[id]["Cm"].total
+    assert floor.total == pytest.approx(expected, rel=0.1)

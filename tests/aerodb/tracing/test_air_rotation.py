@@ -20,7 +20,7 @@ from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import NUISANCE
 from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.evidence.state_errors import roll_rates, rolling_air
+from aerodb.tracing.evidence.state_errors import roll_rates, rolling_air, rotating_air
 from aerodb.vehicle import Vehicle
 from tests.support.jsbsim_campaign import STEP, Plan, flown, imported, vehicle_of
 from tests.support.jsbsim_cases import B737, lowering
@@ -36,6 +36,8 @@ BANDWIDTH = 0.8  # Hz, of tracing a 737
 OF_THE_AIR = {
     **{f"{rate}_aero": (f"velocities/{rate}-aero-rad_sec", 1.0) for rate in "pqr"},
     "gust_down": ("atmosphere/total-wind-down-fps", FOOT),
+    "gust_east": ("atmosphere/total-wind-east-fps", FOOT),
+    "gust_north": ("atmosphere/total-wind-north-fps", FOOT),
 }
 
 
@@ -163,6 +165,34 @@ def test_the_gusts_that_alpha_shows_say_how_fast_the_air_rolls() -> None:
     assert roll_rates(calm, flight, view.reference.span, 1.0) == (0.0, own)
     blind = Flight("blind", "737", view.time, {"V": channels["V"]})
     assert roll_rates(noise, blind, view.reference.span, 1.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("rate", "angle"), [("p", "alpha"), ("q", "alpha"), ("r", "beta")])
+def test_the_gusts_that_vanes_show_say_how_fast_the_air_turns(rate: str, angle: str) -> None:
+    """Against the rates of JSBSim's air, which it filters by itself, within a factor of 1.5."""
+    channels = _flight(turbulent=True)
+    comparison, view = _compared(channels)
+    heading = channels["psi"]
+    across = channels["gust_east"] * np.cos(heading) - channels["gust_north"] * np.sin(heading)
+    gusts = {"alpha": channels["gust_down"], "beta": across}[angle] / channels["V"]
+    frequency, power = welch(gusts, 1.0 / STEP, nperseg=800)
+    edges = np.geomspace(0.1, 12.5, 12)
+    density = tuple(
+        float(power[(frequency >= low) & (frequency < high)].mean())
+        for low, high in pairwise(edges)
+    )
+    none = (0.0,) * len(density)
+    noise = StateNoise(
+        "sensor", tuple(edges.tolist()), {angle: 0.0}, {angle: none}, 0.0, {angle: density}
+    )
+    flight = Flight(comparison.flight, "737", view.time, dict(view.channels))
+    air = rotating_air(noise, flight, view.reference.span)
+    assert air is not None
+    frequency, power = welch(channels[f"{rate}_aero"] - channels[rate], 1.0 / STEP, nperseg=800)
+    inside = (frequency >= 0.2) & (frequency < 1.0)
+    shown = np.sqrt(power[inside].sum() * (frequency[1] - frequency[0]))
+    assert shown / 1.5 < air.rms(rate, 0.2, 1.0) < 1.5 * shown
+    assert rotating_air(replace(noise, unsteady={angle: none}), flight, view.reference.span) is None
 
 
 def test_a_nuisance_column_is_eliminated_with_a_prior_of_one() -> None:
