@@ -9,6 +9,7 @@ section         strip of a lifting surface
 surface         lifting surface of several strips, with control regions of its span
 fuselage        body with area, length and volume
 engine          thrust along a line, with its slipstream by momentum theory
+rotor           thrust, drag and moments of a propeller over its advance ratio
 body            any loads, in axes of the part
 
 `frame` holds place and axes of a part, the velocity there, and how its loads act on the aircraft;
@@ -21,6 +22,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .expand import KINDS, Expansion, expand
+    from .rotor import command_ranges
     from .section import flap_effectiveness
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

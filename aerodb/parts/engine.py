@@ -67,10 +67,22 @@ def write(entry: Engine, writer: Writer, reference_point: Array, discs: Discs) -
     write_loads(entry, writer, frame)
     if entry.diameter is None:
         return None
-    radius = 0.5 * entry.diameter
     u = writer.local.get("u") or writer.define("u", axial)
+    return disc_of(writer, frame, 0.5 * entry.diameter, thrust, u)
+
+
+def disc_of(
+    writer: Writer,
+    frame: Frame,
+    radius: float,
+    thrust: Expression,
+    u: Expression,
+    tilt: Expression | None = None,
+) -> Disc:
+    """Return the disc of a propeller, by its radius [m], thrust [N], the velocity along its axis
+    [m/s] and the angle [rad] by which the axis is turned about y."""
     induced = writer.define("induced", induced_velocity(thrust, u, math.pi * radius**2))
-    return Disc(frame, radius, induced)
+    return Disc(frame, radius, induced, tilt)
 
 
 def induced_velocity(thrust: Expression, u: Expression, area: float) -> Expression:
@@ -93,7 +105,11 @@ def induced_velocity(thrust: Expression, u: Expression, area: float) -> Expressi
 def slipstream(disc: Disc, frame: Frame, k: int) -> Expression:
     """Return what the slipstream of a disc has along axis k of a part, at the disc [m/s]; further
     back it is `growth` times as large."""
-    return combination([float(disc.frame.axes[:, 0] @ frame.axes[:, k])], [disc.induced])
+    x, _, z = (float(axis @ frame.axes[:, k]) for axis in disc.frame.axes.T)
+    if disc.tilt is None:
+        return combination([x], [disc.induced])
+    cos, sin = (times(Call(name, (disc.tilt,)), disc.induced) for name in ("cos", "sin"))
+    return combination([x, -z], [cos, sin])
 
 
 def growth(disc: Disc, frame: Frame) -> float:

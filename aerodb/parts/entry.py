@@ -61,11 +61,13 @@ class Slipstreamed(Entry):
 @dataclass(frozen=True, eq=False)
 class Disc:
     """The disc of an engine that has one: its centre (3,) [m] from the moment reference, its axis
-    (3,) and radius [m], and the velocity induced there [m/s]."""
+    (3,) and radius [m], and the velocity induced there [m/s]. A disc that tilts has its axis turned
+    about the y axis of the frame by `tilt` [rad]."""
 
     frame: Frame
     radius: float
     induced: Expression
+    tilt: Expression | None = None
 
 
 #: Engine -> its disc.

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel
-from aerodb.parts import body, engine, fuselage, section, surface
+from aerodb.parts import body, engine, fuselage, rotor, section, surface
 from aerodb.parts.entry import Disc, Entry
 from aerodb.parts.frame import MOTION
 from aerodb.parts.writing import Writer
@@ -21,6 +21,7 @@ _WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
     "surface": (surface.Surface, surface.write),
     "fuselage": (fuselage.Fuselage, fuselage.write),
     "engine": (engine.Engine, engine.write),
+    "rotor": (rotor.Rotor, rotor.write),
     "body": (body.Body, body.write),
 }
 KINDS: Final[tuple[str, ...]] = tuple(_WRITERS)
@@ -28,8 +29,8 @@ KINDS: Final[tuple[str, ...]] = tuple(_WRITERS)
 _SHARED: Final = "parts"
 #: Key -> signs by which its values are those of the mirror image.
 _MIRRORED: Final = {
-    **dict.fromkeys(("position", "root", "tip", "direction"), (1.0, -1.0, 1.0)),
-    "axes": (-1.0, 1.0, -1.0),
+    **dict.fromkeys(("position", "root", "tip", "direction", "axis"), (1.0, -1.0, 1.0)),
+    **dict.fromkeys(("axes", "tilt_axis"), (-1.0, 1.0, -1.0)),
 }
 
 
@@ -60,7 +61,8 @@ def expand(
     written: list[Writer] = []
     discs: dict[str, Disc] = {}
     entries = [_entry(name, part) for name, part in parts.items()]
-    entries.sort(key=lambda each: not isinstance(each[0], engine.Engine))  # slipstreams first
+    slipstreams = (engine.Engine, rotor.Rotor)
+    entries.sort(key=lambda each: not isinstance(each[0], slipstreams))
     for entry, name, place in entries:
         for sided, writer in _sides(entry, name, place):
             disc = _WRITERS[entry.kind][1](sided, writer, point, discs)
@@ -104,11 +106,13 @@ def _sides(entry: Entry, name: str, place: str) -> Iterable[tuple[Entry, Writer]
         return [(entry, Writer(name, name, place, side))]
     if sum(lateral) <= 0.0:
         raise InputError("a mirrored part that is not on the right", place, "give it a positive y")
-    other = {
+    other: dict[str, Any] = {
         key: tuple(sign * x for sign, x in zip(signs, getattr(entry, key), strict=True))
         for key, signs in _MIRRORED.items()
         if hasattr(entry, key)
     }
+    if isinstance(entry, rotor.Rotor):
+        other["turns"] = -entry.turns
     return [
         (entry, Writer(name, f"{name}_right", place, 1.0)),
         (entry.model_copy(update=other), Writer(name, f"{name}_left", place, -1.0)),

@@ -123,6 +123,21 @@ def along(direction: Sequence[float]) -> Array:
     return np.column_stack([x, y, np.cross(x, y)]) + 0.0
 
 
+def across(direction: Sequence[float], tilt_axis: Sequence[float]) -> Array:
+    """Return axes (3, 3) whose x axis has a direction (3,) in body axes, and whose y axis is the
+    part of `tilt_axis` (3,) across it; as `along` where there is none.
+
+    >>> across((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)).tolist()
+    [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    """
+    x = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
+    y = np.asarray(tilt_axis, dtype=np.float64) - np.dot(tilt_axis, x) * x
+    if np.linalg.norm(y) < 1e-6 * np.linalg.norm(tilt_axis):
+        return along(direction)
+    y = y / np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)]) + 0.0
+
+
 def lifting(side: float, dihedral: float, sweep: float) -> Array:
     """Return the axes (3, 3) of a strip of a lifting surface: x forward and normal to its span, y
     along its span, to the right, z normal to both.

@@ -10,6 +10,11 @@ and the forces are those of lift and drag across and along this flow:
 
     X = (rho/2) S V (C_L w - C_D u),    Z = -(rho/2) S V (C_L u + C_D w).
 
+With `separated`, both coefficients go over to those of a flat plate, cl sin(2 alpha) and
+cd_min + (cd_max - cd_min) sin(alpha)^2, beyond the stall angle a of either sign: their share is
+
+    sigma = 1 - S(l (alpha + a)) (1 - S(l (alpha - a))),    S(x) = (1 + tanh(x/2))/2.
+
 A flap of the chord ratio E in thin-airfoil theory has the effectiveness
 tau = 1 - (theta - sin theta)/pi with cos theta = 2 E - 1, of which a real one reaches a part.
 
@@ -66,6 +71,19 @@ Control = Mapping[
 ]
 
 
+class Separated(Strict):
+    """The flat plate that a section is beyond its stall.
+
+    angle : of the stall [rad]. sharpness : l [1/rad] of the blend. lift : at 45 deg. drag : at 0
+    and at 90 deg.
+    """
+
+    angle: Radians = Field(gt=0)
+    sharpness: float = Field(default=50.0, gt=0)
+    lift: Formula = "1"
+    drag: tuple[Formula, Formula] = ("0.05", "2")
+
+
 class Lifting(Slipstreamed):
     """What sections and surfaces share.
 
@@ -74,12 +92,15 @@ class Lifting(Slipstreamed):
     lift, drag : coefficients over the section's area, of local names: alpha, V, qbar, u, v, w; the
         drag may use lift.
     moment : coefficient over area and chord, nose up, about the position; 0 where it is not given.
+    separated : beyond the stall, lift and drag are those of a flat plate; `lift` and `drag` are
+        those of attached flow.
     downwash : [rad], down; names are the aircraft's (alpha) and other parts' (wing_alpha).
     """
 
     lift: Formula
     drag: Formula = "0"
     moment: Formula | None = None
+    separated: Separated | None = None
     downwash: Formula | None = None
 
 
@@ -92,6 +113,8 @@ class Section(Lifting, Placed):
     incidence, dihedral, sweep : leading edge up, tip up, tip aft [rad]; a fin has 90 deg dihedral,
         and its lift is to the left.
     control : deflection -> effectiveness, an expression, or a `Flap`.
+    tilt : [rad] by which it turns leading edge up about its span, an expression of inputs: a wing
+        that tilts.
     """
 
     area: Area
@@ -100,6 +123,7 @@ class Section(Lifting, Placed):
     dihedral: Radians = 0.0
     sweep: Radians = 0.0
     control: Control = {}
+    tilt: Formula | None = None
 
 
 def flap_effectiveness(chord_ratio: float) -> float:
@@ -130,7 +154,13 @@ def write(entry: Section, writer: Writer, reference_point: Array, discs: Discs) 
         u, v, w = (plus(one, other) for one, other in zip((u, v, w), slip, strict=True))
     if entry.downwash is not None:
         u, w = turned_down(u, w, downwash(entry.downwash, writer))
+    tilt: Expression | None = None
+    if entry.tilt is not None:
+        tilt = writer.define("tilt", writer.parsed(entry.tilt, "tilt"), "tilt")
+        u, w = turned_down(u, w, Negation(tilt))
     x, z, moment = strip_forces(entry, writer, u, v, w)
+    if tilt is not None:
+        x, z = turned_down(x, z, tilt)
     writer.act(frame, (x, None, z), (None, moment, None))
     write_loads(entry, writer, frame)
 
@@ -177,9 +207,19 @@ def strip_forces(
     square = plus(Operation("^", u, two), Operation("^", w, two))
     speed = writer.define("V", Call("sqrt", (square,)))
     writer.offer("qbar", times(times(Number(0.5), Name("rho")), Operation("^", speed, two)))
-    writer.define("alpha", _effective(entry, writer, Call("atan2", (w, u))), "control")
-    lift = writer.define("lift", writer.read(entry.lift, "lift"), "lift")
+    alpha = writer.define("alpha", _effective(entry, writer, Call("atan2", (w, u))), "control")
+    share = None if entry.separated is None else _separated_share(entry.separated, alpha)
+    lift = writer.read(entry.lift, "lift")
+    if entry.separated is not None and share is not None:
+        flat = writer.read(entry.separated.lift, "separated.lift")
+        plate = times(flat, Call("sin", (times(Number(2.0), alpha),)))
+        lift = _blended(lift, plate, share)
+    lift = writer.define("lift", lift, "lift")
     drag = writer.read(entry.drag, "drag")
+    if entry.separated is not None and share is not None:
+        low, high = (writer.read(text, "separated.drag") for text in entry.separated.drag)
+        square = Operation("^", Call("sin", (alpha,)), Number(2.0))
+        drag = _blended(drag, plus(low, times(Operation("-", high, low), square)), share)
     x, z = times(lift, w), times(lift, u)
     if drag != Number(0.0):
         drag = writer.define("drag", drag, "drag")
@@ -198,6 +238,23 @@ def strip_forces(
         writer.define("z", Negation(times(scale, z))),
         moment,
     )
+
+
+def _separated_share(separated: Separated, alpha: Expression) -> Expression:
+    """The share of the flat plate, 0 to 1."""
+    half = Number(0.5 * separated.sharpness)
+
+    def smooth(sign: float) -> Expression:
+        beyond = plus(alpha, number(sign * separated.angle))
+        return Call("tanh", (times(half, beyond),))
+
+    one = Number(1.0)
+    inside = times(plus(one, smooth(1.0)), Operation("-", one, smooth(-1.0)))
+    return Operation("-", one, times(Number(0.25), inside))
+
+
+def _blended(attached: Expression, plate: Expression, share: Expression) -> Expression:
+    return plus(attached, times(share, Operation("-", plate, attached)))
 
 
 def turned_down(u: Expression, w: Expression, angle: Expression) -> tuple[Expression, Expression]:

@@ -158,6 +158,7 @@ def strips(entry: Surface) -> list[Section]:
                 dihedral=float(np.arctan2(-line[2], abs(line[1]))),
                 sweep=float(np.arctan2(-line[0], across)),
                 control=_controls(entry.control, ends),
+                separated=entry.separated,
                 **entry.model_dump(include={"lift", "drag", "moment", "downwash", "slipstream"}),
             )
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.parts import command_ranges
 from aerodb.physics import Earth
 from aerodb.simulation.engine import FlightModel, Propulsion, flight_model
 from aerodb.tables import AeroDatabase, parse
@@ -72,7 +73,7 @@ def flown_of(
         for line in lines
     )
     model = flight_model(database, engines=propulsion)
-    known = {**surface_limits(vehicle), "throttle": (0.0, 1.0)}
+    known = {**command_ranges(database), **surface_limits(vehicle), "throttle": (0.0, 1.0)}
     limits = {n: ends for n, ends in known.items() if n in model.inputs}
     return FlownVehicle(vehicle, model, masses, propulsion, limits)
 

@@ -172,7 +172,7 @@ def _about(
     steps = np.full(n + m, _STEP)
     for j, name in enumerate((*states, *inputs)):
         if name in ("u", "v", "w", "V"):
-            steps[j] = _STEP * speed
+            steps[j] = _STEP * max(speed, 1.0)
         elif is_force(name):
             steps[j] = _STEP * problem.inputs["mass"] * 10.0
     lanes = 2 * (n + m)

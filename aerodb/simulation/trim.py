@@ -26,6 +26,7 @@ from aerodb.simulation.trim_problem import (
     problem_of,
 )
 from aerodb.support import Array
+from aerodb.tables import STILL_AIR
 
 #: Steady flight: largest acceleration left, as a share of gravity (angular ones by the reference
 #: lengths).
@@ -132,7 +133,9 @@ def _channels(problem: TrimProblem, run: Simulation, z: Array) -> dict[str, Arra
     )  # fmt: skip
     channels = {name: run.channels[name][-1] for name in names}
     channels["climb"] = np.arcsin(
-        np.clip(-run.channels["velocity_down"][-1] / channels["V"], -1.0, 1.0)
+        np.clip(
+            -run.channels["velocity_down"][-1] / np.maximum(channels["V"], STILL_AIR), -1.0, 1.0
+        )
     )
     found = dict(zip(problem.unknowns, z, strict=True))
     turn = problem.condition.fixed.get("turn_rate", 0.0)
@@ -161,7 +164,8 @@ def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
     if begin is not None and begin.problem.unknowns == problem.unknowns:
         yield np.asarray(begin.point)
     for alpha in (0.05, 0.15, -0.05, 0.3):
-        yield np.array([{**guess, "alpha": alpha}[name] for name in problem.unknowns])
+        own = {"theta": 0.05 - alpha, "alpha": alpha}
+        yield np.array([{**guess, **own}[name] for name in problem.unknowns])
 
 
 def _solved(problem: TrimProblem, begin: Trim | None) -> tuple[Array, Array]:

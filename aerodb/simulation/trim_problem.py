@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import is_surface
-from aerodb.physics import GRAVITY
+from aerodb.physics import GRAVITY, quaternion_from_euler, to_body
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
 from aerodb.simulation.layout import FEEDBACK, SURROUNDINGS
 from aerodb.support import Array
@@ -21,7 +21,7 @@ AXES: Final = ("roll", "pitch", "yaw")
 #: Bounds of the unknowns that are no deflections [rad, rad/s].
 BOUNDS: Final = {
     "alpha": (-1.0, 1.0), "beta": (-0.7, 0.7), "phi": (-1.55, 1.55), "climb": (-1.5, 1.5),
-    "turn_rate": (-3.0, 3.0),
+    "turn_rate": (-3.0, 3.0), "theta": (-1.5, 1.5),
 }  # fmt: skip
 
 #: A control: each input that it moves, with its gain.
@@ -42,6 +42,9 @@ class Condition:
         straight flight without sideslip.
     load_factor : specific force normal to the flight path in the plane of symmetry, in g: of a turn
         to the right, or with `pull_up` of a pull-up without turn (below 1: a push-over).
+    hover : whether bank and pitch attitude are found, with a collective and three mixes of the
+        inputs that are free: a vehicle that rotors carry. V may then be 0; with `climb` it is the
+        speed along a path straight ahead.
     """
 
     V: float
@@ -52,13 +55,25 @@ class Condition:
     turn_rate: float | None = None
     load_factor: float | None = None
     pull_up: bool = False
+    hover: bool = False
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if value is not None and not np.isfinite(value):
                 raise InputError(f"{name} is not finite", "trim condition", "give a number")
-        if self.V <= 0:
-            raise InputError("no airspeed", "trim condition", "give V [m/s] above zero")
+        if self.V < 0 or (self.V == 0 and not self.hover):
+            raise InputError(
+                "no airspeed", "trim condition", "give V [m/s] above zero; rotors carry a hover"
+            )
+        if self.hover and (
+            self.climb is None
+            or any(x is not None for x in (self.bank, self.beta, self.turn_rate, self.load_factor))
+        ):
+            raise InputError(
+                "a hover with bank, sideslip, turn, load factor or in a glide",
+                "trim condition",
+                "leave them out: a hover is straight, and its attitude is found",
+            )
         if self.pull_up and self.load_factor is None:
             raise InputError("a pull-up without load factor", "trim condition", "give it in g")
         stated = [name for name in ("bank", "beta", "turn_rate") if getattr(self, name) is not None]
@@ -120,7 +135,43 @@ class TrimProblem:
         Unknowns are angles and deflections [rad], rates [rad/s], and thrust [N].
         """
         condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
-        at = {name: np.full(z.shape[1], value) for name, value in condition.fixed.items()} | found
+        start = self._hovering(found) if condition.hover else self._steady(found, z)
+        series = {name: np.full((1, z.shape[1]), value) for name, value in self.inputs.items()}
+        for name, control in self.controls.items():
+            for surface, gain in control.items():
+                series[surface] = series[surface] + gain * found[name]
+        if self.thrust is not None:
+            series[self.thrust] = found[self.thrust][None, :]
+        for name in FEEDBACK:
+            series[f"reference_{name}"] = np.array(start[name])[None, :]
+        return start, series
+
+    def _hovering(self, found: Mapping[str, Array]) -> dict[str, Array]:
+        """The start of straight flight at an attitude that is found."""
+        condition, phi, theta = self.condition, found["phi"], found["theta"]
+        still, climb = np.zeros_like(phi), condition.climb or 0.0
+        path = condition.V * np.array([np.cos(climb), 0.0, -np.sin(climb)])
+        u, v, w = to_body(
+            quaternion_from_euler(phi, theta, still),
+            np.broadcast_to(path[:, None], (3, len(phi))),
+        )
+        return {
+            "V": still + condition.V,
+            "altitude": still + condition.altitude,
+            "alpha": np.arctan2(w, u),
+            "beta": np.arctan2(v, np.hypot(u, w)),
+            "phi": phi,
+            "theta": theta,
+            "p": still,
+            "q": still,
+            "r": still,
+        }
+
+    def _steady(self, found: Mapping[str, Array], z: Array) -> dict[str, Array]:
+        """The start of a flight with its pitch attitude from the path angle."""
+        condition = self.condition
+        at = {name: np.full(z.shape[1], value) for name, value in condition.fixed.items()}
+        at |= found
         alpha, beta, phi, turn = at["alpha"], at["beta"], at["phi"], at["turn_rate"]
         climb = at["climb"] if condition.climb is None else np.full(z.shape[1], condition.climb)
         # Pitch attitude from path angle: Stevens & Lewis (2003), eq. 3.6-3.
@@ -132,7 +183,7 @@ class TrimProblem:
         pull = 0.0
         if condition.pull_up and condition.load_factor is not None:
             pull = GRAVITY * (condition.load_factor - np.cos(climb)) / condition.V
-        start = {
+        return {
             "V": np.full(z.shape[1], condition.V),
             "altitude": np.full(z.shape[1], condition.altitude),
             "alpha": alpha,
@@ -143,15 +194,6 @@ class TrimProblem:
             "q": turn * np.sin(phi) * np.cos(theta) + pull,
             "r": turn * np.cos(phi) * np.cos(theta),
         }
-        series = {name: np.full((1, z.shape[1]), value) for name, value in self.inputs.items()}
-        for name, control in self.controls.items():
-            for surface, gain in control.items():
-                series[surface] = series[surface] + gain * found[name]
-        if self.thrust is not None:
-            series[self.thrust] = found[self.thrust][None, :]
-        for name in FEEDBACK:
-            series[f"reference_{name}"] = start[name][None, :]
-        return start, series
 
     def flown(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Simulation:
         """Return the runs, channels (1, k) in SI units, at z (u, k), one sample each."""
@@ -284,6 +326,8 @@ def problem_of(
     if any(low >= high for low, high in limits.values()):
         raise InputError("a lower limit that is not below the upper one", where, "swap them")
     given = dict.fromkeys(model.inputs, 0.0) | dict(inputs)
+    if condition.hover:
+        return _hover_problem(model, condition, given, inputs, limits, where)
     chosen: dict[str, Control] = {}
     for axis, named in (controls or {}).items():
         if axis not in AXES:
@@ -329,6 +373,72 @@ def problem_of(
         np.array(bounds, dtype=np.float64),
         np.array(scales),
     )
+
+
+def _hover_problem(
+    model: FlightModel,
+    condition: Condition,
+    given: dict[str, float],
+    inputs: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+    where: str,
+) -> TrimProblem:
+    """The problem of a hover: attitude, collective and mixes, at inputs that begin in the middle
+    of their limits."""
+    free = [name for name in model.inputs if name not in inputs]
+    for name in free:
+        low, high = limits.get(name, (-np.inf, np.inf))
+        if np.isfinite(high - low):
+            given[name] = 0.5 * (low + high)
+        elif not is_surface(name):
+            given[name] = 0.5
+    mixes = hover_mixes(model, condition, given, free)
+    if "collective" not in mixes:
+        raise InputError(
+            "no free input lifts it",
+            where,
+            "a hover needs rotors with speeds over inputs; leave these out of --set",
+        )
+    unknowns = ("phi", "theta", *mixes)
+    return TrimProblem(
+        model,
+        condition,
+        given,
+        mixes,
+        None,
+        unknowns,
+        np.array([BOUNDS.get(name, (-np.inf, np.inf)) for name in unknowns]),
+        np.ones(len(unknowns)),
+    )
+
+
+def hover_mixes(
+    model: FlightModel, condition: Condition, inputs: Mapping[str, float], free: Sequence[str]
+) -> dict[str, Control]:
+    """Return the collective, roll, pitch and yaw mix of the `free` inputs at `inputs` [SI].
+
+    Each changes one acceleration alone, by the smallest change of inputs (pseudo-inverse); its
+    largest gain is 1. An axis that no input moves has no mix.
+    """
+    m = len(free)
+    lanes = np.hstack([np.eye(m), -np.eye(m)]) * 0.01
+    series: dict[str, Any] = {**inputs}
+    for k, name in enumerate(free):
+        series[name] = (inputs[name] + lanes[k])[None, :]
+    start = {"V": condition.V, "altitude": condition.altitude}
+    if not m:
+        return {}
+    rates = simulate(model, np.zeros(1), start, series).rates[[2, 3, 4, 5]]
+    reference = model.database.reference
+    lengths = 0.5 * np.array([2.0, reference.span, reference.chord, reference.span])
+    power = (rates[:, :m] - rates[:, m:]) / 0.02 * lengths[:, None]
+    inverse = np.linalg.pinv(power, rcond=1e-6)
+    reached = np.diag(power @ inverse) > 0.5
+    return {
+        axis: dict(zip(free, (gains / np.abs(gains).max()).tolist(), strict=True))
+        for axis, gains, own in zip(("collective", *AXES), inverse.T, reached, strict=True)
+        if own
+    }
 
 
 def _name_of(control: Control) -> str:

@@ -31,6 +31,10 @@ Sideslip = Annotated[str | None, typer.Option(help="Sideslip: steady, without --
 TurnRate = Annotated[str | None, typer.Option(help="Rate of turn, with unit or in rad/s.")]
 Load = Annotated[float | None, typer.Option(help="Load factor of a turn or pull-up, in g.")]
 PullUp = Annotated[bool, typer.Option("--pull-up", help="A pull-up with --load-factor.")]
+Hover = Annotated[
+    bool,
+    typer.Option("--hover", help="Rotors carry it: attitude, collective and three mixes found."),
+]
 Fuel = Annotated[str | None, typer.Option(help="Fuel mass, for a table of masses.")]
 Given = Annotated[
     list[str] | None,
@@ -71,6 +75,7 @@ class _Stated:
     turn_rate: TurnRate = None
     load_factor: Load = None
     pull_up: PullUp = False
+    hover: Hover = False
     fuel: Fuel = None
     given: Given = None
     control: Control = None
@@ -93,10 +98,12 @@ class _Stated:
 
         if self.glide and self.thrust is not None:
             raise InputError("--glide and --thrust together", remedy="leave one of them out")
-        free = self.glide or (glides and self.climb is None and self.thrust is None)
+        speed = value_of("V", self.speed)
+        hover = self.hover or speed == 0.0
+        free = self.glide or (glides and not hover and self.climb is None and self.thrust is None)
         return StatedCondition(
             Condition(
-                value_of("V", self.speed),
+                speed,
                 value_of("altitude", self.altitude),
                 None if free else read("theta", self.climb or "0"),
                 read("phi", self.bank),
@@ -104,6 +111,7 @@ class _Stated:
                 read("r", self.turn_rate),
                 self.load_factor,
                 self.pull_up,
+                hover,
             ),
             tuple(self.given or ()),
             tuple(self.control or ()),

@@ -340,3 +340,75 @@ def test_parameters_are_shared_by_name() -> None:
     area = 2 * 5.2 * 1.45
     # Every strip of both sides has the new slope: at the mean incidence of 0 deg.
     assert gain[0] == pytest.approx(-0.5 * 0.1 * area / 16.0, rel=0.03)
+
+
+def test_a_section_is_a_flat_plate_beyond_its_stall() -> None:
+    """Both regions and the blend, written as the source has them: with exponentials."""
+    own = database(
+        '[parts.strip]\nkind = "section"\nposition = [0.0, 0.0, 0.0]\n'
+        'area = 2.0\nlift = "0.2 + 5*alpha"\ndrag = "0.02 + 0.3*alpha^2"\n'
+        "[parts.strip.separated]\nangle = 0.3\nsharpness = 30.0\nlift = 0.9\ndrag = [0.05, 1.8]\n"
+    )
+    for alpha in (-1.4, -0.33, -0.1, 0.0, 0.28, 0.31, 0.8, 1.5):
+        upper, lower = (np.exp(30.0 * (alpha + sign * 0.3)) for sign in (1.0, -1.0))
+        share = 1.0 - upper / ((1.0 + upper) * (1.0 + lower))
+        lift = (1 - share) * (0.2 + 5 * alpha) + share * 0.9 * np.sin(2 * alpha)
+        drag = (1 - share) * (0.02 + 0.3 * alpha**2) + share * (0.05 + 1.75 * np.sin(alpha) ** 2)
+        at = {"V": 20.0, "alpha": alpha, "beta": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
+        found = own.predict({**at, "rho": 1.2, "qbar": 240.0}).coefficients
+        area = 2.0 / own.reference.area
+        normal = area * (lift * np.cos(alpha) + drag * np.sin(alpha))
+        along = area * (lift * np.sin(alpha) - drag * np.cos(alpha))
+        assert found["CZ"][0] == pytest.approx(-normal, rel=1e-9, abs=1e-12)
+        assert found["CX"][0] == pytest.approx(along, rel=1e-9, abs=1e-12)
+
+
+def test_a_wing_tilts_with_its_rotor_and_stands_in_its_slipstream() -> None:
+    """Equations 4.31 to 4.36 as vectors: 1 rad up from forward, in slow flight."""
+    own = read_native(
+        HEAD
+        + """
+[free_inputs]
+up = "rad"
+[parts.fan]
+kind = "rotor"
+position = [0.3, 1.0, -0.1]
+axis = [1, 0, 0]
+tilt = "up"
+speed = "70"
+diameter = 0.6
+thrust = [0.1, 0.12]
+[parts.wing]
+kind = "section"
+position = [0.0, 1.0, -0.1]
+area = 0.4
+lift = "0.1 + 4.5*alpha"
+drag = "0.02 + 0.2*alpha^2"
+tilt = "up"
+slipstream = "fan"
+"""
+    )
+    angle, air = 1.0, np.array([7.0, 0.0, 0.9])
+    axis = np.array([np.cos(angle), 0.0, -np.sin(angle)])
+    u, area = float(air @ axis), np.pi * 0.3**2
+    thrust = 1.2 * 70.0**2 * 0.6**4 * (0.1 - 0.12 * u / (70.0 * 0.6))
+    induced = 0.5 * (-u + np.sqrt(u**2 + 2 * thrust / (1.2 * area)))
+    grown = 1.0 + 0.3 / np.hypot(0.3, 0.3)
+    flow = air + grown * induced * axis
+    alpha = np.arctan2(flow[2], flow[0]) + angle
+    speed = np.hypot(flow[0], flow[2])
+    along = np.array([flow[0], 0.0, flow[2]]) / speed
+    upward = np.array([along[2], 0.0, -along[0]])
+    wing = (
+        0.5
+        * 1.2
+        * 0.4
+        * speed**2
+        * ((0.1 + 4.5 * alpha) * upward - (0.02 + 0.2 * alpha**2) * along)
+    )
+    expected = wing + thrust * axis
+    V = float(np.linalg.norm(air))
+    at = {"V": V, "alpha": float(np.arctan2(air[2], air[0])), "beta": 0.0, "up": angle}
+    found = own.predict({**at, "p": 0.0, "q": 0.0, "r": 0.0, "rho": 1.2, "qbar": 1.0}).coefficients
+    force = AREA * np.array([found[name][0] for name in ("CX", "CY", "CZ")])
+    np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
