@@ -19,6 +19,7 @@ def import_flow(
     replace_reason: str = "",
     accept: list[str] | None = None,
     ask: bool = False,
+    further: list[str] | None = None,
 ) -> dict[str, Any]:
     """Import a database file; see `aerodb.tasks.steps.importing.import_database`."""
     result: dict[str, Any] = steps(
@@ -32,6 +33,7 @@ def import_flow(
         replace_reason=replace_reason,
         accept=tuple(accept or ()),
         ask=ask,
+        further=tuple(further or ()),
     )
     return result
 

@@ -64,6 +64,7 @@ ALLOWED = {
     "flows/demo.py": "names of parameters",
     # what others write
     "aerodb/errors.py": "Python's messages",
+    "aerodb/exchange/aero_codes/avl.py": "the output of AVL",
     "aerodb/increments/spline_terms.py": "model files",
     "aerodb/logs/clocks.py": "names of fields of logs",
     "aerodb/logs/field_names.py": "names of fields of logs",

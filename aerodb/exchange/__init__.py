@@ -9,6 +9,8 @@ JSBSim (jsbsim)    import_jsbsim    export_jsbsim   jsbsim_check_cases, check_in
 CSV (arrays)       import_csv       export_csv      yes, checked on import
 MAT (arrays)       import_mat       export_mat      yes, checked on import
 NetCDF (arrays)    import_netcdf    export_netcdf   yes, checked on import
+Codes (aero_codes) import_code      export_sitl,    none
+                                    export_gazebo
 
 Every reader takes the content of a file and returns an `aerodb.tables.AeroDatabase`; every writer
 takes an AeroDatabase and returns the content of a file. No function here opens a file.
@@ -29,6 +31,16 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .aero_codes import (
+        KnownVehicle,
+        code_of,
+        differences,
+        export_gazebo,
+        export_sitl,
+        import_code,
+        project_gazebo,
+        project_sitl,
+    )
     from .arrays import (
         CSV_HEAD,
         csv_text,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         ThrustLine,
         Vehicle,
         VerticalAir,
+        full_travels,
         parse_vehicle,
         with_measured,
     )

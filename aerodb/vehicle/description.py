@@ -438,6 +438,13 @@ def with_measured(vehicle: Vehicle, stated: Sequence[str]) -> Vehicle:
     return validated(Vehicle, data, "measured")
 
 
+def full_travels(vehicle: Vehicle) -> dict[str, float]:
+    """Return the full travel of each surface and combination [rad]; of a combination that of its
+    right surface."""
+    own = {name: max(map(abs, each.limits)) for name, each in vehicle.surfaces.items()}
+    return {name: own[each.right] for name, each in vehicle.combinations.items()} | own
+
+
 def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
     """Return the Vehicle that a TOML text describes.
 

@@ -1,5 +1,6 @@
 """``aerodb database``: import a baseline from a file, and what it needs of flights."""
 
+import math
 import shlex
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +22,10 @@ app = typer.Typer(
 @app.command("import")
 def import_file(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(help=f"{DATABASES}.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help=f"{DATABASES}; several of one code make tables."),
+    ],
     vehicle: Annotated[
         str | None,
         typer.Option(help="The vehicle that it describes; optional if there is only one."),
@@ -60,14 +64,15 @@ def import_file(
     the right one with --replace and --reason. On a terminal, inputs that are not known are asked
     for, with proposals; elsewhere, and with --json, they are listed.
 
-    Example: aerodb database import DHC6.xml --vehicle twin-otter --accept-proposals
+    Example: aerodb database import cruise.st climb.st --vehicle my-glider --bind length_unit=m
     """
     from aerodb.flows.importing import import_flow
     from aerodb.tasks.references import vehicle_of
 
     session: Session = context.obj
-    if not file.is_file():
-        raise InputError("no such file", str(file), "check the path")
+    for each in files:
+        if not each.is_file():
+            raise InputError("no such file", str(each), "check the path")
     if replace and not reason.strip():
         raise InputError("replacing the released import requires a reason", "", "--reason TEXT")
     if accept and not replace:
@@ -75,22 +80,24 @@ def import_file(
     bindings = dict(_binding(text) for text in bind or [])
     vehicle = vehicle_of(session.catalogue(), vehicle)
     parameters = {
-        "file": str(file),
+        "file": str(files[0]),
         "vehicle": vehicle,
         "bindings": bindings,
         "accept_proposals": accept_proposals,
         "replace_reason": reason if replace else "",
         "accept": accept or [],
+        "further": [str(each) for each in files[1:]],
     }
     document = _imported(session, import_flow, parameters)
     session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
+    _say_content(session, document)
     _say_checks(session, document)
     _say_values(session, document)
     _say_released(session, document, vehicle)
     _say_inputs(session, document)
     if document["lacking"]:
         session.say("to take all zeros: import again with --accept-proposals; to choose, copy:")
-        session.say(_command(file, vehicle, bind or [], document))
+        session.say(_command(files, vehicle, bind or [], document))
     session.answer(document)
 
 
@@ -134,6 +141,21 @@ def inputs(
     session.answer(document)
 
 
+def _say_content(session: Session, document: dict[str, Any]) -> None:
+    """Print what the database does not know, how a file of a code was read, and its curves."""
+    if document["lacks"]:
+        session.say(f"it has no {', no '.join(document['lacks'])}")
+    for line in document["read_as"]:
+        session.say(f"- {line}")
+    found = document["curves"]
+    if found and document["read_as"]:
+        degrees = [math.degrees(x) for x in found["alpha"]]
+        session.say("alpha [deg] " + " ".join(f"{x:8.3g}" for x in degrees))
+        for axis in ("C_lift", "C_drag", "Cm"):
+            session.say(f"{axis:<11} " + " ".join(f"{x:8.4f}" for x in found[axis]))
+        session.say(f"curves: aerodb report version {document['label']} --output curves.html")
+
+
 def _say_checks(session: Session, document: dict[str, Any]) -> None:
     checks = document["file_checks"]
     if checks is None:
@@ -174,10 +196,11 @@ def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> N
         )
 
 
-def _command(file: Path, vehicle: str, bind: list[str], document: dict[str, Any]) -> str:
+def _command(files: list[Path], vehicle: str, bind: list[str], document: dict[str, Any]) -> str:
     """The whole command with a binding per input that no flight has, to be edited."""
     given = [*bind, *(texts[0] for texts in document["proposals"].values() if texts)]
-    lines = [f"aerodb database import {shlex.quote(str(file))} --vehicle {shlex.quote(vehicle)}"]
+    named = " ".join(shlex.quote(str(each)) for each in files)
+    lines = [f"aerodb database import {named} --vehicle {shlex.quote(vehicle)}"]
     return " \\\n".join([*lines, *(f"  --bind {shlex.quote(text)}" for text in given)])
 
 

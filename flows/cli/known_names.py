@@ -12,7 +12,10 @@ METHODS: Final = (
 #: `aerodb.storage.readers.read_log`.
 LOGS: Final = "ULog, DataFlash, MCAP, MAT, CSV, ASCII or Parquet"
 #: `aerodb.tasks.steps.import_database`.
-DATABASES: Final = "DAVE-ML, JSBSim XML, CSV (or a ZIP of them), MAT, NetCDF or native TOML"
+DATABASES: Final = (
+    "DAVE-ML, JSBSim XML, CSV (or a ZIP of them), MAT, NetCDF or native TOML; AVL, ArduPilot SITL,"
+    " Gazebo"
+)
 #: `aerodb.effects.library`: of aerodynamics, then of sensors and vehicle data.
 EFFECTS: Final = (
     "zero_offset, alpha_slope, alpha_slope_break, beta_slope, beta_even, table_sign,"

@@ -167,7 +167,9 @@ def export(
     version: str,
     format: Annotated[
         str,
-        typer.Option(help="daveml, jsbsim, csv (one table; FILE.zip: many), mat or netcdf."),
+        typer.Option(
+            help="daveml, jsbsim, gazebo, sitl, csv (one table; FILE.zip: many), mat or netcdf."
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option(help="The file to write; with --into, beside the aircraft.")
@@ -197,6 +199,9 @@ def export(
     )
     if format == "jsbsim":
         _say_mass_and_merge(session, document)
+    if largest := document["differences"]:
+        said = ", ".join(f"{axis} {value:.2g}" for axis, value in largest.items())
+        session.say(f"what this form cannot hold, -4 to 8 deg, sideslip to 3 deg: {said}")
     session.answer(document)
 
 

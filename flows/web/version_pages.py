@@ -62,13 +62,15 @@ Before = Annotated[
     int | None,
     Query(ge=1, le=2**53, description="End of the previous page, from its header Link."),
 ]
-Format = Literal["daveml", "jsbsim", "csv", "mat", "netcdf"]
+Format = Literal["daveml", "jsbsim", "csv", "mat", "netcdf", "gazebo", "sitl"]
 _SUFFIX: dict[str, str] = {
     "daveml": "dml",
     "jsbsim": "xml",
     "csv": "csv",
     "mat": "mat",
     "netcdf": "nc",
+    "gazebo": "sdf",
+    "sitl": "json",
 }
 
 

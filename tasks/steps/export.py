@@ -11,13 +11,17 @@ import numpy as np
 from aerodb.errors import AeroError, InputError, nearest
 from aerodb.exchange import (
     MassBalance,
+    differences,
     export_csv,
     export_csv_table,
     export_daveml,
+    export_gazebo,
     export_jsbsim,
     export_mat,
     export_netcdf,
+    export_sitl,
     from_document,
+    import_code,
     import_csv,
     import_daveml,
     import_jsbsim,
@@ -26,6 +30,8 @@ from aerodb.exchange import (
     jsbsim_check_cases,
     mass_balance_of,
     merge_jsbsim,
+    project_gazebo,
+    project_sitl,
     states_for_jsbsim,
     without_states,
 )
@@ -37,7 +43,7 @@ from aerodb.storage.workspace_settings import load_settings
 from aerodb.storage.writers import agreement_in_jsbsim, jsbsim_is_installed
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, make_check_cases
 from aerodb.tasks.workspace_access import WorkspaceAccess
-from aerodb.vehicle import MASS_CHANNELS, parse_vehicle
+from aerodb.vehicle import MASS_CHANNELS, Vehicle, full_travels, parse_vehicle
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,8 @@ class Form:
     file. read : (file, name) -> database. receive : runs the receiving program, where it is
     installed, under the workspace's limits, and returns its verdict in one sentence; InputError if
     it disagrees.
-    carried : reduces the database to what the format can carry (no states).
+    carried : reduces the database to what the format can carry (no states). project : makes of it
+    the model of the format, with the vehicle's surfaces; what that cannot hold is told.
     """
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
@@ -56,6 +63,7 @@ class Form:
     read: Callable[[bytes, str], AeroDatabase]
     receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase], Limits], str] = lambda *_: ""
     carried: Callable[[AeroDatabase], AeroDatabase] = lambda database: database
+    project: Callable[[AeroDatabase, Vehicle], AeroDatabase] | None = None
 
 
 def _jsbsim(
@@ -87,6 +95,10 @@ def _in_jsbsim(
     return "and pass inside JSBSim"
 
 
+def _model_of(data: bytes, name: str) -> AeroDatabase:
+    return import_code([(name, data)], name)
+
+
 #: Formats by the name that users give; an entry per exporter of `aerodb.exchange`.
 FORMS: Final[dict[str, Form]] = {
     "jsbsim": Form(
@@ -107,6 +119,12 @@ FORMS: Final[dict[str, Form]] = {
         lambda data, name: import_daveml(data, name=name),
         carried=without_states,
     ),
+    "gazebo": Form(
+        make_check_cases,
+        lambda database, _name, _cases, _mass: export_gazebo(database),
+        _model_of,
+        project=lambda database, _vehicle: project_gazebo(database),
+    ),
     "mat": Form(
         make_check_cases,
         lambda database, _name, cases, _mass: export_mat(database, cases),
@@ -116,6 +134,12 @@ FORMS: Final[dict[str, Form]] = {
         make_check_cases,
         lambda database, _name, cases, _mass: export_netcdf(database, cases),
         import_netcdf,
+    ),
+    "sitl": Form(
+        make_check_cases,
+        lambda database, _name, _cases, _mass: export_sitl(database),
+        _model_of,
+        project=lambda database, vehicle: project_sitl(database, full_travels(vehicle)),
     ),
 }
 
@@ -156,6 +180,11 @@ def export_version(
     database = form.carried(
         from_document(json.loads(catalogue.version_documents(version.id).content))
     )
+    held: dict[str, float] = {}
+    if form.project is not None:
+        described = parse_vehicle(catalogue.vehicle(version.vehicle).text, version.vehicle)
+        model = form.project(database, described)
+        held, database = differences(database, model), model
     name, cases = f"{version.vehicle}-{version.label}", form.cases(database)
     mass = _mass(workspace, catalogue, version.vehicle) if format == "jsbsim" else None
     data = archive(database, cases) if archive else form.write(database, name, cases, mass)
@@ -175,6 +204,7 @@ def export_version(
         "bytes": len(data),
         "check_cases": len(cases),
         "checked": " ".join(filter(None, (f"read back, {len(cases)} check cases pass", received))),
+        "differences": held,
     }
     if format == "jsbsim":
         document["mass"] = None if mass is None else asdict(mass)

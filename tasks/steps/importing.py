@@ -2,17 +2,22 @@
 what its inputs still need."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from aerodb.coefficients import with_held_inputs, without_values
 from aerodb.errors import InputError, OpenQuestionsError, Question
 from aerodb.exchange import (
     CSV_HEAD,
     FileChecks,
+    KnownVehicle,
     check_file,
+    code_of,
+    import_code,
     import_csv,
     import_daveml,
     import_jsbsim,
@@ -23,12 +28,13 @@ from aerodb.exchange import (
 )
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import files_beside
-from aerodb.tables import AeroDatabase
+from aerodb.tables import AeroDatabase, ReferenceGeometry, curves, lacking_effects
 from aerodb.tasks.result_versions import JSBSIM_IMPORT, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.inputs import flights_of, inputs_document
 from aerodb.tasks.steps.publish import add_version, move
 from aerodb.tasks.steps.release import promote
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.vehicle import Vehicle, full_travels
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
@@ -51,6 +57,7 @@ def import_database(
     replace_reason: str = "",
     accept: tuple[str, ...] = (),
     ask: bool = False,
+    further: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Import a database file as a version without parent.
 
@@ -58,11 +65,14 @@ def import_database(
     nothing was made of the first; neither does if the check cases of the file fail, or if a
     coefficient has no finite value (`without_values`).
 
+    further : files that are read with the first as one database (runs of an aerodynamic code).
+
     accept_proposals : hold inputs that no flight has at zero. replace_reason : why this import
     replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
-    without_values (coefficients that are finite nowhere),
+    without_values (coefficients that are finite nowhere), read_as (how the file was read), lacks
+    (what the database does not know, `lacking_effects`), curves (C_lift, C_drag, Cm over alpha),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
     ask : where inputs leave questions, store nothing and return them (questions: each an
     `aerodb.errors.Question` as JSON).
@@ -70,7 +80,8 @@ def import_database(
     access, path = access_workspace(workspace), Path(file)
     access.catalogue.vehicle(vehicle)
     data = path.read_bytes()
-    inputs = {hashlib.sha256(data).hexdigest()}
+    more = [(Path(each).name, Path(each).read_bytes()) for each in further]
+    inputs = {hashlib.sha256(each).hexdigest() for each in (data, *(other for _, other in more))}
 
     def part(name: str) -> bytes:
         beside = files_beside(path)(name)
@@ -80,7 +91,9 @@ def import_database(
         return beside
 
     try:
-        database = read_database(data, path.name, bindings or {}, part)
+        database = read_database(
+            data, path.name, bindings or {}, part, more, known_vehicle(access.vehicle(vehicle)[0])
+        )
     except OpenQuestionsError as error:
         if not ask:
             raise
@@ -105,6 +118,7 @@ def import_database(
         "imported_from": path.name,
         **({"without_values": gone} if gone else {}),
         **({"held_at_zero": held} if held else {}),
+        **({"further_files": [each for each, _ in more]} if more else {}),
         **({"file_checks": outcome} if outcome else {}),
     }
     version = add_version(
@@ -133,8 +147,32 @@ def import_database(
         "held": held,
         "without_values": gone,
         "file_checks": outcome,
+        "read_as": database.description.splitlines() if code_of(data) else [],
+        "lacks": list(lacking_effects(database)) if not gone else [],
+        "curves": _curves(database) if not gone else {},
         **known,
     }
+
+
+#: Angles of attack of the curves that an import shows [deg].
+_SHOWN: Final = (-4.0, -2.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0)
+
+
+def _curves(database: AeroDatabase) -> dict[str, list[float]]:
+    """Coefficients over `_SHOWN`, as JSON; alpha in rad."""
+    alpha = np.deg2rad(_SHOWN)
+    found = {axis: values.tolist() for axis, values in curves(database, alpha).items()}
+    return {"alpha": alpha.tolist(), **found} if found else {}
+
+
+def known_vehicle(vehicle: Vehicle) -> KnownVehicle:
+    """Return what an import proposes from a vehicle file: lengths and moment reference [m, body
+    axes], full travels [rad]."""
+    point = vehicle.points.moment_reference
+    fixed = point if point != "cg" else (0.0, 0.0, 0.0)
+    own = vehicle.reference
+    reference = ReferenceGeometry(own.area, own.chord, own.span, fixed)
+    return KnownVehicle(reference, point != "cg", full_travels(vehicle))
 
 
 def _cannot_be_zero(known: Mapping[str, Any], where: str) -> OpenQuestionsError:
@@ -199,15 +237,29 @@ def _outcome(checks: FileChecks | None) -> dict[str, Any] | None:
 
 
 def read_database(
-    data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
+    data: bytes,
+    name: str,
+    bindings: Mapping[str, str],
+    part: Callable[[str], bytes] | None = None,
+    more: Sequence[tuple[str, bytes]] = (),
+    vehicle: KnownVehicle | None = None,
 ) -> AeroDatabase:
     """Parse a database file by its suffix and content: DAVE-ML 2.0 (AIAA S-119), JSBSim, native
-    TOML, CSV, MAT, NetCDF; tables become SI units.
+    TOML, CSV, MAT, NetCDF, output of AVL, ArduPilot SITL, Gazebo; tables become SI units.
 
-    part : returns the bytes of a file that this one names. Raises InputError for a format that
-    cannot be read.
+    part : returns the bytes of a file that this one names. more : further files of the same code
+    (name, content). vehicle : for proposals. Raises InputError for a format that cannot be read.
     """
     suffix = Path(name).suffix.lower()
+    if code_of(data):
+        for other, content in more:
+            if code_of(content) != code_of(data):
+                raise InputError(f"not a file of {code_of(data)}", other, "import it alone")
+        return import_code(
+            [(name, data), *more], Path(name).stem, bindings=bindings, vehicle=vehicle
+        )
+    if more:
+        raise InputError("a database in one file", name, "import the other files alone")
     if suffix in _XML and is_daveml(data):
         return import_daveml(data, bindings=bindings, name=Path(name).stem)
     if suffix == ".xml":
@@ -222,6 +274,6 @@ def read_database(
             return importer(data, name)
     remedy = (
         "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc"
-        " (NetCDF)"
+        " (NetCDF); aerodynamic codes: docs/reference/aerodynamic-codes.md"
     )
     raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)

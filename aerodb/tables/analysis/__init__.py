@@ -4,7 +4,8 @@
 have been. `evaluation` gives coefficients with standard errors and places (`declared_uncertainty`).
 `consolidation` folds increments into tables (`multilinear`, `node_increment`). `differences`
 compares databases; `sensitivity` gives derivatives along a flight, `slopes` their sign changes, and
-`check_cases` guards stored versions. `tabulation` makes tables of a database.
+`check_cases` guards stored versions. `lacking_effects` says what a database does not know, and
+gives its curves. `tabulation` makes tables of a database.
 """
 
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from .differences import DatabaseDiff, NodeChanges, TermChange, diff
     from .envelope import continued, flown_envelope
     from .evaluation import Evaluation, Place, evaluate_database
+    from .lacking_effects import curves, lacking_effects
     from .linear_terms import LinearTable, depends_on, linear_tables
     from .nodes import neutral_point, table_grids, vary
     from .parameter_estimates import (

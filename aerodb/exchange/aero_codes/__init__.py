@@ -1,0 +1,22 @@
+"""Databases of aerodynamic codes and models of simulators, for those who have no tunnel.
+
+`code_of` tells who wrote a file, `import_code` reads it. `avl` reads runs of a lattice with their
+derivatives; `sitl` and `gazebo` read and write models of simulators (`parametric`).
+
+`runs` makes a database of totals and derivatives about points. `controls` finds the channel and the
+sign of a control surface, `answers` collects what a file leaves open, and `lines` knows where a
+text is wrong.
+"""
+
+from typing import TYPE_CHECKING
+
+from aerodb.lazy_faces import attach
+
+if TYPE_CHECKING:
+    from .answers import KnownVehicle
+    from .gazebo import export_gazebo, project_gazebo
+    from .parametric import differences
+    from .recognise import code_of, import_code
+    from .sitl import export_sitl, project_sitl
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,0 +1,224 @@
+"""What a file of an aerodynamic code leaves open, asked in one round: numbers, choices, controls.
+
+An answer is a binding of the import, ``--bind NAME=ANSWER``; it takes precedence over what the file
+and the vehicle say.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from aerodb.errors import InputError, OpenQuestionsError, Question, nearest
+from aerodb.tables import Expression, ReferenceGeometry, parse
+from aerodb.units import quantity
+
+#: Stands where only the user knows the answer.
+_BLANK: Final = "NUMBER"
+
+
+@dataclass(frozen=True)
+class KnownVehicle:
+    """What the vehicle file says, for proposals.
+
+    reference : lengths and moment reference; None where there is no vehicle. has_point : whether
+    the moment reference is a fixed point. surfaces : its surfaces and combinations -> full travel
+    [rad].
+    """
+
+    reference: ReferenceGeometry | None = None
+    has_point: bool = False
+    surfaces: Mapping[str, float] = field(default_factory=dict)
+
+
+class Answers:
+    """Bindings of an import as answers to questions; what is open is raised by `close`."""
+
+    def __init__(self, bindings: Mapping[str, str], where: str, vehicle: KnownVehicle) -> None:
+        self.where, self.vehicle = where, vehicle
+        self.notes: list[str] = []
+        self._bindings = {name.strip(): text.strip() for name, text in bindings.items()}
+        self._stated: dict[str, str] = {}
+        self._known: set[str] = set()
+        self._questions: dict[str, Question] = {}
+
+    def is_given(self, name: str) -> bool:
+        """Return whether a binding answers `name`."""
+        self._known.add(name)
+        if name not in self._bindings and name in self._stated:
+            self._bindings[name] = self._stated[name]
+        return name in self._bindings
+
+    def state(self, answers: Mapping[str, str]) -> None:
+        """Take what a file says itself (name -> answer), where no binding says otherwise."""
+        self._stated.update(answers)
+
+    def ask(self, name: str, text: str, proposals: Collection[tuple[str, str]] = ()) -> None:
+        """Leave a question open: the first of `proposals` (answer, when it is right) is the
+        default."""
+        self._known.add(name)
+        given = tuple(proposals) or ((_BLANK, ""),)
+        self._questions.setdefault(name, Question(text, name, given))
+
+    def number(
+        self,
+        name: str,
+        unit: str,
+        text: str,
+        proposals: Collection[tuple[str, str]] = (),
+        stated: float | None = None,
+        meanwhile: float = 1.0,
+    ) -> float:
+        """Return a number in `unit` (SI): the answer, else what is `stated`; `meanwhile` until it
+        is answered.
+
+        Raises InputError for an answer that is no number.
+        """
+        if self.is_given(name):
+            try:
+                return quantity(self._bindings[name], unit)
+            except InputError as error:
+                raise InputError(error.what, f"--bind {name}", error.remedy) from None
+        if stated is not None:
+            return stated
+        self.ask(name, text, proposals)
+        return meanwhile
+
+    def choice(
+        self,
+        name: str,
+        options: Mapping[str, str],
+        text: str,
+        stated: str = "",
+    ) -> str:
+        """Return one of `options` (answer -> when it is right): the answer, else what is `stated`;
+        the first option while it is open. Raises InputError for another answer."""
+        if self.is_given(name):
+            if self._bindings[name] not in options:
+                raise InputError(
+                    f"'{self._bindings[name]}' is none of {', '.join(options)}",
+                    f"--bind {name}",
+                    nearest(self._bindings[name], options),
+                )
+            return self._bindings[name]
+        if not stated:
+            self.ask(name, text, tuple(options.items()))
+        return stated or next(iter(options))
+
+    def left_out(self, names: Sequence[str], code: str) -> dict[str, float]:
+        """Return the numbers that a file leaves out and `code` has built in: each as answered, or
+        all zero by one answer."""
+        values = {name: self.number(name, "1", "", (), 0.0) for name in names}
+        open_ = [name for name in names if not self.is_given(name)]
+        if open_:
+            self.choice(
+                "left_out",
+                {"zero": "if none of them acts; else one --bind NAME=NUMBER each"},
+                f"{code} has its own values for what is not in the file ({', '.join(open_)}):"
+                " are they zero?",
+            )
+        return values
+
+    def expression(self, name: str) -> Expression:
+        """Return an answer as an expression of channels, in the unit of the file. Raises InputError
+        for anything else, KeyError where there is none (`is_given`)."""
+        try:
+            return parse(self._bindings[name])
+        except InputError as error:
+            raise InputError(error.what, f"--bind {name}", error.remedy) from None
+
+    def reference(
+        self,
+        area: float | None = None,
+        chord: float | None = None,
+        span: float | None = None,
+        point: tuple[float, float, float] | None = None,
+        offset: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> ReferenceGeometry:
+        """Return the reference geometry: each length [m, m2] and the point [m, body axes from the
+        vehicle's datum] as answered, else as the file states it; what neither has is asked, with
+        the vehicle's as proposal. offset : (3,) [m], of the file's point from the vehicle's."""
+        own = self.vehicle.reference
+        sizes = []
+        for name, unit, stated, what in (
+            ("S_ref", "m^2", area, "area"),
+            ("c_ref", "m", chord, "chord of Cm"),
+            ("b_ref", "m", span, "span of Cl and Cn"),
+        ):
+            value = own and {"S_ref": own.area, "c_ref": own.chord, "b_ref": own.span}[name]
+            proposals = ((f"{value:.9g}", "as the vehicle file"),) if value else ()
+            text = f"the file states no reference {what} [{unit}]: which one is it?"
+            sizes.append(self.number(name, unit, text, proposals, stated))
+        place = []
+        for k, name in enumerate(("x_ref", "y_ref", "z_ref")):
+            at = own.moment_reference[k] + offset[k] if own and self.vehicle.has_point else None
+            proposals = ((f"{at:.9g}", "as the vehicle file"),) if at is not None else ()
+            text = (
+                f"the file does not say where its moments are about: {name[0]} in body axes from"
+                " the vehicle's datum [m]?"
+            )
+            place.append(
+                self.number(name, "m", text, proposals, None if point is None else point[k])
+            )
+        for name, size in zip(("S_ref", "c_ref", "b_ref"), sizes, strict=True):
+            if not size > 0.0:
+                raise InputError(f"{name} is {size:g}", self.where, "it must be positive")
+        where = (place[0], place[1], place[2])
+        return ReferenceGeometry(sizes[0], sizes[1], sizes[2], where)
+
+    def close(self) -> None:
+        """Raise OpenQuestionsError with all open questions, and InputError for a binding of what
+        the file does not have."""
+        unused = sorted(set(self._bindings) - self._known)
+        if unused:
+            raise InputError(
+                f"binding of '{unused[0]}', which the file does not have",
+                self.where,
+                nearest(unused[0], self._known),
+            )
+        if self._questions:
+            asked = list(self._questions.values())
+            raise OpenQuestionsError(
+                f"{len(asked)} question{'s' if len(asked) > 1 else ''} before it can be read",
+                self.where,
+                "import again with one line of each, all in one command:",
+                asked,
+            )
+
+
+#: Units of length that aerodynamic codes are used in, in metres.
+LENGTHS: Final = {"m": 1.0, "ft": 0.3048, "inch": 0.0254, "cm": 0.01, "mm": 0.001}
+#: Relative difference up to which lengths of two files are of one aircraft: three digits printed,
+#: and definitions of the chord that differ by some per cent.
+_SAME: Final = 0.05
+
+
+def length_unit(answers: Answers, area: float, chord: float, span: float) -> float:
+    """Return the unit of length of a file that does not name it, in metres.
+
+    area, chord, span : as in the file. It is taken without a question where exactly one unit gives
+    the vehicle's lengths; see `Answers.choice`.
+    """
+    own = answers.vehicle.reference
+    fitting = [
+        name
+        for name, scale in LENGTHS.items()
+        if own is not None
+        and all(
+            abs(ours / theirs - 1.0) <= _SAME
+            for ours, theirs in (
+                (area * scale**2, own.area),
+                (chord * scale, own.chord),
+                (span * scale, own.span),
+            )
+        )
+    ]
+    stated = fitting[0] if len(fitting) == 1 else ""
+    if stated:
+        answers.notes.append(f"lengths are in {stated}: with that they are the vehicle file's")
+    chosen = answers.choice(
+        "length_unit",
+        {name: f"span {span * scale:.4g} m" for name, scale in LENGTHS.items()},
+        f"the file does not say its unit of length (span {span:g}): which one?",
+        stated,
+    )
+    return LENGTHS[chosen]

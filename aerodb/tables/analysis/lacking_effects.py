@@ -1,0 +1,61 @@
+"""What a database does not know of an aircraft, and its curves over the angle of attack."""
+
+from typing import Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.nomenclature import AXES
+from aerodb.support import Array
+from aerodb.tables.analysis.sensitivity import slopes_by
+from aerodb.tables.database import AeroDatabase
+
+#: What flight mechanics needs -> the body axis, and the inputs that it is by: any of them.
+_EFFECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
+    "pitching moment over alpha": ("Cm", ("alpha",)),
+    "rolling moment over sideslip": ("Cl", ("beta",)),
+    "yawing moment over sideslip": ("Cn", ("beta",)),
+    "pitch damping": ("Cm", ("q",)),
+    "roll damping": ("Cl", ("p",)),
+    "yaw damping": ("Cn", ("r",)),
+}
+#: The same of controls: any deflection or free input that acts on the axis.
+_CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
+#: Angles of attack [rad] at which the database is asked: attached flow of any wing.
+_ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
+
+
+def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
+    """Return what no term of a database gives at small angles of attack, in words: damping,
+    stability, controls; "drag" where it is zero."""
+    channels = {name: np.full(len(_ANGLES), 0.01) for name in database.inputs}
+    channels |= {"alpha": _ANGLES, "V": np.ones(len(_ANGLES))}
+    reached: dict[str, set[str]] = {axis: set() for axis in AXES}
+    for name in {*database.inputs, "alpha", "beta"}:
+        for axis, values in slopes_by(database, name, channels).items():
+            if np.any(values != 0.0):
+                reached[axis].add(name)
+    own = {n for n in database.inputs if n.startswith("delta_") or n in database.free_inputs}
+    lacking = [
+        text for text, (axis, names) in _EFFECTS.items() if not reached[axis].intersection(names)
+    ]
+    lacking += [name for name, axis in _CONTROLS.items() if not reached[axis] & own]
+    drag = curves(database, _ANGLES).get("C_drag")
+    return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)
+
+
+def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
+    """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero and the
+    airspeed 1 m/s; empty where the database cannot be evaluated so."""
+    point = {name: np.zeros(len(alpha)) for name in database.inputs}
+    point |= {"alpha": alpha, "V": np.ones(len(alpha))}
+    try:
+        values = database.predict(point).coefficients
+    except InputError:
+        return {}
+    ca, sa = np.cos(alpha), np.sin(alpha)
+    return {
+        "C_lift": values["CX"] * sa - values["CZ"] * ca,
+        "C_drag": -values["CX"] * ca - values["CZ"] * sa,
+        "Cm": values["Cm"],
+    }
