@@ -30,7 +30,7 @@ from aerodb.exchange.native_schema import (
     UncertaintyFile,
 )
 from aerodb.nomenclature import axis_description, channel
-from aerodb.support import content_sha256, validated, validated_toml
+from aerodb.support import content_sha256, parsed_toml, validated
 from aerodb.tables import (
     LAWS,
     AeroDatabase,
@@ -40,6 +40,7 @@ from aerodb.tables import (
     Number,
     Operation,
     Parameter,
+    Rate,
     ReferenceGeometry,
     RefinedShape,
     Refit,
@@ -66,7 +67,14 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
     Raises InputError that names the key and, for a mistyped name, the nearest valid one.
     Breakpoints that do not increase and shapes that do not match are refused.
     """
-    file = validated_toml(DatabaseFile, text, where)
+    data = parsed_toml(text, where)
+    if isinstance(data.get("states"), dict):  # [states.NAME], each with a rate
+        named = data["states"].items()
+        data["states"] = [
+            {"law": "rate", **entry, "name": name} if isinstance(entry, dict) else entry
+            for name, entry in named
+        ]
+    file = validated(DatabaseFile, data, where)
     if not file.terms and not file.derivatives and not file.parts:
         raise InputError(
             "neither terms nor derivatives nor parts",
@@ -89,7 +97,9 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
         ]
         reference = ReferenceGeometry(**dict(file.reference))
         variables = _variables(file, where)
-        known = (*variables, *file.tables, *file.scattered, *file.free_inputs)
+        rates = {s.name: s.description or s.name for s in file.states if s.law == "rate"}
+        free = {**rates, **file.free_inputs}
+        known = (*variables, *file.tables, *file.scattered, *free)
         made = made_of(file.parts, reference, known)
         return AeroDatabase(
             name=file.name,
@@ -109,7 +119,7 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
             terms=(*terms, *made.terms),
             increments=increments,
             states=tuple(_state(entry) for entry in file.states),
-            free_inputs=file.free_inputs,
+            free_inputs=free,
             description=file.description,
             source=file.source,
             parts=file.parts,
@@ -222,8 +232,13 @@ def _si(argument: str) -> str:
 
 def _state(file: StateFile) -> StateModel:
     where = f"state {file.name}"
-    law = LAWS[file.law]
-    known = [item.name for item in fields(law)]
+    if (file.law == "rate") != bool(file.rate):
+        raise InputError("a state has a law or a rate", where, 'for example rate = "(1 - x)/0.2"')
+    if file.law == "rate":
+        law = Rate(_parsed(file.rate, f"states.{file.name} rate"), float(file.initial), file.unit)
+        return StateModel(file.name, law, file.description)
+    kind = LAWS[file.law]
+    known = [item.name for item in fields(kind)]
     for name, value in file.parameters.items():
         if name not in known:
             raise InputError(f"{file.law} has no parameter '{name}'", where, nearest(name, known))
@@ -233,15 +248,25 @@ def _state(file: StateFile) -> StateModel:
                 where,
                 "breakpoints and attached are lists, all others numbers",
             )
-    absent = [i.name for i in fields(law) if i.default is MISSING and i.name not in file.parameters]
+    needed = [item.name for item in fields(kind) if item.default is MISSING]
+    absent = [name for name in needed if name not in file.parameters]
     if absent:
         raise InputError(
             f"{file.law} lacks {', '.join(absent)}", where, "give them in its parameters"
         )
-    return StateModel(file.name, law(**file.parameters), file.description)  # type: ignore[arg-type]
+    return StateModel(file.name, kind(**file.parameters), file.description)  # type: ignore[arg-type]
 
 
 def _state_document(state: StateModel) -> dict[str, Any]:
+    if isinstance(state.law, Rate):
+        return {
+            "name": state.name,
+            "law": "rate",
+            "rate": str(state.law.rate),
+            "initial": state.law.initial,
+            "unit": state.law.unit,
+            "description": state.description,
+        }
     parameters = {
         name: list(x) if isinstance(x, tuple) else float(x) for name, x in asdict(state.law).items()
     }
@@ -496,6 +521,9 @@ def database_content_sha256(database: AeroDatabase) -> str:
         if increment.margins is not None:
             arrays.append(np.array([m for _, m in sorted(increment.margins.items())]))
     for state in database.states:
+        if isinstance(state.law, Rate):
+            arrays.append(np.array([state.law.initial]))
+            continue
         parameters = _state_document(state)["parameters"]
         arrays += [
             np.atleast_1d(np.array(parameters[name], dtype=np.float64))

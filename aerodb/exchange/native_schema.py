@@ -85,15 +85,19 @@ class TermFile(Strict):
 
 
 class StateFile(Strict):
-    """A state model: the law of the channel `name` and its parameters.
+    """A state model: the law of the channel `name` and its parameters, or its rate.
 
-    The laws are those of `aerodb.tables.state_model`.
+    The laws are those of `aerodb.tables.state_model`. rate : its time derivative, an expression;
+    `initial` and `unit` are of such a state.
     """
 
     name: str
-    law: Literal["kirchhoff", "goman_khrabrov", "relay"]
-    parameters: dict[str, float | tuple[float, ...]]
+    law: Literal["kirchhoff", "goman_khrabrov", "relay", "rate"]
+    parameters: dict[str, float | tuple[float, ...]] = Field(default_factory=dict)
     description: str = ""
+    rate: str = ""
+    initial: Coefficient = 0.0
+    unit: str = "1"
 
 
 class DatabaseFile(Strict):

@@ -5,22 +5,41 @@ provides.
 """
 
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.nomenclature import CHANNELS
-from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable, substituted
+from aerodb.tables import (
+    AeroDatabase,
+    Expression,
+    Name,
+    Number,
+    Operation,
+    Rate,
+    Relay,
+    StateModel,
+    Variable,
+    substituted,
+)
+
+#: Points at which a rate is tried for being linear in its state.
+_SAMPLES: Final = 50
 
 
 def without_states(database: AeroDatabase) -> AeroDatabase:
     """Return `database` without state models; `predict` gives the same values.
 
     A state without relaxation becomes a variable that is exact along every flight. A state with
-    relaxation becomes a variable with its steady value, and the variable's description says so. The
+    relaxation, or with a rate that is linear in it, becomes a variable with its steady value, and
+    the variable's description says so. The
     channel of a relay remains an input. If there are states, increments become terms, because their
     envelopes may depend on states.
 
-    Raises InputError if the name of the new variable is taken.
+    Raises InputError if the name of the new variable is taken, and for a rate that is not linear in
+    its state, whose steady value is no formula.
     """
     if not database.states:
         return database
@@ -29,7 +48,12 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
         if not isinstance(state.law, Relay):
             name = state.name if state.name in flat.free_inputs else f"settled_{state.name}"
             free = {key: text for key, text in flat.free_inputs.items() if key != name}
-            variables = {name: Variable(state.expression(), "1", _note(state)), **flat.variables}
+            steady, unit = (
+                (_steady_of_rate(flat, state.name, state.law), state.law.unit)
+                if isinstance(state.law, Rate)
+                else (state.expression(), "1")
+            )
+            variables = {name: Variable(steady, unit, _note(state)), **flat.variables}
             if name != state.name and name in {
                 *flat.variables,
                 *flat.tables,
@@ -46,15 +70,59 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
     return replace(flat, states=())
 
 
+def _steady_of_rate(database: AeroDatabase, name: str, law: Rate) -> Expression:
+    """The value at which a rate is zero, of one that is linear in its state: a/(a - b), of its
+    values a and b at 0 and 1."""
+    own = law.rate
+    for _ in range(len(database.variables)):
+        by = {n: v.expression for n, v in database.variables.items() if n in own.names}
+        used = {n: tree for n, tree in by.items() if _reaches(database, n, name)}
+        if not used:
+            break
+        own = substituted(own, used)
+    zero, one, two = (substituted(own, {name: Number(x)}) for x in (0.0, 1.0, 2.0))
+    variables = {n: v.expression for n, v in database.variables.items()}
+    program = database.compiled(
+        [zero, one, two], variables, {**database.tables, **database.scattered}
+    )
+    rng = np.random.default_rng(0)
+    values = {n: rng.uniform(0.05, 2.0, _SAMPLES) for n in program.inputs}
+    a, b, c = (np.broadcast_to(each, (_SAMPLES,)) for each in program.run(values).values)
+    good = np.isfinite(a) & np.isfinite(b) & np.isfinite(c)
+    if not good.any() or (np.abs(c - 2 * b + a)[good] > 1e-9 * (1.0 + np.abs(c[good]))).any():
+        raise InputError(
+            f"the rate of state '{name}' is not linear in it: its steady value is no formula",
+            f"database {database.name}: states.{name} rate",
+            "export a version in which a free input takes its place",
+        )
+    return Operation("/", zero, Operation("-", zero, one))
+
+
+def _reaches(database: AeroDatabase, variable: str, name: str) -> bool:
+    """Whether a variable uses a name, itself or through others."""
+    pending, seen = [variable], set[str]()
+    while pending:
+        each = pending.pop()
+        if each == name:
+            return True
+        if each in database.variables and each not in seen:
+            seen.add(each)
+            pending += database.variables[each].expression.names
+    return False
+
+
 def _others(database: AeroDatabase, state: StateModel) -> tuple[StateModel, ...]:
     return tuple(other for other in database.states if other != state)
 
 
 def _note(state: StateModel) -> str:
-    what = state.description or CHANNELS["flow_attachment"].description
+    flow = CHANNELS["flow_attachment"].description
+    what = state.description or (state.name if isinstance(state.law, Rate) else flow)
     assert not isinstance(state.law, Relay)
     if state.exact_steady:
         return what
+    if isinstance(state.law, Rate):
+        return f"{what}; the value at which its rate is zero: its course is not in this file"
     return (
         f"{what}; the value that it settles at: its relaxation over {state.law.relaxation:g} chords"
         " is not in this file"

@@ -25,6 +25,7 @@ from aerodb.tables import (
     LOAD_AXES,
     AeroDatabase,
     Expression,
+    Rate,
     Relay,
     TotalCoefficients,
     total_coefficients,
@@ -140,7 +141,7 @@ def flight_model(
     laws = [
         (0.0, s.law.low, s.law.high, s.law.separated)
         if isinstance(s.law, Relay)
-        else (s.law.relaxation * chord, 0.0, 0.0, 0.0)
+        else (-1.0 if isinstance(s.law, Rate) else s.law.relaxation * chord, 0.0, 0.0, 0.0)
         for s in total.states
     ]
     outputs, m = total.machine.outputs, len(total.states)

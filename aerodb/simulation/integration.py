@@ -30,7 +30,7 @@ def _keep(model: Numbers, x: Array, k: int, chan: Array, alive: bool) -> bool:
     for j in range(X.e0, X.e3 + 1):
         x[j, k] /= length
     for j in range(model.states.shape[0]):
-        if model.laws[j, LAW.relaxation] <= 0.0:
+        if model.laws[j, LAW.relaxation] == 0.0:
             apart = model.laws[j, LAW.separated]
             if chan[CHAN.alpha, k] > model.laws[j, LAW.high]:
                 x[EXTRA + j, k] = apart

@@ -413,3 +413,5 @@ def _finish(
         if model.laws[j, LAW.relaxation] > 0.0:
             tau = model.laws[j, LAW.relaxation] / chan[CHAN.V, k]
             out[EXTRA + j, k] = (slots[model.steady[j], k] - x[EXTRA + j, k]) / tau
+        elif model.laws[j, LAW.relaxation] < 0.0:
+            out[EXTRA + j, k] = slots[model.steady[j], k]

@@ -163,8 +163,8 @@ class _Line(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """Columns of the law of a state: relaxation length [m], or 0 and a relay's values of alpha
-    [rad] and its value when separated."""
+    """Columns of the law of a state: relaxation length [m]; negative where the rate is computed; or
+    0 and a relay's values of alpha [rad] and its value when separated."""
 
     relaxation: int
     low: int
@@ -246,7 +246,8 @@ class Numbers(NamedTuple):
     inputs : (i,) slots of the inputs.
     totals : (6,) slots of the coefficients without loads, in the order of `TOTAL`.
     loads : (6,) slots of forces [N] and moments [N m], in the same order; (0,) without any.
-    states, steady : (m,) slots of the values and steady values of its states.
+    states, steady : (m,) slots of the values and steady values of its states; of a state with a
+        rate that rate [1/s].
     laws : (m, 4) columns `LAW`.
     thrust : (e,) slots of the thrust of each engine [N].
     lines : (e, 6) columns `LINE`.

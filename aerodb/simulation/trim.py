@@ -148,6 +148,8 @@ def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
     """First guesses (u,) of the unknowns."""
     condition = problem.condition
     guess = dict.fromkeys(problem.unknowns, 0.0)
+    rates = problem.model.database.rates
+    guess |= {name: rates[name].initial for name in problem.states}
     if condition.load_factor is not None and not condition.pull_up:
         guess["phi"] = float(np.arccos(min(1.0 / max(condition.load_factor, 1.01), 1.0)))
         guess["turn_rate"] = GRAVITY * np.tan(guess["phi"]) / condition.V
@@ -258,9 +260,11 @@ def _check(
             names = ", ".join(problem.controls) or "none"
             reasons.append(f"roll, pitch and yaw have too few controls: {names}")
     left = problem.accelerations(point[:, None])[:, 0]
+    count = len(left) - len(problem.states)
+    named = (*_RESIDUALS[:count], *((f"of {name}", "1/s") for name in problem.states))
     shown = [
         f"{np.rad2deg(value) if unit == 'deg/s2' else value:.3g} {unit} {axis}"
-        for value, weighted, (axis, unit) in zip(left, residual, _RESIDUALS, strict=False)
+        for value, weighted, (axis, unit) in zip(left, residual, named, strict=True)
         if abs(weighted) > max(TOLERANCE, 0.01 * np.abs(residual).max())
     ]
     what = "no steady flight: " + ("; ".join(reasons) if reasons else "no solution was found")

@@ -12,8 +12,9 @@ from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import is_surface
 from aerodb.physics import GRAVITY, quaternion_from_euler, to_body
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
-from aerodb.simulation.layout import FEEDBACK, SURROUNDINGS
+from aerodb.simulation.layout import FEEDBACK, STATE, SURROUNDINGS
 from aerodb.support import Array
+from aerodb.tables import Rate
 
 #: Step of central differences, in rad and in the scale of each unknown.
 STEP: Final = 1e-5
@@ -118,6 +119,7 @@ class TrimProblem:
     controls : by name, the roll, pitch and yaw control.
     thrust : name of the series that holds the airspeed; None: the path angle does.
     unknowns, bounds, scales : names, (u, 2) and (u,) of what is found.
+    states : those of the database with a rate, which a trim makes zero; they are unknowns too.
     """
 
     model: FlightModel
@@ -128,6 +130,7 @@ class TrimProblem:
     unknowns: tuple[str, ...]
     bounds: Array
     scales: Array
+    states: tuple[str, ...] = ()
 
     def placed(self, z: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """Start and series of runs at the unknowns z (u, k); rates of the start are (k,).
@@ -136,6 +139,7 @@ class TrimProblem:
         """
         condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
         start = self._hovering(found) if condition.hover else self._steady(found, z)
+        start |= {name: found[name] for name in self.states}
         series = {name: np.full((1, z.shape[1]), value) for name, value in self.inputs.items()}
         for name, control in self.controls.items():
             for surface, gain in control.items():
@@ -201,13 +205,16 @@ class TrimProblem:
         return simulate(self.model, np.zeros(1), start, series, parameters=parameters)
 
     def accelerations(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Array:
-        """Accelerations (6, k) [m/s2, rad/s2], and the load factor's error [g] of a turn (7, k)."""
+        """Accelerations (6, k) [m/s2, rad/s2], of a turn the load factor's error [g], and the rates
+        of `states` [1/s]."""
         run = self.flown(z, parameters)
-        rows = run.rates[:6]
         condition = self.condition
-        if condition.load_factor is None or condition.pull_up:
-            return rows
-        return np.vstack([rows, load_factors(run)[2] - condition.load_factor])
+        rows = [run.rates[:6]]
+        if condition.load_factor is not None and not condition.pull_up:
+            rows.append(load_factors(run)[2:] - condition.load_factor)
+        extra = self.model.extra_states
+        rows += [run.rates[len(STATE) + extra.index(name)][None, :] for name in self.states]
+        return np.vstack(rows)
 
     def residual(self, z: Array, parameters: Mapping[str, Array] | None = None) -> Array:
         """`accelerations` over gravity, angular ones by half span and chord.
@@ -216,10 +223,12 @@ class TrimProblem:
         """
         reference = self.model.database.reference
         lengths = (reference.span, reference.chord, reference.span)
-        weights = np.array([1.0, 1.0, 1.0, *(0.5 * x for x in lengths), GRAVITY]) / GRAVITY
         rows = self.accelerations(z, parameters)
+        # The load factor's error and rates of states are taken as they are.
+        weights = np.array([1.0, 1.0, 1.0, *(0.5 * x for x in lengths)]) / GRAVITY
+        weights = np.concatenate([weights, np.ones(len(rows) - len(weights))])
         # Outside the atmosphere nothing is finite: a large number turns the search back.
-        return np.nan_to_num(weights[: len(rows), None] * rows, nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.nan_to_num(weights[:, None] * rows, nan=1e3, posinf=1e3, neginf=-1e3)
 
     def jacobian(self, z: Array) -> Array:
         """Derivative (r, u) of `residual` by central differences.
@@ -345,7 +354,9 @@ def problem_of(
     named_controls = {_name_of(control): control for control in chosen.values()}
     fixed = condition.fixed
     unknowns = ["alpha"] + [name for name in ("beta", "phi", "turn_rate") if name not in fixed]
-    bounds = [BOUNDS[name] for name in unknowns]
+    states = _states_with_rate(model)
+    unknowns += states
+    bounds = [BOUNDS.get(name, (-np.inf, np.inf)) for name in unknowns]
     scales = [1.0] * len(unknowns)
     for name, control in named_controls.items():
         low, high = -np.inf, np.inf
@@ -372,7 +383,12 @@ def problem_of(
         tuple(unknowns),
         np.array(bounds, dtype=np.float64),
         np.array(scales),
+        states,
     )
+
+
+def _states_with_rate(model: FlightModel) -> tuple[str, ...]:
+    return tuple(s.name for s in model.total.states if isinstance(s.law, Rate))
 
 
 def _hover_problem(
@@ -399,7 +415,8 @@ def _hover_problem(
             where,
             "a hover needs rotors with speeds over inputs; leave these out of --set",
         )
-    unknowns = ("phi", "theta", *mixes)
+    states = _states_with_rate(model)
+    unknowns = ("phi", "theta", *states, *mixes)
     return TrimProblem(
         model,
         condition,
@@ -409,6 +426,7 @@ def _hover_problem(
         unknowns,
         np.array([BOUNDS.get(name, (-np.inf, np.inf)) for name in unknowns]),
         np.ones(len(unknowns)),
+        states,
     )
 
 

@@ -14,9 +14,9 @@ The way through:
    `failed_check_cases` guard stored versions.
 
 Modules, from the bottom up: `expression`, `functions`, `program` (compiled expressions); `table`,
-`scattered`, `kernel` (interpolation); `reference`, `state_model`, `uncertainty`, `increment`;
-`loads`, `prediction`, `definitions` and `database`. Package: `analysis`, what is computed from
-databases.
+`scattered`, `kernel` (interpolation); `reference`, `rate_state`, `state_model`, `uncertainty`,
+`increment`; `loads`, `prediction`, `definitions` and `database`. Package: `analysis`, what is
+computed from databases.
 """
 
 from typing import TYPE_CHECKING
@@ -101,6 +101,7 @@ if TYPE_CHECKING:
     from .parameter import Parameter, covariance_of, normal, sigma_of
     from .prediction import Prediction
     from .program import AnyTable, Program, compile_program, evaluate
+    from .rate_state import Rate
     from .reference import (
         HAT_RATES,
         INCREMENT_AXES,

@@ -34,6 +34,7 @@ from aerodb.tables.loads import LOAD_AXES, load_shares
 from aerodb.tables.parameter import Parameter
 from aerodb.tables.prediction import BLOCK, Prediction, blocks, joined, length_of
 from aerodb.tables.program import AnyTable, Program, compile_program
+from aerodb.tables.rate_state import Rate, along_flight, steady_values
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, ReferenceGeometry, hat_rate, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import StateModel
@@ -93,7 +94,8 @@ class AeroDatabase:
        are computed from p q r alphadot, V and this database's own lengths unless they are given.
 
     A channel that one of `states` computes has its steady value unless it is given;
-    `states_along` integrates it along a flight.
+    `states_along` integrates it along a flight. So has a state with a rate expression: the value at
+    which the rate is zero.
 
     `parts` are entries as written; their variables and terms are among `variables` and `terms`.
 
@@ -157,6 +159,7 @@ class AeroDatabase:
             used = set(self._compile(everything).inputs)
         except InputError as error:
             raise InputError(error.what, f"database {self.name}", error.remedy) from None
+        used |= self._names_of_rates()
         for name in sorted(used.union(*(increment.names for increment in self.increments))):
             check_input(name, self.name, self.variables, self.free_inputs)
 
@@ -246,8 +249,11 @@ class AeroDatabase:
         names = set(self.needs) - set(HAT_RATES) - {LIFT_INCREMENTS}
         for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
-        if names & self._states.keys():
+        used = [self._states[name] for name in names & self._states.keys()]
+        if any(not isinstance(state.law, Rate) for state in used):
             names.add("alpha")
+        if any(isinstance(state.law, Rate) for state in used):
+            names |= self._inputs_of_rates
         return tuple(sorted(names))
 
     @cached_property
@@ -266,6 +272,46 @@ class AeroDatabase:
     def _states(self) -> dict[str, StateModel]:
         return {state.name: state for state in self.states}
 
+    @cached_property
+    def rates(self) -> dict[str, Rate]:
+        """State -> its law, of the states with a rate expression [1/s]."""
+        return {s.name: s.law for s in self.states if isinstance(s.law, Rate)}
+
+    @cached_property
+    def _rate_program(self) -> Program:
+        return self._compile(law.rate for law in self.rates.values())
+
+    def _names_of_rates(self) -> set[str]:
+        """Names that rates use; InputError with the state for a rate that cannot be computed."""
+        names: set[str] = set()
+        for state, law in self.rates.items():
+            try:
+                own = self._compile([law.rate]).inputs
+                for name in own:
+                    check_input(name, self.name, self.variables, self.free_inputs)
+            except InputError as error:
+                where = f"database {self.name}: states.{state} rate"
+                raise InputError(error.what, where, error.remedy) from None
+            names |= set(own)
+        return names
+
+    @cached_property
+    def _inputs_of_rates(self) -> frozenset[str]:
+        """Channels and free inputs behind all rates, without the states themselves."""
+        names = set(self._rate_program.inputs) - self.rates.keys()
+        for hat in names & set(HAT_RATES):
+            names = (names - {hat}) | {HAT_RATES[hat][0], "V"}
+        others = names & self._states.keys()
+        return frozenset(names | ({"alpha"} if others else set()))
+
+    def _settled_rates(self, channels: Mapping[str, Value]) -> dict[str, Any]:
+        """Steady values of the states with a rate; those in `channels` are as given."""
+        given = {name: channels[name] for name in self.rates if name in channels}
+        free = {name: law for name, law in self.rates.items() if name not in given}
+        program = self._compile(law.rate for law in free.values())
+        names = set(program.inputs) - free.keys()
+        return {**given, **steady_values(program, free, self.resolved(names, channels))}
+
     def states_along(self, time: Array, channels: Mapping[str, Array]) -> dict[str, Array]:
         """Integrate the state models along a flight: state name -> (n,).
 
@@ -282,7 +328,17 @@ class AeroDatabase:
             for state in self.states
             if state.name in self.needs and state.name not in channels
         ]
-        return {state.name: state.along(time, channels, self.reference.chord) for state in wanted}
+        found = {
+            state.name: state.along(time, channels, self.reference.chord)
+            for state in wanted
+            if not isinstance(state.law, Rate)
+        }
+        if any(isinstance(state.law, Rate) for state in wanted):
+            names = set(self._rate_program.inputs) - self.rates.keys()
+            values = self.resolved(names, {**channels, **found})
+            tables: dict[str, AnyTable] = {**self.tables, **self.scattered}
+            found |= along_flight(self._rate_program, tables, self.rates, time, values)
+        return found
 
     def resolved(self, names: Iterable[str], channels: Mapping[str, Value]) -> dict[str, Any]:
         """Values of the channels, dimensionless rates, states and free inputs in `names`.
@@ -291,7 +347,14 @@ class AeroDatabase:
         """
         values: dict[str, Any] = {}
         absent: set[str] = set()
-        for name in names:
+        names = set(names)
+        settling = (names & self.rates.keys()) - channels.keys()
+        if settling:
+            absent |= self._inputs_of_rates - channels.keys()
+            if not absent:
+                settled = self._settled_rates(channels)
+                values |= {name: settled[name] for name in settling}
+        for name in sorted(names - settling):
             if name in channels:
                 values[name] = channels[name]
                 continue

@@ -11,6 +11,7 @@ from aerodb.tables.expression import Expression, Negation, Number, check_identif
 from aerodb.tables.loads import LOAD_AXES, coefficient_axis
 from aerodb.tables.parameter import Parameter
 from aerodb.tables.program import AnyTable
+from aerodb.tables.rate_state import Rate
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
 
@@ -128,9 +129,17 @@ def check_definitions(
 
 def check_states(database: str, states: Iterable[StateModel], free_inputs: Container[str]) -> None:
     """Raise InputError for a state model that is defined twice, or whose name is neither
-    `STATE_CHANNEL` nor a free input."""
+    `STATE_CHANNEL` nor a free input; that of a state with a rate hides no channel."""
+    states = list(states)
     names = [state.name for state in states]
-    for name in names:
+    for state in states:
+        name = state.name
+        if isinstance(state.law, Rate) and name in CHANNELS and name != STATE_CHANNEL:
+            raise InputError(
+                f"state '{name}' has the name of a channel",
+                f"database {database}: states.{name}",
+                "choose another name",
+            )
         if names.count(name) > 1:
             raise InputError(
                 f"state '{name}' is defined twice", f"database {database}", "keep one of them"

@@ -18,6 +18,7 @@ from aerodb.signals import FEWEST_SAMPLES, smooth
 from aerodb.support import Array
 from aerodb.tables.expression import Expression, check_identifier, number, parse
 from aerodb.tables.functions import Value
+from aerodb.tables.rate_state import Rate
 
 
 def _finite(where: str, **values: float) -> None:
@@ -169,10 +170,10 @@ class Relay:
             raise InputError(f"separated is {self.separated:g}", "relay", "0 or 1")
 
 
-Law = Kirchhoff | GomanKhrabrov | Relay
+Law = Kirchhoff | GomanKhrabrov | Relay | Rate
 
-#: Name in stored databases and files -> law.
-LAWS: Final[dict[str, type[Law]]] = {
+#: Name in stored databases and files -> law of flow attachment.
+LAWS: Final[dict[str, type[Kirchhoff | GomanKhrabrov | Relay]]] = {
     "kirchhoff": Kirchhoff,
     "goman_khrabrov": GomanKhrabrov,
     "relay": Relay,
@@ -183,7 +184,8 @@ LAWS: Final[dict[str, type[Law]]] = {
 class StateModel:
     """A channel that a law computes along a flight.
 
-    name : ``flow_attachment``, or a free input of its database.
+    name : ``flow_attachment``, or a free input of its database. A `Rate` needs its database, which
+    computes it (`AeroDatabase.states_along`); the methods here are those of the other laws.
     """
 
     name: str
@@ -197,6 +199,8 @@ class StateModel:
     def needs(self) -> tuple[str, ...]:
         """Channels of a flight, (n,) each, that it is computed from: alpha [rad], and V [m/s] where
         it lags."""
+        if isinstance(self.law, Rate):
+            return ()
         moving = not isinstance(self.law, Relay) and (
             self.law.lag > 0.0 or self.law.relaxation > 0.0
         )
@@ -206,7 +210,7 @@ class StateModel:
     def exact_steady(self) -> bool:
         """Whether it has no memory, so that `settled` equals `along` where alphadot and V are
         given."""
-        return not isinstance(self.law, Relay) and self.law.relaxation == 0.0
+        return not isinstance(self.law, (Relay, Rate)) and self.law.relaxation == 0.0
 
     def settled(self, channels: Mapping[str, Value], chord: float) -> Value:
         """Steady value at constant alpha and ``tau2 alphadot``: (n,) or a number.
@@ -223,6 +227,8 @@ class StateModel:
             alpha = channels["alpha"]
             stalled = np.where(np.isnan(alpha), np.nan, np.greater(alpha, self.law.high))
             return stalled if self.law.separated else 1.0 - stalled
+        if isinstance(self.law, Rate):
+            return self.law.initial
         return self.law.steady(self._angle(channels, chord))
 
     def along(self, time: Array, channels: Mapping[str, Array], chord: float) -> Array:
@@ -251,6 +257,7 @@ class StateModel:
                 f"state {self.name}",
                 "it is integrated along a flight",
             )
+        assert not isinstance(self.law, Rate)
         # Imported here because it loads the compiler.
         from aerodb.tables.state_kernel import relaxed, relay
 
@@ -286,6 +293,7 @@ class StateModel:
                 f"relay '{self.name}' has no steady value between its limits",
                 remedy="give it as an input",
             )
+        assert not isinstance(self.law, Rate)
         angle = (
             f"(alpha - {number(self.law.lag)}*c_ref/V*alphadot)" if self.law.lag > 0.0 else "alpha"
         )
@@ -293,7 +301,7 @@ class StateModel:
 
     def _angle(self, channels: Mapping[str, Value], chord: float) -> Value:
         """Effective angle of attack, alpha delayed by the lag to first order [rad]."""
-        lag = 0.0 if isinstance(self.law, Relay) else self.law.lag
+        lag = 0.0 if isinstance(self.law, (Relay, Rate)) else self.law.lag
         if lag == 0.0 or "alphadot" not in channels or "V" not in channels:
             return channels["alpha"]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -19,6 +19,7 @@ from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.instructions import Machine, machine
 from aerodb.tables.loads import LOAD_AXES, summed
 from aerodb.tables.program import AnyTable
+from aerodb.tables.rate_state import Rate
 from aerodb.tables.reference import HAT_RATES, STILL_AIR, WIND_AXES
 from aerodb.tables.state_model import Relay, StateModel
 
@@ -33,8 +34,9 @@ class TotalCoefficients:
     Parameters
     ----------
     machine : its outputs are CX CY CZ Cl Cm Cn about the database's moment reference, without the
-        share of loads, then the steady value of each of `states`, then FX FY FZ [N] MX MY MZ [N m]
-        of a database that has loads, then the given `further` expressions.
+        share of loads; then of each of `states` the steady value, or the rate [1/s] where it has
+        one; then FX FY FZ [N] MX MY MZ [N m] of a database that has loads; then the given
+        `further` expressions.
     inputs : channels and free inputs that it needs, without states, estimates and scales.
     states : those with memory, whose values are inputs under their names.
     estimates : names of the inputs for the database's parameters and then for the estimates of the
@@ -74,10 +76,11 @@ def total_coefficients(
         over = Operation("/", Operation("*", Name(rate), half), speed)
         variables[hat] = times(over, weight) if database.has_loads else over
     remembered = []
+    rates = database.rates if not database.rates.keys().isdisjoint(database.needs) else {}
     for state in database.states:
-        if state.name not in database.needs:
+        if state.name not in database.needs and state.name not in rates:
             continue
-        if isinstance(state.law, Relay) or state.law.relaxation > 0.0:
+        if isinstance(state.law, (Relay, Rate)) or state.law.relaxation > 0.0:
             remembered.append(state)
         else:
             variables[state.name] = state.expression()
@@ -100,7 +103,12 @@ def total_coefficients(
     variables[LIFT_INCREMENTS] = summed(lift)
     totals = _on_body_axes({axis: summed(parts) for axis, parts in sums.items()})
     steady = [
-        Number(0.0) if isinstance(state.law, Relay) else state.expression() for state in remembered
+        state.law.rate
+        if isinstance(state.law, Rate)
+        else Number(0.0)
+        if isinstance(state.law, Relay)
+        else state.expression()
+        for state in remembered
     ]
     tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
     apart = loads if database.has_loads else []

@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import Array
-from aerodb.tables import STATE_CHANNEL, Kirchhoff, Law, Relay, StateModel, slow_rate
+from aerodb.tables import STATE_CHANNEL, Kirchhoff, Law, Rate, Relay, StateModel, slow_rate
 
 #: Axis -> plausible range of its gain: lift-curve slope that separates [1/rad], drag and pitching
 #: moment of separated flow.
@@ -90,7 +90,7 @@ class StallFlight:
         It is dimensionless.
         """
         channels = {"alpha": self.alpha, "V": self.V}
-        if quickly and not isinstance(law, Relay) and law.lag > 0.0:
+        if quickly and not isinstance(law, (Relay, Rate)) and law.lag > 0.0:
             position = float(np.clip(np.log2(law.lag), 0.0, len(self._rates) - 1.001))
             below, share = int(position), position % 1.0
             channels["alphadot"] = (1.0 - share) * self._rates[below] + share * self._rates[
