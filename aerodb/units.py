@@ -8,9 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-from pydantic import BeforeValidator, Field
+from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.errors import InputError
 
@@ -248,23 +246,6 @@ def quantity(value: float | int | str, unit: str) -> float:
         f"'{value}' is not a quantity",
         remedy=f"write a number (in {unit or 'no unit'}) or a number with a unit",
     )
-
-
-def in_unit(unit: str) -> BeforeValidator:
-    """Return a validator that accepts a number in SI, or text such as "6.5 ft", as `unit`."""
-    return BeforeValidator(
-        lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value
-    )
-
-
-#: Fields of hand-written files: a number in SI, or text with a unit, converted on reading.
-Metres = Annotated[float, in_unit("m")]
-Radians = Annotated[float, in_unit("rad")]
-Seconds = Annotated[float, in_unit("s"), Field(ge=0)]
-Kilograms = Annotated[float, in_unit("kg"), Field(gt=0)]
-Inertia = Annotated[float, in_unit("kg m^2")]
-Number = Annotated[float, in_unit("")]
-Point = tuple[Metres, Metres, Metres]
 
 
 _FOOT: Final = 0.3048  # m

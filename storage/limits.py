@@ -6,8 +6,8 @@ Logs are untrusted: forty bytes of a header can declare ten gigabytes.
 from pydantic import Field
 
 from aerodb.errors import InputError
+from aerodb.quantities import Seconds
 from aerodb.support import Strict
-from aerodb.units import Seconds
 
 
 class Limits(Strict):

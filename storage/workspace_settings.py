@@ -16,13 +16,14 @@ from zoneinfo import ZoneInfo
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from aerodb.errors import InputError, UnknownNameError
+from aerodb.quantities import Metres, Number, Radians, Seconds, in_unit
+from aerodb.storage.catalogue import SETTINGS_FILE
 from aerodb.storage.encoding import VEHICLE_NAME
 from aerodb.storage.limits import Limits
 from aerodb.storage.urls import checked_url
 from aerodb.support import Strict, parsed_toml, validated
-from aerodb.units import Metres, Number, Radians, Seconds, in_unit
 
-FILE: Final = "settings.toml"
+FILE: Final = SETTINGS_FILE
 #: Environment variable of the token; required when other machines can reach the server.
 TOKEN_VARIABLE: Final = "AERODB_TOKEN"
 _SHORTEST_TOKEN: Final = 16

@@ -100,11 +100,11 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
         rates = {s.name: s.description or s.name for s in file.states if s.law == "rate"}
         free = {**rates, **file.free_inputs}
         known = (*variables, *file.tables, *file.scattered, *free)
-        made = made_of(file.parts, reference, known)
+        of_parts, loads = made_of(file.parts, reference, known)
         return AeroDatabase(
             name=file.name,
             reference=reference,
-            variables={**variables, **made.variables},
+            variables={**variables, **of_parts},
             tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
             scattered={
                 name: ScatteredTable(
@@ -116,7 +116,7 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
                 )
                 for name, t in file.scattered.items()
             },
-            terms=(*terms, *made.terms),
+            terms=(*terms, *loads),
             increments=increments,
             states=tuple(_state(entry) for entry in file.states),
             free_inputs=free,

@@ -3,18 +3,22 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from aerodb.parts import Expansion, expand
-from aerodb.tables import AeroDatabase, ReferenceGeometry
+from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, Variable
 
 
 def made_of(
     parts: Mapping[str, Any], reference: ReferenceGeometry, known: Collection[str]
-) -> Expansion:
-    """Return what parts are in a database, in SI units; nothing of none.
+) -> tuple[Mapping[str, Variable], tuple[Term, ...]]:
+    """Return the variables and load terms that parts are in a database, in SI units; none of none.
 
     known : names that the database has beside them. Raises InputError as `aerodb.parts.expand`.
     """
-    return expand(parts, reference, known) if parts else Expansion({}, ())
+    if not parts:
+        return {}, ()
+    from aerodb.parts import expand  # most databases have none, and a query does not wait for it
+
+    made = expand(parts, reference, known)
+    return made.variables, made.terms
 
 
 def written_parts(database: AeroDatabase) -> dict[str, Any]:
@@ -24,7 +28,7 @@ def written_parts(database: AeroDatabase) -> dict[str, Any]:
         return {}
     own = {name: v for name, v in database.variables.items() if not v.part}
     known = (*own, *database.tables, *database.scattered, *database.free_inputs)
-    again = made_of(database.parts, database.reference, known)
+    variables, terms = made_of(database.parts, database.reference, known)
     made = {name: v for name, v in database.variables.items() if v.part}
-    same = made == again.variables and again.terms == tuple(t for t in database.terms if t.part)
+    same = made == variables and terms == tuple(t for t in database.terms if t.part)
     return {name: dict(entry) for name, entry in database.parts.items()} if same else {}

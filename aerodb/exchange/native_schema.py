@@ -4,9 +4,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from aerodb.quantities import Number as Coefficient
+from aerodb.quantities import Point
 from aerodb.support import Strict
-from aerodb.units import Number as Coefficient
-from aerodb.units import Point
 from aerodb.vehicle import Reference as Lengths
 
 

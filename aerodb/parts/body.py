@@ -9,9 +9,9 @@ from pydantic import Field
 from aerodb.parts.entry import Discs, Load, Placed, write_loads
 from aerodb.parts.frame import Frame, turned
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Radians
 from aerodb.support import Array
 from aerodb.tables import Call, Expression, Name, Number, Operation, plus, times
-from aerodb.units import Radians
 
 
 class Body(Placed):

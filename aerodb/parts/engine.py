@@ -22,10 +22,10 @@ from aerodb.errors import InputError
 from aerodb.parts.entry import Disc, Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, along, combination
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Metres
+from aerodb.quantities import Number as Share
 from aerodb.support import Array
 from aerodb.tables import Call, Expression, Name, Number, Operation, plus, times
-from aerodb.units import Metres
-from aerodb.units import Number as Share
 
 
 class Engine(Placed):

@@ -8,9 +8,9 @@ from pydantic import BeforeValidator, Field
 
 from aerodb.parts.frame import Frame
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Point
 from aerodb.support import Strict
 from aerodb.tables import LOAD_AXES, Expression
-from aerodb.units import Point
 
 
 def _as_text(value: Any) -> Any:

@@ -24,9 +24,9 @@ from aerodb.parts.body import flow
 from aerodb.parts.entry import Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Metres, in_unit
 from aerodb.support import Array
 from aerodb.tables import Expression, Name, Negation, Number, Operation, plus, times
-from aerodb.units import Metres, in_unit
 
 
 class Fuselage(Placed):

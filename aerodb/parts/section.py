@@ -46,9 +46,9 @@ from aerodb.parts.entry import (
 )
 from aerodb.parts.frame import Frame, lifting
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Metres, Radians, in_unit
 from aerodb.support import Array, Strict
 from aerodb.tables import Call, Expression, Name, Negation, Number, Operation, number, plus, times
-from aerodb.units import Metres, Radians, in_unit
 
 Area = Annotated[float, in_unit("m^2"), Field(gt=0)]
 

@@ -25,9 +25,9 @@ from aerodb.parts.section import (
     turned_down,
 )
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Metres, Point, Radians
 from aerodb.support import Array
 from aerodb.tables import Expression, Number, summed, times
-from aerodb.units import Metres, Point, Radians
 
 
 class Region(Flap):

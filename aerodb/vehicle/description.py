@@ -13,18 +13,9 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel, is_surface
+from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Strict, validated, validated_toml
-from aerodb.units import (
-    Inertia,
-    Kilograms,
-    Metres,
-    Number,
-    Point,
-    Radians,
-    Seconds,
-    in_unit,
-    quantity,
-)
+from aerodb.units import quantity
 from aerodb.vehicle.five_hole import FiveHole
 
 #: Channels of the mass [kg], CG [m, from the datum] and inertia [kg m2].

@@ -11,8 +11,8 @@ see docs/method/tracing.md, "References").
 import numpy as np
 from pydantic import Field
 
+from aerodb.quantities import Number, Radians
 from aerodb.support import Array, Dual, Strict, dead_zone
-from aerodb.units import Number, Radians
 
 #: Newton steps from the linear solution.
 _STEPS = 20

@@ -23,7 +23,7 @@ PACKAGES = (
     *("increments", "effects", "tracing", "loop", "estimation", "identification", "simulation"),
     *("exchange", "report", "signals", "physics", "support", "vehicle"),
 )
-MODULES = ("recording", "flight", "nomenclature", "units", "errors")
+MODULES = ("recording", "flight", "nomenclature", "units", "quantities", "errors")
 
 
 def documents() -> list[Path]:

@@ -138,12 +138,11 @@ def list_flights(
     catalogue = session.catalogue()
     rows = catalogue.flights(vehicle)
     documents = flights_document(catalogue, rows)
-    file_of = catalogue.log_names(row.log_sha256 for row in rows)
     session.table(
         ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
         [
             [
-                r.name or Path(file_of.get(r.log_sha256, "")).name,
+                r.name or document["file"],
                 r.id[:12],
                 r.vehicle,
                 _when(r),

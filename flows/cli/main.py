@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -120,6 +119,8 @@ app.command("restore")(keeping.restore)
 
 def _say_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"aerodb {version('aerodb')}")
         raise typer.Exit
 
@@ -163,6 +164,8 @@ def main() -> None:
     """
     debug = "--debug" in sys.argv
     gc.set_threshold(_OBJECTS)
+    # The search for plugins reads the metadata of every package: 20 ms of each command.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         require_supported_system()
         # Outside of its standalone mode the library returns the code of an Exit instead of raising

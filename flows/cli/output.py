@@ -9,20 +9,13 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import typer
 from rich.cells import cell_len
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
@@ -103,12 +96,14 @@ class Session:
     @cached_property
     def units(self) -> "UnitSystem":
         """The units in which quantities are printed: as asked for, else by the settings."""
-        from aerodb.storage.workspace_settings import FILE, load_settings
+        from aerodb.storage.catalogue import SETTINGS_FILE
         from aerodb.units import UnitSystem
 
-        if not self._units and (self.root / FILE).is_file():
-            return UnitSystem(load_settings(self.root).show.units)
-        return UnitSystem(self._units or "si")
+        if self._units or not (self.root / SETTINGS_FILE).is_file():
+            return UnitSystem(self._units or "si")
+        from aerodb.storage.workspace_settings import load_settings
+
+        return UnitSystem(load_settings(self.root).show.units)
 
     def workspace(self, create: bool = False) -> "Workspace":
         """Return the workspace; InputError if there is none and `create` is false."""
@@ -209,14 +204,16 @@ class Session:
         """Print a table whose rows fit lines of the terminal; return whether they do."""
         if any(len(row) != len(columns) for row in rows):
             return False  # rich fills up what is missing
-        wide = [max(map(cell_len, column)) for column in zip(columns, *rows, strict=True)]
+        plain = "".join(chain(columns, *rows)).isascii()
+        width = len if plain else cell_len  # ASCII takes one column a character
+        wide = [max(map(width, column)) for column in zip(columns, *rows, strict=True)]
         if sum(wide) + _GAP * (len(wide) - 1) > self.people.width:
             return False
 
         def line(row: Sequence[str]) -> str:
             cells = []
             for k, cell in enumerate(row):
-                room = " " * (wide[k] - cell_len(cell))
+                room = " " * (wide[k] - width(cell))
                 cells.append(room + cell if k in numbers else cell + room)
             return (" " * _GAP).join(cells)
 
@@ -272,6 +269,15 @@ def _progress(waited_for: str) -> Iterator[Any]:
 
     waited_for : what is said until the first step reports.
     """
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
     console = Console(stderr=True)
     columns = (
         SpinnerColumn(),

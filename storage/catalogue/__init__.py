@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .file_identity import StoredFile, measured
     from .flight_pages import RETRACTED, FlightFilter
     from .ledger import Ledger
-    from .location import CatalogueLocation, catalogue_location
+    from .location import SETTINGS_FILE, CatalogueLocation, catalogue_location
     from .names import standing_moves
     from .row_links import broken_rows, link_stored_rows
     from .rows import (

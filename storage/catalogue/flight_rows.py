@@ -344,7 +344,9 @@ def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Flig
         .outerjoin(retractions, retractions.c.sequence == retraction.c.sequence)
         .where(where)
     )
-    return [_flight(dict(row._mapping)) for row in connection.execute(query)]
+    found = connection.execute(query)
+    keys = tuple(found.keys())
+    return [_flight(dict(zip(keys, row, strict=True))) for row in found]
 
 
 def _flight(values: dict[str, Any]) -> FlightRow:

@@ -13,7 +13,8 @@ from typing import Final
 
 from aerodb.errors import InputError
 
-_SETTINGS: Final = "settings.toml"
+#: Settings of a workspace, in its folder.
+SETTINGS_FILE: Final = "settings.toml"
 #: A folder that every workspace has; backups, which also contain settings, do not.
 _OF_WORKSPACES: Final = "locks"
 
@@ -43,7 +44,7 @@ def catalogue_location(path: Path) -> CatalogueLocation:
     Raises SettingsError when the settings cannot be read and there is no such file, and for an
     invalid address; InputError when there are both a file and an address.
     """
-    settings = path.parent / _SETTINGS
+    settings = path.parent / SETTINGS_FILE
     try:
         text = settings.read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from .lineage_documents import (
         compare_versions,
         impact_document,
-        lineage_document,
         origins_document,
         prov_of,
         rebuilds,
@@ -73,6 +72,7 @@ if TYPE_CHECKING:
         flights_words,
         held_out_words,
         history_document,
+        lineage_document,
         matching,
         notes_document,
         version_details,

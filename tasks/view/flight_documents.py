@@ -1,7 +1,6 @@
 """Flights as documents: answers of `aerodb flight list` and `show`, and of the console's API."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from aerodb.recording import Damage
@@ -38,7 +37,7 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
     return [
         {
             **flight_document(row),
-            "file": PurePath(files.get(row.log_sha256, "")).name,
+            "file": files.get(row.log_sha256, "").rpartition("/")[2],
             "counts": not (row.retracted_utc or row.id in again),
         }
         for row in rows

@@ -28,35 +28,8 @@ from aerodb.tables import (
 from aerodb.tasks.references import node_of, point_of
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.view.evaluation import database_of
-from aerodb.tasks.view.version_documents import version_document
 
 FIGURE_KINDS: Final = ("png", "svg", "pdf")
-
-
-def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
-    """Return what a version is based on: ancestors, reasons why it is stale, flights, inputs and
-    runs (`Lineage`). Raises UnknownNameError for an unknown version."""
-    lineage = catalogue.lineage(version.id)
-    return {
-        "version": lineage.version.id,
-        "line": [version_document(ancestor) for ancestor in lineage.line],
-        "stale": list(catalogue.stale(version.id)),
-        "flights": [
-            {"flight": f, "role": role, "log_sha256": lineage.logs[f]}
-            for f, role in sorted(lineage.roles.items())
-        ],
-        "inputs": {key: list(values) for key, values in lineage.inputs.items()},
-        "runs": [
-            {
-                "run": r.id,
-                "flow": r.flow,
-                "how": r.how,
-                "state": r.state,
-                "code_version": r.code_version,
-            }
-            for r in lineage.runs
-        ],
-    }
 
 
 def origins_document(

@@ -141,6 +141,32 @@ def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
     }
 
 
+def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
+    """Return what a version is based on: ancestors, reasons why it is stale, flights, inputs and
+    runs (`Lineage`). Raises UnknownNameError for an unknown version."""
+    lineage = catalogue.lineage(version.id)
+    return {
+        "version": lineage.version.id,
+        "line": [version_document(ancestor) for ancestor in lineage.line],
+        "stale": list(catalogue.stale(version.id)),
+        "flights": [
+            {"flight": f, "role": role, "log_sha256": lineage.logs[f]}
+            for f, role in sorted(lineage.roles.items())
+        ],
+        "inputs": {key: list(values) for key, values in lineage.inputs.items()},
+        "runs": [
+            {
+                "run": r.id,
+                "flow": r.flow,
+                "how": r.how,
+                "state": r.state,
+                "code_version": r.code_version,
+            }
+            for r in lineage.runs
+        ],
+    }
+
+
 def history_document(
     events: Sequence[NameEvent], notes: Sequence[NoteRow] = ()
 ) -> list[dict[str, Any]]:
