@@ -5,7 +5,9 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
@@ -277,6 +279,12 @@ _SHOWN: Final[Mapping[str, Mapping[str, tuple[str, float]]]] = {
 }
 
 
+#: Systems of units, as they are chosen.
+UNIT_SYSTEMS: Final = tuple(_SHOWN)
+#: Units of a system that are named in words.
+_NAMED: Final = 4
+
+
 @dataclass(frozen=True)
 class UnitSystem:
     """Units in which people are shown quantities: ``si``, ``aero`` (kt, ft, hPa) or ``imperial``;
@@ -294,6 +302,16 @@ class UnitSystem:
                 "--units",
                 f"choose one of: {', '.join(_SHOWN)}",
             )
+
+    @property
+    def words(self) -> str:
+        """The system in words.
+
+        >>> UnitSystem("aero").words
+        'kt, ft, hPa, otherwise SI units'
+        """
+        others = [label for label, _ in _SHOWN[self.name].values()][:_NAMED]
+        return ", ".join([*others, "otherwise SI units"]) if others else "SI units"
 
     def scale(self, unit: str) -> tuple[float, str]:
         """Return factor (a scalar) from an SI unit to the unit shown, and its label; a dash without
@@ -326,3 +344,24 @@ class UnitSystem:
 
 #: SI, angles in degrees: what is shown where nobody has chosen.
 SI: Final = UnitSystem()
+_SHOWN_IN: Final = ContextVar("units in which quantities are shown", default=SI)
+
+
+def shown_units() -> UnitSystem:
+    """Return the units in which whoever reads is shown quantities: those of `shown_in`, else SI."""
+    return _SHOWN_IN.get()
+
+
+@contextmanager
+def shown_in(units: UnitSystem) -> Iterator[None]:
+    """Context manager in which pages and figures are drawn in these units.
+
+    >>> with shown_in(UnitSystem("aero")):
+    ...     shown_units().shown(100.0, "m/s")
+    '194 kt'
+    """
+    before = _SHOWN_IN.set(units)
+    try:
+        yield
+    finally:
+        _SHOWN_IN.reset(before)

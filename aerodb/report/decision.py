@@ -17,7 +17,7 @@ from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_
 from aerodb.report.next_command import next_step
 from aerodb.report.numbers import for_people, number
 from aerodb.tracing import ADDED
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 #: Rates whose derivatives are of another unit than the parameters of effects.
 RATES: Final = ("p", "q", "r")
@@ -39,7 +39,7 @@ class Decision:
 
 def decision(
     document: Mapping[str, Any],
-    units: UnitSystem = SI,
+    units: UnitSystem | None = None,
     rest: str = "-v",
     given: Sequence[str] = (),
 ) -> Decision:
@@ -125,7 +125,7 @@ def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def _changes(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[str]:
+def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
     """What was added, with its size; the declared terms that are known best, of an update."""
     if "library" not in document:
         if parameters := document.get("parameters", ()):
@@ -185,7 +185,7 @@ def _from_to(parameter: Mapping[str, Any], verdict: str = "") -> str:
 
 
 def _sized(
-    finding: Mapping[str, Any], units: UnitSystem, slope: Mapping[str, Any] | None = None
+    finding: Mapping[str, Any], units: UnitSystem | None, slope: Mapping[str, Any] | None = None
 ) -> str:
     """A finding with its verdict, its size +- half of its 95 % interval, and what it makes of a
     derivative."""
@@ -204,7 +204,7 @@ def _sized(
     return f"{name}: {size}"
 
 
-def _suspicions(document: Mapping[str, Any], units: UnitSystem, rest: str) -> list[str]:
+def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
     findings = document["findings"]
     return [*(_sized(each, units) for each in findings[:_MOST]), *_more(len(findings), rest)]
 

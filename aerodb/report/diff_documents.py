@@ -22,6 +22,7 @@ from aerodb.tables import (
     slices,
     value_of,
 )
+from aerodb.units import SI
 
 #: Most steps of a variable in a table across a terminal of 80 columns.
 _MOST_STEPS: Final = 7
@@ -131,7 +132,7 @@ def curve_document(before: AeroDatabase, after: AeroDatabase) -> dict[str, Any] 
     for cut in cuts:
         sizes[cut.axis] = max(sizes[cut.axis], float(np.max(np.abs(cut.before))))
     most = max(cuts, key=lambda cut: cut.largest / sizes[cut.axis])
-    factor, unit = display_unit(most.variable)
+    factor, unit = display_unit(most.variable, SI)
     low, high = factor * float(most.at[0]), factor * float(most.at[-1])
     step = _round_step((high - low) / _MOST_STEPS)
     values = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0) + 0.0

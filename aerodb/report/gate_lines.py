@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from aerodb.report.decision import decision
 from aerodb.report.terms import term_unit
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 #: Most changes and open points that a line names.
 _MOST: Final = 4
@@ -106,7 +106,7 @@ def release_lines(
 
 
 def version_lines(
-    report: Mapping[str, Any], label: str, units: UnitSystem = SI
+    report: Mapping[str, Any], label: str, units: UnitSystem | None = None
 ) -> list[tuple[str, Sequence[str]]]:
     """Return label and texts of what a version is, without asking the gate: what was found, proof,
     and what is left; none for an import, whose report has no ``axes``.

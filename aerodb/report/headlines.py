@@ -14,7 +14,7 @@ from aerodb.report.glossary import advice_words, effect_words, listed, the
 from aerodb.report.numbers import for_people, number
 from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 _WHOLE: Final = {
     "held-out": "on {n} held-out flight{s}",
@@ -83,7 +83,7 @@ def headline(document: Mapping[str, Any]) -> str:
     )
 
 
-def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem = SI) -> dict[str, Any]:
+def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem | None = None) -> dict[str, Any]:
     """Return what a hypothesis that was not found may still be, in display units: ``upper_bound``
     and ``minimum_detectable``, each None where it lies beyond every believable size and so says
     nothing, ``believable`` (None in older documents, of which undecided hypotheses have no bound)

@@ -36,7 +36,7 @@ from aerodb.report.style import (
     visible,
 )
 from aerodb.support import Array
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 #: Colours of lines, in order: Okabe & Ito's that are dark enough on white.
 _COLOURS: Final = (FLIGHT, UPDATED, DATABASE, "#009E73", "#CC79A7", "#56B4E9", MEASURED)
@@ -76,7 +76,7 @@ class LogStory:
     timed: bool = True
 
 
-def log_report(stories: Sequence[LogStory], units: UnitSystem = SI) -> str:
+def log_report(stories: Sequence[LogStory], units: UnitSystem | None = None) -> str:
     """Render logs as one HTML page: a panel for each of their common panels, in the units of a
     system, angles in degrees (`UnitSystem`); it fetches nothing.
 
@@ -147,7 +147,9 @@ class _Panel:
     lines: tuple[_Line, ...]
 
     @classmethod
-    def of(cls, logs: Sequence[tuple[str, Sequence[Signal]]], system: UnitSystem) -> "_Panel":
+    def of(
+        cls, logs: Sequence[tuple[str, Sequence[Signal]]], system: UnitSystem | None
+    ) -> "_Panel":
         lines, units = [], dict[str, None]()
         several = len(logs) > 1
         every = [signal for _, signals in logs for signal in signals]
@@ -235,7 +237,7 @@ def _digits(value: float) -> float | None:
     return float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None
 
 
-def _track(stories: Sequence[LogStory], units: UnitSystem) -> Picture | None:
+def _track(stories: Sequence[LogStory], units: UnitSystem | None) -> Picture | None:
     """The ground tracks, north over east, a dot where each begins."""
     if all(story.track is None for story in stories):
         return None

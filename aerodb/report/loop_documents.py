@@ -15,6 +15,7 @@ from aerodb.report.document import axis_document, beyond_document, opening, rema
 from aerodb.report.glossary import hypothesis_words, listed
 from aerodb.report.numbers import for_people
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
+from aerodb.units import SI
 
 #: An error of this many noise floors, each flight's constant apart, is no matter of noise as
 #: declared.
@@ -158,7 +159,7 @@ def _of_level(level: UnexplainedLevel) -> str:
     needed = [
         f"{hypothesis_words(rival.hypothesis)} ({factor * rival.value:.2g} {unit})"
         for rival in level.rivals
-        for factor, unit in [(100.0, "%") if rival.unit == "1" else for_people(rival.unit)]
+        for factor, unit in [(100.0, "%") if rival.unit == "1" else for_people(rival.unit, SI)]
     ]
     varies = [hypothesis_words(rival.hypothesis) for rival in level.rivals if rival.varies]
     also = (

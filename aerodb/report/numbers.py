@@ -5,7 +5,7 @@ from typing import Final
 
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem, shown_units
 
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -36,17 +36,19 @@ def power_of_ten(power: int) -> str:
     return f"×10{str(power).translate(_RAISED)}"
 
 
-def for_people(unit: str, units: UnitSystem = SI) -> tuple[float, str]:
+def for_people(unit: str, units: UnitSystem | None = None) -> tuple[float, str]:
     """Return factor (a scalar) and label of the display unit of an SI unit (`UnitSystem.scale`):
     degrees for radians, a dash without dimension.
+
+    units : as `shown_units` says where none are given.
 
     >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
     ['deg', 'deg/s', '-', 'm/s²', '1/rad']
     """
-    return units.scale(unit)
+    return (units or shown_units()).scale(unit)
 
 
-def display_unit(name: str, units: UnitSystem = SI) -> tuple[float, str | None]:
+def display_unit(name: str, units: UnitSystem | None = None) -> tuple[float, str | None]:
     """Factor to the display unit of a channel, and that unit: empty without dimension, None for a
     free input.
 

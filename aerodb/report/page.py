@@ -27,6 +27,7 @@ from aerodb.report.headlines import excluded_sizes
 from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, visible
 from aerodb.report.terms import term_name, term_unit
+from aerodb.units import shown_units
 
 #: Colours of curves on pages, by what they show.
 COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "measured": MEASURED}
@@ -44,6 +45,7 @@ def filters() -> dict[str, Callable[..., Any]]:
     return {
         "name": name,
         "number": number,
+        "quantity": quantity,
         "share": share,
         "words": words,
         "scaled": scaled,
@@ -74,7 +76,7 @@ def _engine() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     engine.filters |= filters()
-    engine.globals["colours"] = COLOURS
+    engine.globals.update(colours=COLOURS, shown_units=shown_units)
     return engine
 
 
@@ -108,6 +110,11 @@ def share(value: float | None) -> str:
 def scaled(value: float | None, factor: float) -> float | None:
     """Return a scalar in another unit, as `for_people` gives the factor; None remains None."""
     return None if value is None else factor * value
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """Return a value of an SI unit in the units that are shown (`shown_units`), with its unit."""
+    return shown_units().shown(value, unit, digits)
 
 
 def words(text: str) -> str:

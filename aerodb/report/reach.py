@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from aerodb.report.glossary import listed, with_true_signs
 from aerodb.report.numbers import display_unit
 from aerodb.tables import AeroDatabase, Increment, new_increments
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Reach:
 
 
 def reach_of(
-    increments: Iterable[Increment], variable: str, units: UnitSystem = SI
+    increments: Iterable[Increment], variable: str, units: UnitSystem | None = None
 ) -> Reach | None:
     """Return the range of a variable (SI) that the flights of any of the increments cover, and
     where the last of them has faded; None where none is limited by it."""
@@ -69,7 +69,7 @@ def reach_of(
 
 
 def beyond_words(
-    increments: Sequence[Increment], among: Collection[str] = (), units: UnitSystem = SI
+    increments: Sequence[Increment], among: Collection[str] = (), units: UnitSystem | None = None
 ) -> list[str]:
     """Return a sentence per reach (`Reach.sentence`, display units) of the variables that the
     regressors of increments depend on, with the axes that share it; empty without increments.

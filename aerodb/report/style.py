@@ -15,7 +15,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from aerodb.report.numbers import display_unit, for_people
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 #: Okabe & Ito's colours, which colour-blind readers can tell apart. Colours and line styles mean
 #: the same in every figure; line styles survive a print in black and white.
@@ -168,7 +168,7 @@ def in_figure(text: str, most: int = LONGEST) -> str:
     return shown.replace("$", r"\$")
 
 
-def channel_scale(name: str, units: UnitSystem = SI) -> tuple[float, str]:
+def channel_scale(name: str, units: UnitSystem | None = None) -> tuple[float, str]:
     """Return factor (a scalar) to the display unit and axis label of a channel, such as ``alpha
     [deg]``.
 

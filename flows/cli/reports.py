@@ -111,8 +111,10 @@ def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: b
     from aerodb.flows.report import report_flow
     from aerodb.report import pdf
     from aerodb.storage.workspace import write_for_user
+    from aerodb.units import shown_in
 
-    page: str = session.run(report_flow, parameters, direct=True)
+    with shown_in(session.units):
+        page: str = session.run(report_flow, parameters, direct=True)
     data = pdf(page) if as_pdf else page.encode("utf-8")
     written = write_for_user(session.workspace(), output, data)
     session.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")

@@ -8,6 +8,7 @@ from typing import Any, Final
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 
@@ -34,7 +35,7 @@ from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.models import REFUSALS
 from aerodb.flows.web.security import Secured, UserOf
-from aerodb.flows.web.sessions import ForbiddenError
+from aerodb.flows.web.sessions import ForbiddenError, units_of
 from aerodb.report import FLAGGED, FLIGHT, MEASURED, UPDATED, render
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import Actor, NotAllowedError
@@ -98,7 +99,11 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
     app.add_exception_handler(HTTPException, _not_there)
     app.add_exception_handler(RequestValidationError, _malformed)
     app.add_middleware(
-        Secured, guard=guard, log=AccessLog(workspace.access_log), user_of=_users_of(workspace)
+        Secured,
+        guard=guard,
+        log=AccessLog(workspace.access_log),
+        user_of=_users_of(workspace),
+        units_of=lambda scope: units_of(HTTPConnection(scope), root),
     )
     return app
 

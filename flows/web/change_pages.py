@@ -2,7 +2,6 @@
 answer."""
 
 from typing import Annotated, Any, get_args
-from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Header, Request
 from pydantic import BaseModel, Field
@@ -11,6 +10,7 @@ from starlette.responses import RedirectResponse, Response
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.flows.release import gate_flow, promote_flow, roll_back_flow
+from aerodb.flows.web.bodies import form_of
 from aerodb.flows.web.console import (
     Vehicle,
     Word,
@@ -42,8 +42,6 @@ Token = Annotated[
 _NOWHERE = "nothing"
 #: Prefix of the fields of a form that say what a person accepts.
 _ACCEPT = "accept."
-#: Most fields of a form: a version seldom has more than a few reasons to accept.
-_FIELDS = 200
 _KINDS: dict[str, NoteKind] = {kind: kind for kind in get_args(NoteKind)}
 
 
@@ -75,21 +73,6 @@ class Dismissal(BaseModel):
     """Why a failed run needs nothing more."""
 
     reason: str = Field(max_length=2000)
-
-
-async def _form(request: Request) -> dict[str, str]:
-    """Return the fields of a posted form; InputError for another kind of body."""
-    if (
-        request.headers.get("content-type", "").partition(";")[0].strip()
-        != "application/x-www-form-urlencoded"
-    ):
-        raise InputError("not a form", "a change", "submit it from its page")
-    text = (await request.body()).decode("utf-8", "replace")
-    try:
-        fields = parse_qs(text, keep_blank_values=True, max_num_fields=_FIELDS)
-        return {name: values[-1] for name, values in fields.items()}
-    except ValueError as error:
-        raise InputError(f"not a form: {error}", "a change", "submit it from its page") from error
 
 
 @router.get("/versions/{version}/promote", include_in_schema=False)
@@ -131,7 +114,7 @@ def promotion_page(
 @router.post("/versions/{version}/promote", include_in_schema=False)
 async def promote_from_page(request: Request, version: str) -> Response:
     """Move the name, and show the gate's answer."""
-    fields = await _form(request)
+    fields = await form_of(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     return await run_in_threadpool(_promote, request, version, fields)
 
@@ -170,7 +153,7 @@ def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) 
 @router.post("/rollback", include_in_schema=False)
 async def roll_back_from_page(request: Request) -> Response:
     """Move the name back."""
-    fields = await _form(request)
+    fields = await form_of(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     return await run_in_threadpool(_roll_back, request, fields)
 
@@ -215,7 +198,7 @@ def roll_back(request: Request, reversal: RollBack, token: Token = "") -> Respon
 @router.post("/versions/{version}/notes", include_in_schema=False)
 async def note_from_page(request: Request, version: str) -> Response:
     """Add a note, and show the version again."""
-    fields = await _form(request)
+    fields = await form_of(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     kind = _KINDS.get(fields.get("kind", "comment"))
     if kind is None:
@@ -238,7 +221,7 @@ def note(
 @router.post("/work/{run}/dismiss", include_in_schema=False)
 async def dismiss_from_page(request: Request, run: str) -> Response:
     """Dismiss a failed run, and show the status again."""
-    fields = await _form(request)
+    fields = await form_of(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     await run_in_threadpool(dismiss, access_of(request), run, fields.get("reason", ""))
     return RedirectResponse("/work", 303)

@@ -23,10 +23,13 @@ from aerodb.tasks.actors import acts_as, user
 from aerodb.tasks.references import version_of
 from aerodb.tasks.view import as_json
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
+from aerodb.units import UNIT_SYSTEMS, UnitSystem, shown_units
 
 #: Entries of a page of a list.
 PER_PAGE: Final = 50
 _LONGEST: Final = 300
+#: Characters that a query may have as they are (RFC 3986), and what escapes the others.
+_OF_QUERIES: Final = "%/?:@!$&'()*+,;=-._~"
 
 
 def given(text: object) -> object:
@@ -108,6 +111,9 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     session, is_new = session_of(request)
     context["csrf"] = console_of(request).guard.csrf_token(session, user())
     context["here"] = request.url.path
+    asked = quote(request.url.query, safe=_OF_QUERIES)
+    again = quote(request.url.path, errors="replace") + (asked and f"?{asked}")
+    context["again"] = again if request.method == "GET" else "/"
     context["may"] = {role: acts_as(role) for role in USER_ROLES}
     text = _engine().get_template(template).render(title=title, **context)
     response = Response(text.encode("utf-8", "replace"), media_type="text/html; charset=utf-8")
@@ -174,6 +180,8 @@ def _engine() -> jinja2.Environment:
         "unit_of": lambda unit: for_people(unit)[1],
         "in_units": in_units,
         "sections": SECTIONS,
+        "shown_units": shown_units,
+        "unit_systems": [UnitSystem(name) for name in UNIT_SYSTEMS],
     }
     return engine
 

@@ -3,16 +3,18 @@
 from typing import Any
 
 from fastapi import APIRouter, Request
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 
+from aerodb.flows.web.bodies import form_of
 from aerodb.flows.web.console import access_of, console_of, document, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
-from aerodb.flows.web.sessions import keep_session, session_of
+from aerodb.flows.web.sessions import check_csrf, keep_session, keep_units, session_of
 from aerodb.storage.catalogue import FlightFilter
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.view import findings_page, flights_document, waiting
 from aerodb.tasks.workspace_access import WorkspaceAccess
+from aerodb.units import UnitSystem
 
 router = APIRouter()
 _NEWEST = 5
@@ -61,6 +63,19 @@ def session(request: Request) -> Response:
     answer = document({"csrf": console_of(request).guard.csrf_token(known, user())})
     keep_session(answer, known)
     return answer
+
+
+@router.post("/units", include_in_schema=False)
+async def choose_units(request: Request) -> Response:
+    """Keep the units that a user has chosen, and go back to the page."""
+    fields = await form_of(request)
+    check_csrf(request, console_of(request).guard, fields.get("csrf"))
+    units = UnitSystem(fields.get("units", ""))
+    back = fields.get("back", "/")
+    inside = back.startswith("/") and not back.startswith(("//", "/\\")) and back.isprintable()
+    response = RedirectResponse(back if inside else "/", 303)
+    keep_units(response, units)
+    return response
 
 
 @router.get("/api", include_in_schema=False)

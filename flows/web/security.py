@@ -34,11 +34,14 @@ from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.tokens import Attempts, presented_token
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE
 from aerodb.tasks.actors import Actor, acting_as, hash_of_token, system_user
+from aerodb.units import UnitSystem, shown_in
 
 #: Logs that are received at a time; their bodies are streamed to the disk.
 MOST_UPLOADS: Final = 4
 #: Returns the user whose token has a hash, or None.
 UserOf = Callable[[str], Actor | None]
+#: Returns the units in which whoever sent a request is shown quantities.
+UnitsOf = Callable[[Scope], UnitSystem]
 #: Requests that are answered at a time, waiting for a thread included.
 MOST_AT_WORK: Final = 128
 _POLICY: Final = (
@@ -63,8 +66,11 @@ class Secured:
     """Middleware that passes admitted requests only, adds the security headers to every answer,
     and writes the access log."""
 
-    def __init__(self, app: ASGIApp, guard: Guard, log: AccessLog, user_of: UserOf) -> None:
+    def __init__(
+        self, app: ASGIApp, guard: Guard, log: AccessLog, user_of: UserOf, units_of: UnitsOf
+    ) -> None:
         self._app, self._guard, self._log, self._user_of = app, guard, log, user_of
+        self._units_of = units_of
         self._attempts = Attempts()
         self._at_work = self._uploads = 0
 
@@ -94,7 +100,7 @@ class Secured:
             found = await self._admitted(scope, address)
             if isinstance(found, Actor):
                 visitor = found
-                with acting_as(visitor):
+                with acting_as(visitor), shown_in(self._units_of(scope)):
                     refusal = await self._answered(scope, receive, marked)
             else:
                 refusal = found

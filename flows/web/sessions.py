@@ -2,6 +2,7 @@
 
 import hmac
 import secrets
+from pathlib import Path
 from typing import Any, Final
 
 from starlette.requests import HTTPConnection
@@ -9,9 +10,13 @@ from starlette.responses import Response
 
 from aerodb.errors import AeroError
 from aerodb.flows.web.guard import Guard
+from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import user
+from aerodb.units import SI, UNIT_SYSTEMS, UnitSystem
 
 COOKIE: Final = "aerodb_session"
+_UNITS_COOKIE: Final = "aerodb_units"
+_YEAR: Final = 365 * 86_400  # s
 
 
 class ForbiddenError(AeroError, PermissionError):
@@ -28,6 +33,25 @@ def session_of(request: HTTPConnection) -> tuple[str, bool]:
 def keep_session(response: Response, session: str) -> None:
     """Set the session's cookie, which no script can read."""
     response.set_cookie(COOKIE, session, httponly=True, samesite="strict", path="/")
+
+
+def units_of(request: HTTPConnection, root: Path) -> UnitSystem:
+    """Return the units in which whoever sent a request is shown quantities: as chosen on a page,
+    else by the settings of the workspace folder `root`."""
+    chosen = request.cookies.get(_UNITS_COOKIE, "")
+    if chosen in UNIT_SYSTEMS:
+        return UnitSystem(chosen)
+    try:
+        return UnitSystem(load_settings(root).show.units)
+    except AeroError:  # a page is shown all the same: Status says what is wrong
+        return SI
+
+
+def keep_units(response: Response, units: UnitSystem) -> None:
+    """Set the cookie of the units that a user has chosen for a year."""
+    response.set_cookie(
+        _UNITS_COOKIE, units.name, _YEAR, httponly=True, samesite="strict", path="/"
+    )
 
 
 def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:

@@ -42,7 +42,7 @@ from aerodb.tasks.view.channels import FIRST, PANELS
 from aerodb.tasks.view.flight_documents import damage_document
 from aerodb.tasks.view.log_documents import recording_document
 from aerodb.tasks.workers import Parsed, parsed_log, start_workers
-from aerodb.units import SI, UnitSystem
+from aerodb.units import UnitSystem
 
 #: Largest number of suspicions, and of kinds of manoeuvres, that are named in words.
 _FEW: Final = 2
@@ -203,7 +203,7 @@ def logs_page(
     signals: Sequence[str] = (),
     formulas: Sequence[str] = (),
     names: Sequence[str] = (),
-    units: UnitSystem = SI,
+    units: UnitSystem | None = None,
 ) -> LogsPage:
     """Return the page of logs, without a vehicle (`aerodb.report.log_report`); nothing is stored.
 

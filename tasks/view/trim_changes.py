@@ -10,6 +10,7 @@ from aerodb.storage.catalogue import VersionRow
 from aerodb.tasks.view.channels import envelopes_of
 from aerodb.tasks.view.trimming import StatedCondition, glides, modes_document
 from aerodb.tasks.workspace_access import WorkspaceAccess
+from aerodb.units import shown_units
 
 #: A condition is stated to so much altitude [m] and airspeed [m/s]: a round number is remembered.
 _ALTITUDE: Final = 100.0
@@ -32,7 +33,8 @@ def trim_changes(access: WorkspaceAccess, before: VersionRow, after: VersionRow)
         old, new = (modes_document(access.catalogue, row, stated) for row in (before, after))
     except AeroError:
         return []
-    where = f"at {condition[0]:.0f} m/s and {condition[1]:.0f} m"
+    units = shown_units()
+    where = f"at {units.shown(condition[0], 'm/s')} and {units.shown(condition[1], 'm', 4)}"
     names = ["alpha", *(name for name in new["controls"] if name in old["inputs"])]
     sides = [{**side["channels"], **side["inputs"]} for side in (old, new)]
     moved = [_moved(name, *(side[name] for side in sides)) for name in names]

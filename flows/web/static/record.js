@@ -128,14 +128,16 @@
     const found = await (await get("track", new URLSearchParams({ ...period, points: 2000 }))).json();
     if (turn !== asked) return;
     const time = found.time.map((t) => t - zero);
-    pairs.draw(field("track"), { time, x: found.east, y: found.north, xLabel: "east [m]", yLabel: "north [m]", equal: true });
+    const { factor, unit } = field("track").dataset; // of a length
+    const shownAs = (values) => values.map((value) => (value == null ? null : value * factor));
+    pairs.draw(field("track"), { time, x: shownAs(found.east), y: shownAs(found.north), xLabel: `east [${unit}]`, yLabel: `north [${unit}]`, equal: true });
     let far = 0; // along the track
     const along = found.east.map((east, k) => {
       const step = k ? Math.hypot(east - found.east[k - 1], found.north[k] - found.north[k - 1]) : 0;
       return (far += step || 0);
     });
     field("profile").hidden = !found.altitude.length;
-    pairs.draw(field("profile"), { time, x: along, y: found.altitude, xLabel: "distance flown [m]", yLabel: "altitude [m]" });
+    pairs.draw(field("profile"), { time, x: shownAs(along), y: shownAs(found.altitude), xLabel: `distance flown [${unit}]`, yLabel: `altitude [${unit}]` });
   }
 
   const brief = (label) => label.slice(0, label.indexOf("]") + 1) || label; // name and unit
