@@ -26,6 +26,8 @@ from aerodb.parts.engine import disc_of
 from aerodb.parts.entry import Disc, Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, across
 from aerodb.parts.writing import Writer
+from aerodb.quantities import Metres
+from aerodb.quantities import Number as Share
 from aerodb.support import Array
 from aerodb.tables import (
     AeroDatabase,
@@ -39,8 +41,6 @@ from aerodb.tables import (
     plus,
     times,
 )
-from aerodb.units import Metres
-from aerodb.units import Number as Share
 
 #: Slowest rotor [rev/s] whose advance ratio is that of its speed: below, thrust is nothing.
 _STANDING = 1e-3

@@ -35,6 +35,7 @@ PRIVATE: Final[Mapping[str, str]] = {
 #: Where words of `PRIVATE` may stand -> why.
 EXPLAINED: Final[Mapping[str, str]] = {
     "docs/method/": "methods define their terms",
+    "docs/evidence/": "and measure them",
     "docs/decisions/": "records of decisions keep the words of their time",
     "docs/reference/": "names of fields, and terms beside their definitions",
     "storage/upkeep/": "what `verify --json` counts: names do not change",
