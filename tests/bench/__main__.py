@@ -27,6 +27,7 @@ from tests.bench.online import online
 from tests.bench.record import RECORD, append
 from tests.bench.running import running
 from tests.bench.simulation import simulation
+from tests.bench.where_time_goes import where_time_goes
 
 MEASURED = """
 import json, os, resource, sys, time
@@ -324,7 +325,15 @@ def main() -> None:
     parser.add_argument(
         "--no-record", action="store_true", help="leave docs/reference/benchmarks.md as it is"
     )
+    parser.add_argument(
+        "--profile", action="store_true", help="say where the time of a per-flight run goes instead"
+    )
     options = parser.parse_args()
+    if options.profile:
+        with tempfile.TemporaryDirectory() as name:
+            lengths = (options.seconds, options.seconds / 6.0)
+            where_time_goes(Path(name), lengths, measure, _ingest, not options.no_record)
+        return
     figures: dict[str, float] = {}
     if "coefficients" in options.only:
         coefficients(options.points)
