@@ -165,6 +165,26 @@ def is_spelled(text: str) -> bool:
     )
 
 
+#: Factors of the common units, as pint gives them, whose start takes as long as half a command.
+_FACTORS: Final = {
+    ("deg", "rad"): 0.017453292519943295,
+    ("deg/s", "rad/s"): 0.017453292519943295,
+    ("deg/s^2", "rad/s^2"): 0.017453292519943295,
+    ("ft", "m"): 0.30479999999999996,
+    ("inch", "m"): 0.0254,
+    ("mm", "m"): 0.001,
+    ("ft/s", "m/s"): 0.30479999999999996,
+    ("knot", "m/s"): 0.5144444444444445,
+    ("g0", "m/s^2"): 9.80665,
+    ("hPa", "Pa"): 100.0,
+    ("lbf", "N"): 4.4482216152605005,
+    ("ms", "s"): 0.001,
+    ("us", "s"): 1e-06,
+    **{(name, name): 1.0 for name in ("dimensionless", "m", "m/s", "m/s^2", "rad", "rad/s")},
+    **{(name, name): 1.0 for name in ("rad/s^2", "s", "Pa", "N", "K", "kg", "kg/m^3")},
+}
+
+
 @lru_cache(maxsize=256)
 def conversion(unit: str, to: str) -> tuple[float, float]:
     """Return scale and offset from `unit` to `to`: ``y = scale * x + offset``.
@@ -178,6 +198,12 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
 
     Raises InputError for an unknown unit, or one of another dimension.
     """
+    known = _FACTORS.get((spelled(unit), spelled(to)))
+    return (known, 0.0) if known is not None else _by_pint(unit, to)
+
+
+def _by_pint(unit: str, to: str) -> tuple[float, float]:
+    """What `conversion` returns, by pint's registry."""
     try:
         source = _registry().Unit(spelled(unit))
         target = _registry().Unit(spelled(to))

@@ -10,6 +10,7 @@ Prefect's empty database, which a new workspace gets as a copy.
 import numpy as np
 
 from aerodb.consistency import make_consistent
+from aerodb.effects import played
 from aerodb.estimation import Parameter, Parameters, TimeHistory, filter_error, state_space
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
@@ -33,6 +34,7 @@ def compile_kernels() -> None:
     for suffix in (".ulg", ".bin"):
         prepare_reader(suffix)
     prepare_elimination()
+    played(np.zeros(2), 1.0)
     vehicle = parse_vehicle(read_example("vehicle.toml"))
     flight = _flight(vehicle.name)
     make_consistent(flight, vehicle)

@@ -6,6 +6,7 @@ tangent of the whole chain from the sensor to the coefficients. `library` lists 
 `aerodb.tracing` tests them.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -126,7 +127,7 @@ def _finite(values: Array) -> Array:
     """The values (n,), zero where they are not finite."""
     return (
         values
-        if np.isfinite(values).all()
+        if math.isfinite(np.dot(values, values)) or np.isfinite(values).all()
         else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
     )
 

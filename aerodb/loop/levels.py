@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import FlightView
+from aerodb.increments import NoiseFloor
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
@@ -70,9 +71,9 @@ def unexplained_levels(
 
     Dimensionless. Raises InputError where a flight lacks what is needed.
     """
-    floors = noise_floors(source, flights, candidate)
     compared = in_threads(lambda id: source.comparison(id, candidate), flights)
-    found = []
+    found: list[UnexplainedLevel] = []
+    floors: dict[str, dict[str, NoiseFloor]] = {}  # sought where a level is large: they take long
     for axis in AXES:
         residuals = [
             each.residual(axis)[each.usable[axis]]
@@ -83,8 +84,11 @@ def unexplained_levels(
             continue
         means = np.array([each.mean() for each in residuals])
         level, error = float(means.mean()), rms(np.concatenate(residuals))
+        if level**2 <= _SHARE * error**2:
+            continue
+        floors = floors or noise_floors(source, flights, candidate)
         floor = rms(np.array([each[axis].total for each in floors.values() if axis in each]))
-        if abs(level) <= _FLOORS * floor or level**2 <= _SHARE * error**2:
+        if abs(level) <= _FLOORS * floor:
             continue
         spread = float(means.std(ddof=1)) if len(means) > 1 else None
         views = in_threads(

@@ -2,7 +2,7 @@
 stored."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from aerodb.coefficients import Comparison
@@ -24,7 +24,7 @@ from aerodb.tasks.steps.consistency import (
 )
 from aerodb.tasks.steps.segments import segments_of
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workers import cached
+from aerodb.tasks.workers import cached, file_key
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
 from aerodb.vehicle import Vehicle
@@ -53,14 +53,13 @@ class StoredFlights:
     """Flights of the vehicle `vehicle_name` in a workspace; new results are stored as made by
     `run`.
 
-    Implements `aerodb.loop.FlightSource`. What was read once is remembered (`memory_cache`): a
-    calculation sees its flights as they were when it first asked for them.
+    Implements `aerodb.loop.FlightSource`. What was read once is remembered (`memory_cache`): all
+    steps of a run see its flights as they were when the first asked for them.
     """
 
     access: WorkspaceAccess
     vehicle_name: str
     run: str
-    _token: object = field(default_factory=object, init=False, repr=False, compare=False)
 
     @property
     def vehicle(self) -> Vehicle:
@@ -69,7 +68,8 @@ class StoredFlights:
         return self._once(lambda: self.access.vehicle(self.vehicle_name)[0], "vehicle")
 
     def _once(self, make: Callable[[], Value], *what: Hashable) -> Value:
-        return cached((self._token, *what), make)
+        where = str(self.access.workspace.root)
+        return cached((where, self.vehicle_name, self.run, *what), make)
 
     def _loaded(self, flight: str) -> FlightCoefficients:
         return self._once(
@@ -99,7 +99,7 @@ class StoredFlights:
 
         Times [s] from the first sample. Raises UnknownNameError for an unknown flight.
         """
-        return segments_of(self.access, flight, self.run)
+        return self._once(lambda: segments_of(self.access, flight, self.run), "segments", flight)
 
     def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
         """Return the comparison of a flight with a database; cached in memory, not stored.
@@ -144,7 +144,7 @@ class StoredFlights:
         result = StoredResult(self.access, _STORED, _STORED, inputs, settings, flight=flight)
         path = result.stored()
         if path is not None:
-            return read_normal_equations(path)
+            return cached(file_key(path), lambda: read_normal_equations(path))
         equations = normal_equations_of(
             evidence_beside(self, flight, database, library), library.settings
         )

@@ -2,6 +2,7 @@
 
 import pytest
 
+from aerodb import units
 from aerodb.errors import InputError
 from aerodb.units import _SHOWN, SI, UnitSystem, conversion
 
@@ -38,3 +39,9 @@ def test_an_unknown_system_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(InputError, match="si, aero, imperial"):
         UnitSystem("metric")
     assert SI.shown(12.0, "m/s") == "12 m/s"
+
+
+def test_known_factors_are_those_of_pint() -> None:
+    for (unit, to), factor in units._FACTORS.items():
+        assert units._by_pint(unit, to) == (factor, 0.0), unit
+        assert units.conversion(unit, to) == (factor, 0.0)

@@ -48,11 +48,9 @@ _MOVING: Final[frozenset[Role]] = frozenset({"pitch", "roll", "yaw"})
 def played(values: Array, half_width: float) -> Array:
     """The output (n,) of a play of `half_width` that begins in the middle; in the unit of
     `values`."""
-    found, at = [], float(values[0])
-    for value in values.tolist():
-        at = min(max(at, value - half_width), value + half_width)
-        found.append(at)
-    return np.array(found)
+    from aerodb.effects.measurement.play import follow  # numba is slow to import
+
+    return follow(np.asarray(values, dtype=np.float64), half_width)
 
 
 def half_width(values: Array, share: float = _MIDDLE) -> float:
