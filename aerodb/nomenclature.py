@@ -247,6 +247,8 @@ FLAGS: Final[dict[str, int]] = {
     "implausible": 64,
     "stuck": 128,
     "captive": 256,
+    "failed": 512,
+    "hover": 1024,
 }
 
 

@@ -2,8 +2,8 @@
 
 The way through:
 
-1. `flag_unusable` flags wild points and samples on the ground; values stay as they are
-   (`wild_points`, `segmentation`, `condition`).
+1. `flag_unusable` flags wild points, failed sensors and samples on the ground; values stay as they
+   are (`wild_points`, `failures`, `segmentation`, `condition`).
 2. `segments` finds segments and manoeuvres (`segmentation`, `manoeuvres`, `responses`), `delays`
    the delay of each channel against its kinematics (`delay`, `channel_rates`).
 3. `aerodb.suspicions.examine` adds each `Suspicion` and returns a `Conditioning`; `to_document` and
@@ -40,9 +40,10 @@ if TYPE_CHECKING:
         delays,
     )
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
+    from .failures import SLOW, failures
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
-    from .segmentation import SLOW, STATES, Segment, ground_and_air, segments, was_airborne
+    from .segmentation import STATES, Segment, ground_and_air, segments, was_airborne
     from .suspicion import Suspicion, clock_suspicions
     from .wild_points import RAREST, spikes, stuck, without_wild_points
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.conditioning.delay import Delay
+from aerodb.conditioning.failures import flag_failed
 from aerodb.conditioning.segmentation import Segment, flag_on_ground
 from aerodb.conditioning.suspicion import Suspicion
 from aerodb.conditioning.wild_points import flag_wild_points
@@ -23,9 +24,9 @@ class Conditioning:
 
 
 def flag_unusable(flight: Flight) -> Flight:
-    """Return the flight with wild points and samples on the ground flagged; values (n,) stay, in SI
-    units (`FLAGS`)."""
-    return flag_on_ground(flag_wild_points(flight))
+    """Return the flight with wild points, failed sensors and samples on the ground flagged; values
+    (n,) stay, in SI units (`FLAGS`)."""
+    return flag_on_ground(flag_failed(flag_wild_points(flight)))
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:

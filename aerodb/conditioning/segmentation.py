@@ -10,6 +10,14 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
+from aerodb.conditioning.failures import (
+    LEAST_AIRSPEED,
+    MOST_WIND,
+    SLOW,
+    airspeed_of,
+    failures,
+    speed_over_ground,
+)
 from aerodb.conditioning.manoeuvres import (
     ABOVE_ACTIVITY,
     DEGREE,
@@ -33,13 +41,8 @@ from aerodb.nomenclature import FLAGS
 from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
-#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi, and air
-#: data are not compared.
-SLOW = 0.3
 #: Height up to which it still rolls [m].
 ROLLING_HEIGHT = 4.0
-#: Airspeed [m/s] that nothing with wings stays below in flight.
-LEAST_AIRSPEED = 6.0
 #: What is moved now and then rather than flown with.
 _MOVED = (
     r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
@@ -55,8 +58,9 @@ PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "rudd
 class Segment:
     """A stretch of a flight: kind, `start` and `end` [s], reason in words, surface channel if any.
 
-    Kinds: ``on_ground airborne``; ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep
-    multistep``; ``stall pull_up low_g slow_oscillation spiral``; ``steady``.
+    Kinds: ``on_ground airborne hover``; ``failed`` (a sensor, whose stretch is left out);
+    ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep multistep``; ``stall pull_up
+    low_g slow_oscillation spiral``; ``steady``.
     """
 
     kind: str
@@ -66,8 +70,10 @@ class Segment:
     channel: str = ""
 
 
+#: Why hover is a segment of its own.
+HOVER: Final = "rotors carry the aircraft, by the modes of its autopilot"
 #: Kinds that are no manoeuvres.
-STATES: Final = ("on_ground", "airborne", "configuration", "steady")
+STATES: Final = ("on_ground", "airborne", "hover", "failed", "configuration", "steady")
 
 
 def segments(flight: Flight) -> tuple[Segment, ...]:
@@ -81,7 +87,7 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
     """
     flight = _with_ground(flight)
     view = _View(flight)
-    parts = [*ground_and_air(flight), *configurations(flight)]
+    parts = [*ground_and_air(flight), *configurations(flight), *_failed(flight)]
     surfaces = _surfaces(view)
     manoeuvres = [*_inputs(view, surfaces), *_responses(view, surfaces)]
     parts += manoeuvres
@@ -99,8 +105,7 @@ class _View:
 
     def __init__(self, flight: Flight) -> None:
         self.flight, self.time, self.step = flight, flight.time, flight.step
-        grounded = flag_on_ground(replace(flight, flags={})).flags.get("flight")
-        self.flying = np.ones(len(flight.time), dtype=bool) if grounded is None else grounded == 0
+        self.flying = ~flagged(flag_on_ground(flight), "on_ground", "hover")
 
     def get(self, *names: str) -> Array | None:
         """The first of these channels that the flight has."""
@@ -122,35 +127,46 @@ class _View:
 def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     """Return the segments on the ground and in the air.
 
-    On the ground, the aircraft is slow, or within 4 m of the height at which it was or will be
-    slow; otherwise it is airborne. Needs V or calibrated airspeed; with altitude or height above
-    ground, the segments end at lift-off and begin at touch-down. A record that is never slow is
-    airborne throughout.
+    On the ground, the aircraft is slow through the air and over ground, or within 4 m of the height
+    at which it was or will be slow; otherwise it is airborne. Needs V or calibrated airspeed; where
+    that failed, the speed over ground stands for it. With altitude or height above ground, the
+    segments end at lift-off and begin at touch-down. A record that is never slow is airborne
+    throughout.
 
     Speed (n,) [m/s], times [s].
     """
     flight = _with_ground(flight)
-    name = next(
-        (
-            name
-            for name in ("V", "calibrated_airspeed")
-            if name in flight and flight.usable([name]).any()
-        ),
-        "",
-    )
-    if not name:
+    found = airspeed_of(flight)
+    if found is None:
         return ()
-    good = flight.usable([name])
-    speed = bridge(np.where(good, flight[name], np.nan))
-    speed = median_filter(speed, max(3, round(1.0 / flight.step)), mode="nearest")
+    _, shown = found
+    ground = speed_over_ground(flight)
+    if ground is not None:
+        shown = np.where(np.isfinite(shown), shown, ground)
+    window = max(3, round(1.0 / flight.step))
+    speed = median_filter(bridge(shown), window, mode="nearest")
     high = float(np.quantile(speed, 0.95))
+    hovering = flagged(flight, "hover")
+    hover = [
+        Segment("hover", float(flight.time[a]), float(flight.time[b]), HOVER)
+        for a, b in runs(hovering)
+    ]
     if high < LEAST_AIRSPEED:
         reason = f"airspeed hardly above {max(high, 0.0):.1f} m/s"
-        return (Segment("on_ground", float(flight.time[0]), float(flight.time[-1]), reason),)
+        parts = [
+            Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason)
+            for a, b in runs(~hovering)
+        ]
+        return tuple(sorted([*parts, *hover], key=lambda segment: segment.start))
     stay = round(SETTLED / flight.step)
     on_ground = np.zeros(len(speed), dtype=bool)
-    for first, last in runs(speed < SLOW * high, stay, stay):
+    slow = speed < SLOW * high
+    if ground is not None:
+        slow &= ~(median_filter(bridge(ground), window, mode="nearest") > MOST_WIND * high)
+    slow &= ~hovering
+    for first, last in runs(slow, stay, stay):
         on_ground[slice(*_rolling(flight, first, last))] = True
+    on_ground &= ~hovering
     down = runs(on_ground, 1, stay)
     reason = (
         f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
@@ -161,6 +177,8 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     up = ~on_ground
     for first, last in down:
         up[first : last + 1] = False
+    parts += hover
+    up &= ~hovering
     reason = (
         "above the ground and fast enough to fly"
         if down
@@ -173,13 +191,24 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     return tuple(sorted(parts, key=lambda segment: segment.start))
 
 
+def _failed(flight: Flight) -> list[Segment]:
+    return [
+        Segment("failed", each.start, each.end, each.reason, each.channel)
+        for each in failures(flight)
+    ]
+
+
 def _with_ground(flight: Flight) -> Flight:
     """The flight without the flag that would hide its time on the ground."""
     if "flight" not in flight.flags:
         return flight
     return replace(
         flight,
-        flags={**flight.flags, "flight": flight.flags["flight"] & ~np.uint8(FLAGS["on_ground"])},
+        flags={
+            **flight.flags,
+            "flight": flight.flags["flight"]
+            & ~flight.flags["flight"].dtype.type(FLAGS["on_ground"]),
+        },
     )
 
 
@@ -196,24 +225,22 @@ def flag_on_ground(flight: Flight) -> Flight:
 
 
 def was_airborne(flight: Flight) -> bool:
-    """Return whether any sample (n,) is not flagged as on the ground (`flag_on_ground`)."""
-    flags = flight.flags.get("flight")
-    return flags is None or not bool(np.all(flags & FLAGS["on_ground"]))
+    """Return whether any sample (n,) is on wings: flagged neither as on the ground
+    (`flag_on_ground`) nor as hover."""
+    return not bool(np.all(flagged(flight, "on_ground", "hover")))
+
+
+def flagged(flight: Flight, *reasons: str) -> Mask:
+    """Return where (n,) the flight as a whole has one of these flags."""
+    bits = flight.flags.get("flight", np.zeros(len(flight.time), dtype=np.uint16))
+    return (bits.astype(np.uint16) & np.uint16(sum(FLAGS[each] for each in reasons))) != 0
 
 
 def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
     """Start and stop of the ground run around slow samples first..last."""
-    name = next(
-        (
-            name
-            for name in ("altitude", "height_above_ground")
-            if name in flight and flight.usable([name]).any()
-        ),
-        "",
-    )
-    if not name:
+    height = _height(flight)
+    if height is None:
         return first, last + 1
-    height = bridge(np.where(flight.usable([name]), flight[name], np.nan))
     begin_level, end_level = (
         float(np.median(height[first : last + 1][:50])),
         float(np.median(height[first : last + 1][-50:])),
@@ -223,6 +250,14 @@ def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
     return (int(before[-1]) + 1 if before.size else 0), (
         last + 1 + int(after[0]) if after.size else len(height)
     )
+
+
+def _height(flight: Flight) -> Array | None:
+    """Height (n,) [m] that the flight has, bridged where it is not usable; None without one."""
+    for name in ("altitude", "height_above_ground"):
+        if name in flight and (good := flight.usable([name], despite=("hover",))).any():
+            return bridge(np.where(good, flight[name], np.nan))
+    return None
 
 
 def configurations(flight: Flight) -> tuple[Segment, ...]:

@@ -48,6 +48,7 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
 #: constant.
 _MOVING = (
     "V",
+    "calibrated_airspeed",
     "alpha",
     "beta",
     "qbar",
@@ -65,7 +66,7 @@ _MOVING = (
     "psi",
 )
 #: Air data that are constant at rest, near zero.
-_STILL_AT_REST = ("V", "qbar")
+_STILL_AT_REST = ("V", "calibrated_airspeed", "qbar")
 #: Part of their largest value up to which they may be constant.
 _AT_REST = 0.05
 #: Smallest departure, as part of a channel's physical range, that can be a spike.

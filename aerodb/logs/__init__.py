@@ -23,9 +23,8 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .ardupilot import hover_times
     from .autopilot import hover_sentence, wingless_sentence
-    from .autopilots import read_autopilot
+    from .autopilots import hover_times, read_autopilot
     from .columns import TIME, find_columns, with_named_clock
     from .completeness import (
         airspeed_remedy,
@@ -33,7 +32,13 @@ if TYPE_CHECKING:
         consequences_of_missing,
         not_possible,
     )
-    from .found_channels import channels_found, empty_channels, with_mapped_clock, zero_channels
+    from .found_channels import (
+        channels_found,
+        empty_channels,
+        sensor_choices,
+        with_mapped_clock,
+        zero_channels,
+    )
     from .inspection import TopicSummary, describe, missing_samples
     from .mapping import choose_mapping, map_recording
     from .mapping_draft import draft_mapping

@@ -9,9 +9,7 @@ left are positive.
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-
-from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface
+from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface, stretches_of
 from aerodb.recording import Recording
 
 #: First word of the firmware's name -> kind of vehicle.
@@ -94,27 +92,10 @@ def _kind(recording: Recording, known: Mapping[str, Any]) -> str:
     return "tailsitter VTOL" if tailsitter else "quadplane VTOL"
 
 
-def hover_times(recording: Recording) -> tuple[tuple[float, float], ...]:
+def ardupilot_hover(recording: Recording) -> tuple[tuple[float, float], ...]:
     """Return from when to when [s] an ArduPilot log is in a mode in which lift motors carry the
     aircraft; the last stretch ends with the log."""
-    topic = recording.topics.get("MODE")
-    number = None if topic is None else topic.fields.get("ModeNum", topic.fields.get("Mode"))
-    if topic is None or number is None or not len(topic.time):
-        return ()
-    modes = np.asarray(number)
-    if modes.dtype.kind not in "fiu":
-        return ()
-    last = max(float(each.time[-1]) for each in recording.topics.values() if len(each.time))
-    ends = [*(float(time) for time in topic.time[1:]), last]
-    found: list[tuple[float, float]] = []
-    for mode, start, end in zip(modes, topic.time, ends, strict=True):
-        if int(mode) not in _HOVER_MODES:
-            continue
-        if found and found[-1][1] == float(start):
-            found[-1] = (found[-1][0], end)
-        else:
-            found.append((float(start), end))
-    return tuple(found)
+    return stretches_of(recording, "MODE", ("ModeNum", "Mode"), _HOVER_MODES)
 
 
 def _points(known: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:

@@ -7,11 +7,14 @@ here trailing edge down and left are positive, so that scales are negative unles
 otherwise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.recording import Recording
+from aerodb.signals import runs
 
 _AIRFRAMES: Final = {
     0: "multicopter",
@@ -134,10 +137,60 @@ def hover_sentence(kind: str, hover: Sequence[tuple[float, float]] = ()) -> str:
         return ""
     turned = " with its axes turned" if "tailsitter" in kind else ""
     times = " and ".join(f"from {start:.1f} to {end:.1f} s" for start, end in hover[:3])
-    return (
-        f"hover and transition{turned} are no wing-borne flight of a {kind}: leave them out"
-        f"{times and f'; by its modes {times}'}"
+    more = f" and {len(hover) - 3} more times" if len(hover) > 3 else ""
+    left = f"left out by its modes {times}{more}" if hover else "leave them out"
+    return f"hover and transition{turned} are no wing-borne flight of a {kind}: {left}"
+
+
+def stretches_of(
+    recording: Recording, topic: str, fields: Sequence[str], states: Collection[int]
+) -> tuple[tuple[float, float], ...]:
+    """Return from when to when [s] a topic's number, the first of these fields, is one of the
+    states; it holds until the next message, the last until the log ends."""
+    found = recording.topics.get(topic)
+    number = next(
+        (found.fields[n] for n in fields if found is not None and n in found.fields), None
     )
+    if found is None or number is None or not len(found.time):
+        return ()
+    values = np.asarray(number)
+    if values.dtype.kind not in "fiub":
+        return ()
+    last = max(float(each.time[-1]) for each in recording.topics.values() if len(each.time))
+    ends = [*(float(time) for time in found.time[1:]), last]
+    inside = np.isin(values.astype(np.int64), list(states))
+    return tuple((float(found.time[a]), ends[b]) for a, b in runs(inside))
+
+
+_Times = tuple[tuple[float, float], ...]
+#: vehicle_vtol_state of PX4: transition to and from the wing, and rotors alone.
+_HOVER_STATES: Final = (1, 2, 3)
+
+
+def px4_hover(recording: Recording) -> tuple[tuple[float, float], ...]:
+    """Return from when to when [s] rotors carry a VTOL of PX4, transitions included and what stands
+    on the ground not."""
+    status, former = "vtol_vehicle_status", ("vtol_in_rw_mode", "in_rw_mode")
+    hover = stretches_of(recording, status, ("vehicle_vtol_state",), _HOVER_STATES)
+    hover = hover or stretches_of(recording, status, former, (1,))
+    landed = stretches_of(recording, "vehicle_land_detected", ("landed",), (1,))
+    return _without(hover, landed)
+
+
+def _without(stretches: _Times, others: _Times) -> _Times:
+    """What is left of stretches [s] outside others.
+
+    >>> _without(((0.0, 9.0),), ((1.0, 2.0), (8.0, 12.0)))
+    ((0.0, 1.0), (2.0, 8.0))
+    """
+    for first, last in others:
+        stretches = tuple(
+            (a, b)
+            for start, end in stretches
+            for a, b in ((start, min(end, first)), (max(start, last), end))
+            if b > a
+        )
+    return stretches
 
 
 def read_px4(recording: Recording) -> LoggedAircraft:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from aerodb.logs.mapped_log import MappedLog
 from aerodb.logs.mapping_file import Mapping
+from aerodb.nomenclature import channel
 from aerodb.recording import Recording
 
 #: Channels that every flight should have; reported as missing even if the mapping lacks them.
@@ -86,6 +87,17 @@ def empty_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
         if (places := [source for source in entry.sources if log.locate(source)])
         and all(log.is_empty(source) for source in places)
     )
+
+
+def sensor_choices(recording: Recording, mapping: Mapping) -> tuple[str, ...]:
+    """Return which of several sensors of a kind is read, from when [s] on; empty where it is the
+    first throughout. Fields are (n,)."""
+    log = MappedLog(recording, mapping)
+    for entry in mapping.channel:
+        for source in entry.sources:
+            if source.primary:
+                log.read(source, channel(entry.name).unit)
+    return tuple(log.choices)
 
 
 def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:

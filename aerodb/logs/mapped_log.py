@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.logs.mapping_file import Mapping, Source, matching_topics
+from aerodb.logs.sensor_choice import Sensor, chosen, described, healthy
 from aerodb.recording import Damage, Recording
 from aerodb.signals import clean_clock
 from aerodb.support import Array
@@ -47,6 +48,8 @@ class MappedLog:
     damage: list[Damage] = field(default_factory=list)
     refused: dict[str, InputError] = field(default_factory=dict)
     """Topics whose clock cannot be used -> the error."""
+    choices: list[str] = field(default_factory=list)
+    """Which of several sensors of a kind was read, where it is not the first throughout."""
     cut: set[str] = field(default_factory=set)
     """Topics of which samples far from the flight are left out."""
     _clocks: dict[str, _Clock | None] = field(default_factory=dict)
@@ -125,6 +128,25 @@ class MappedLog:
             self._renamed = self.mapping.renamed(self.recording) or ""
         return [self._renamed] if self._renamed else []
 
+    def _chosen(self, source: Source, location: _Location, clock: _Clock) -> Array:
+        """Values (n,) of the sensor that the autopilot used, or of a healthy one, on the clock of
+        the first."""
+        sensors = []
+        for name in self._topics(source.topic):
+            topic, its = self.recording.topics[name], self.clock(name)
+            if its is not None and source.field in topic.fields:
+                values = np.asarray(topic.fields[source.field], dtype=np.float64)[its.keep]
+                well = healthy(topic.fields, source.healthy, len(its.keep))[its.keep]
+                sensors.append(Sensor(name, its.time, values, well))
+        stated = self.recording.topics[location.topic].fields.get(source.primary)
+        none = np.zeros(len(clock.time))
+        values, taken = chosen(sensors, none if stated is None else np.asarray(stated)[clock.keep])
+        if words := described(sensors, taken):
+            said = f"{location.field} of the sensor that the autopilot used: {', '.join(words)}"
+            if said not in self.choices:
+                self.choices.append(said)
+        return values
+
     def is_zero(self, source: Source) -> bool:
         """Return whether the field of a source (n,) is there and zero throughout, whatever its
         unit."""
@@ -153,6 +175,8 @@ class MappedLog:
             return None
         topic = self.recording.topics[location.topic]
         raw = np.asarray(topic.fields[location.field], dtype=np.float64)[clock.keep]
+        if source.primary:
+            raw = self._chosen(source, location, clock)
         if not np.any(np.isfinite(raw)) or (self.mapping.zero_is_missing and not np.any(raw)):
             return None
         declared = source.unit if source.unit is not None else topic.units.get(location.field)

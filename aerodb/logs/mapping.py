@@ -8,6 +8,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.air_data import complete_air_data
+from aerodb.logs.autopilots import flag_hover
 from aerodb.logs.captive import flag_captive
 from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.derivations import METHODS
@@ -96,14 +97,14 @@ def map_recording(
         time=grid,
         channels=channels,
         flags=flags,
-        notes=(note, *notes),
+        notes=(note, *log.choices, *notes),
         damage=(*recording.damage, *log.damage),
         start_utc=recording.start_utc,
         log_sha256=recording.sha256,
         mapping=mapping.name,
         estimated=frozenset(signal.name for signal in signals.values() if signal.estimated),
     )
-    return _completed(flight, mapping, vehicle)
+    return _completed(flag_hover(flight, recording), mapping, vehicle)
 
 
 def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal], list[str]]:

@@ -39,6 +39,8 @@ class Source(Strict):
 
     The value is ``offset + scale * field`` in `unit`; without `unit`, in the unit that the log
     declares. `estimated`: no sensor's value, but one that an estimator on board made of others.
+    `primary`: field that says which of several sensors, the topics that match, the autopilot used
+    (0: the first); `healthy`: field that is zero while a sensor is not.
     """
 
     topic: str
@@ -47,13 +49,15 @@ class Source(Strict):
     scale: float = 1.0
     offset: float = 0.0
     estimated: bool = False
+    primary: str = ""
+    healthy: str = ""
 
     @model_serializer(mode="wrap")
     def _without_default(self, serialize: SerializerFunctionWrapHandler) -> Any:
-        """A sensor's source is written as before `estimated` was: results made with it keep their
-        keys."""
-        written = serialize(self)
-        return {k: v for k, v in written.items() if k != "estimated" or v}
+        """A sensor's source is written as before `estimated` and `primary` were: results made with
+        it keep their keys."""
+        written, later = serialize(self), ("estimated", "primary", "healthy")
+        return {k: v for k, v in written.items() if k not in later or v}
 
 
 class Clock(Strict):

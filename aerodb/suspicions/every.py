@@ -11,6 +11,7 @@ from aerodb.remarks import Remark, sentences
 from aerodb.suspicions.air import air_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
+from aerodb.suspicions.failed import FAILED, failed_suspicions
 from aerodb.suspicions.lift import lift_suspicions
 from aerodb.suspicions.loads import POSSIBLE
 from aerodb.suspicions.masses import mass_suspicions
@@ -58,9 +59,10 @@ def against_vehicle(
 def limits_flight(suspicion: Suspicion) -> bool:
     """Return whether a suspicion limits the verdict on a flight: flight-path reconstruction judges
     motion, and a surface, the density, masses and sizes are beyond its reach. A surface that may
-    have stood still is no fault, nor is what aerodynamics may explain as well. Source:
+    have stood still is no fault, nor is what aerodynamics may explain as well. Where a sensor
+    failed, the stretch is left out, not the flight. Source:
     docs/method/consistency.md, section Verdict."""
-    if suspicion.kind in (UNMOVED, POSSIBLE):
+    if suspicion.kind in (UNMOVED, POSSIBLE, FAILED):
         return False
     return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
 
@@ -76,7 +78,8 @@ def examined_beside(
     """
     size = vehicle.reference
     found = examine(flight, clocks, size.span, size.chord)
-    more = against_vehicle(flight, vehicle, {each.channel for each in found.suspicions})
+    suspected = {each.channel for each in found.suspicions if each.kind != FAILED}
+    more = against_vehicle(flight, vehicle, suspected)
     return replace(found, suspicions=(*found.suspicions, *more))
 
 
@@ -93,7 +96,7 @@ def examine(
     """
     flight_segments = segments(flight)
     return Conditioning(
-        (*clocks, *suspicions(flight, span, chord)),
+        (*clocks, *failed_suspicions(flight), *suspicions(flight, span, chord)),
         flight_segments,
         delays(flight, during=_longest_in_the_air(flight)),
     )

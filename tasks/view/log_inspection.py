@@ -26,6 +26,7 @@ from aerodb.logs import (
     not_possible,
     parse_formula,
     read_autopilot,
+    sensor_choices,
     wingless_sentence,
     with_mapped_clock,
     with_named_clock,
@@ -117,7 +118,7 @@ def _looked_into(
     if chosen is None:
         summary: dict[str, Any] = {
             "mapping": None,
-            **{name: [] for name in ("channels", "missing", "zero", "empty")},
+            **{name: [] for name in ("channels", "missing", "zero", "empty", "sensors")},
             "prevents": [refusal],
             "usable": False,
             "because": [refusal],
@@ -155,7 +156,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
     grounded = bool(findings["segments"]) and not _flown(findings["segments"])
     unusable = [
         *(wingless or ([findings["unusable"]] if findings["unusable"] else [])),
-        *(["the aircraft was never airborne in it"] if grounded else []),
+        *([_never_flown(findings["segments"])] if grounded else []),
     ]
     remarks = [
         *consequence_of_zeros(zero, chosen.zero_is_missing),
@@ -166,6 +167,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "channels": present,
         "airframe": autopilot.kind or None,
         "hover": hover_sentence(autopilot.kind, hover_times(recording)),
+        "sensors": list(sensor_choices(recording, chosen)),
         "missing": missing,
         "zero": list(zero),
         "empty": list(empty),
@@ -184,6 +186,11 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "usable": not unusable,
         "because": [*unusable, *([] if wingless else airspeed_remedy(absent))],
     }
+
+
+def _never_flown(segments: Sequence[Mapping[str, Any]]) -> str:
+    hovers = any(each["kind"] == "hover" for each in segments)
+    return f"the aircraft {'only hovered' if hovers else 'was never airborne'} in it"
 
 
 @dataclass(frozen=True)
@@ -289,7 +296,7 @@ def inspection_lines(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("manoeuvres", _manoeuvres(document["segments"])),
         ("suspicions", "; ".join(each["sentence"] for each in document["suspicions"][:_FEW])),
         ("not read", "; ".join(document["not_read"])),
-        ("read as", "; ".join(document["read_as"])),
+        ("read as", "; ".join([*document["read_as"], *document["sensors"]])),
         ("damage", _counted(Counter(e["kind"].replace("_", " ") for e in document["damage"]))),
     ]
 

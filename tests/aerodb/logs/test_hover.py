@@ -40,7 +40,7 @@ def test_a_copter_stays_one() -> None:
 
 
 def test_times_of_hover_by_the_modes() -> None:
-    recording = log([18, 19, 10, 12, 20], [1.0, 9.0, 20.0, 50.0, 80.0])
+    recording = log([18, 19, 10, 12, 20], [1.0, 9.0, 20.0, 50.0, 80.0], Q_ENABLE=1.0)
     assert hover_times(recording) == ((1.0, 20.0), (80.0, 100.0))
     said = hover_sentence("tailsitter VTOL", hover_times(recording))
     assert "axes turned" in said
@@ -48,5 +48,5 @@ def test_times_of_hover_by_the_modes() -> None:
 
 
 def test_a_flight_without_hover_has_none() -> None:
-    assert hover_times(log([0, 10, 11], [0.0, 9.0, 20.0])) == ()
+    assert hover_times(log([0, 10, 11], [0.0, 9.0, 20.0], Q_ENABLE=1.0)) == ()
     assert hover_sentence("fixed wing", ()) == ""

@@ -182,7 +182,9 @@ def test_clocks_of_real_logs_raise_no_suspicion(measured: Callable[[str], Path],
     assert clock_suspicions(recording) == ()
     flight = map_recording(recording, builtin_mappings()["px4"], parse_vehicle(VEHICLE))
     assert suspicions(flight) == ()
-    assert {segment.kind for segment in segments(flight)} <= {"on_ground"}
+    kinds = {segment.kind for segment in segments(flight)}
+    # The VTOL's autopilot takes it to be off the ground for a second (vehicle_land_detected).
+    assert kinds <= {"on_ground", *(["hover"] if "small" in log else [])}
 
 
 def test_a_channel_that_is_all_gap_has_no_overlap() -> None:

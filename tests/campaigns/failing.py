@@ -1,0 +1,184 @@
+"""Sensors and surfaces that fail during a flight: from one time on, or for a while.
+
+``python -m tests.campaigns.failing`` prints a table over the right flights of
+`tests.campaigns.corrupted`: kind -> flights in which it matters, told with the right channel, left
+out without a word, silent, and wrong causes; and the false alarms of the right flights.
+"""
+
+import argparse
+import os
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from aerodb.conditioning import flag_unusable
+from aerodb.conditioning.failures import AIR
+from aerodb.flight import Flight
+from aerodb.nomenclature import FLAGS
+from aerodb.suspicions.failed import FAILED, failed_suspicions
+from tests.campaigns.corrupted import fleet, measured, simulated
+from tests.campaigns.corruptions import Pair
+from tests.support.paths import ROOT
+
+#: Values of a channel, the mask of the samples in which it fails, noise of its sensor, step [s].
+Change = Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A failure: the channels that it makes wrong alike, how, and for which part of the flight."""
+
+    channels: tuple[str, ...]
+    change: Change
+    begin: float = 0.5
+    seconds: float | None = None
+
+
+def _held(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    return np.where(failing, values[np.argmax(failing)], values)
+
+
+def _zero(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    return np.where(failing, 0.0, values)
+
+
+def _noise(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    """Held, with the noise of the sensor."""
+    return np.where(failing, values[np.argmax(failing)] + noise, values)
+
+
+def _nothing(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    return np.where(failing, np.nan, values)
+
+
+def _decays(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    """Falls off to a tenth within 8 s."""
+    since = np.cumsum(failing) * step
+    return np.where(failing, values * np.clip(1.0 - since / 8.0, 0.1, 1.0), values)
+
+
+KINDS: dict[str, Kind] = {
+    "airspeed zero": Kind(AIR, _zero),
+    "airspeed zero for 5 s": Kind(AIR, _zero, 0.4, 5.0),
+    "airspeed held": Kind(AIR, _held),
+    "airspeed held 3 s": Kind(AIR, _held, 0.4, 3.0),
+    "airspeed falls off": Kind(AIR, _decays),
+    "airspeed not a number": Kind(AIR, _nothing),
+    "alpha zero": Kind(("alpha",), _zero),
+    "alpha held": Kind(("alpha",), _held),
+    "alpha held, noisy": Kind(("alpha",), _noise),
+    "alpha held 3 s": Kind(("alpha",), _held, 0.4, 3.0),
+    "alpha not a number": Kind(("alpha",), _nothing),
+    "beta held, noisy": Kind(("beta",), _noise),
+    "altitude held": Kind(("altitude",), _held),
+    "static pressure held": Kind(("static_pressure",), _held),
+    "velocity held": Kind(("velocity_north", "velocity_east"), _held),
+    "position held": Kind(("north", "east"), _held),
+}
+
+
+def failing(pair: Pair, kind: Kind) -> tuple[Flight, np.ndarray] | None:
+    """The flight with the failure, conditioned anew, and where it fails; None where the flight has
+    no such channel, or none that moves by ten times its noise meanwhile."""
+    flight = pair.flight
+    names = [name for name in kind.channels if name in flight]
+    flown = np.flatnonzero(flight.usable(names))
+    if not names or flown.size < 100:
+        return None
+    first = int(flown[int(kind.begin * flown.size)])
+    count = flown[-1] + 1 - first if kind.seconds is None else round(kind.seconds / flight.step)
+    where = np.zeros(len(flight.time), dtype=bool)
+    where[first : min(first + count, flown[-1] + 1)] = True
+    rng = np.random.default_rng(zlib.crc32(pair.name.encode()))
+    made = {}
+    for name in names:
+        values = flight[name]
+        sigma = 1.4826 * float(np.nanmedian(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
+        here = values[where & np.isfinite(values)]
+        if name == names[0] and not np.std(here) > 10.0 * sigma + 1e-9:
+            return None
+        made[name] = kind.change(
+            values, where, sigma * rng.standard_normal(len(values)), flight.step
+        )
+    bits = {
+        name: flags & ~flags.dtype.type(FLAGS["stuck"] | FLAGS["wild_point"])
+        for name, flags in flight.flags.items()
+    }
+    return flag_unusable(replace(flight, flags=bits).with_channels(made)), where
+
+
+@dataclass
+class Told:
+    """Flights of a kind by what is noticed of them."""
+
+    right: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+
+    @property
+    def cases(self) -> int:
+        return len(self.right) + len(self.left_out) + len(self.silent)
+
+
+def told(pairs: Sequence[Pair], kind: Kind) -> Told:
+    """What is noticed of a kind over all flights."""
+    found = Told()
+    for pair in pairs:
+        with np.errstate(all="ignore"):
+            made = failing(pair, kind)
+        if made is None:
+            continue
+        flight, where = made
+        said = failed_suspicions(flight)
+        named = {each.channel for each in said}
+        first = next(name for name in kind.channels if name in flight)
+        still = flight.usable([first]) & where
+        if named & set(kind.channels):
+            found.right.append(pair.name)
+        elif np.mean(still[where]) < 0.2:
+            found.left_out.append(pair.name)
+        else:
+            found.silent.append(pair.name)
+        if named - set(kind.channels):
+            found.wrong.append(pair.name)
+    return found
+
+
+def false_alarms(pairs: Sequence[Pair]) -> Iterator[tuple[str, str]]:
+    """Right flights in which a sensor is said to have failed."""
+    for pair in pairs:
+        for each in failed_suspicions(flag_unusable(pair.flight)):
+            if each.kind == FAILED:
+                yield pair.name, each.sentence
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
+    parser.add_argument("--only", help="one kind")
+    parser.add_argument("--without-fleet", action="store_true", help="no flights of JSBSim")
+    asked = parser.parse_args()
+    cache = asked.cache or Path(tempfile.mkdtemp())
+    cache.mkdir(parents=True, exist_ok=True)
+    folder = Path(os.environ.get("AERODB_TEST_DATA", ROOT.parent / "shared" / "data"))
+    pairs = [*measured(folder), *simulated()]
+    pairs += [] if asked.without_fleet else [*fleet(cache)]
+    alarms = list(false_alarms(pairs))
+    print(f"right flights: {len(pairs)}, false alarms: {len(alarms)}", *alarms, sep="\n  ")
+    kinds: Mapping[str, Kind] = {asked.only: KINDS[asked.only]} if asked.only else KINDS
+    for name, kind in kinds.items():
+        found = told(pairs, kind)
+        numbers = (found.cases, found.right, found.left_out, found.silent, found.wrong)
+        words = " ".join(f"{n if isinstance(n, int) else len(n):4}" for n in numbers)
+        silent = ", ".join(Path(each).stem for each in found.silent)
+        print(f"  {name:26} {words}  {silent}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
