@@ -46,7 +46,8 @@ def chosen(sensors: Sequence[Sensor], primary: Array) -> tuple[Array, Places]:
     which each sample is of.
 
     primary : (n,) number of the sensor that the autopilot used. Where that is not healthy and
-    another is, the other counts; where none is, the value is nan.
+    another is, the other counts; where none is, the value is nan. Sensors of which none is ever
+    healthy do not say whether they are.
     """
     time = sensors[0].time
     taken = np.zeros(len(time), dtype=np.intp)
@@ -59,6 +60,8 @@ def chosen(sensors: Sequence[Sensor], primary: Array) -> tuple[Array, Places]:
         values[place] = sensor.values[near]
         healthy[place] = sensor.healthy[near] & np.isfinite(values[place])
         taken[primary == instance_of(sensor.topic)] = place
+    if not healthy.any():
+        healthy = np.isfinite(values).astype(np.float64)
     every = np.arange(len(time))
     ill = healthy[taken, every] == 0
     taken[ill] = np.argmax(healthy[:, ill], axis=0)

@@ -3,6 +3,7 @@
 Readers are imported on demand, because each depends on a library of its own.
 """
 
+import re
 import tempfile
 from collections.abc import Collection
 from functools import cache
@@ -15,12 +16,15 @@ from aerodb.errors import InputError
 from aerodb.recording import Recording, Topic
 from aerodb.storage.files import write_topics
 from aerodb.storage.readers.foreign_formats import refuse_foreign
+from aerodb.storage.readers.packed import GZIP, ZIP, read_packed
 from aerodb.storage.writers import write_ulog
 
 #: First bytes of the files.
 _ULOG: Final = b"ULog"
 _MCAP: Final = b"\x89MCAP"
 _DATAFLASH: Final = b"\xa3\x95"
+#: First line of a DataFlash log as text: the description of descriptions.
+FIRST_LINE: Final = re.compile(rb"\s*FMT,\s*128,\s*89,\s*FMT,")
 _ULOG_SUFFIXES: Final = (".ulg", ".ulog")
 _MCAP_SUFFIX: Final = ".mcap"
 _DATAFLASH_SUFFIX: Final = ".bin"
@@ -65,6 +69,12 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     try:
         with path.open("rb") as handle:
             head = handle.read(64)
+        if FIRST_LINE.match(head):
+            from aerodb.storage.readers.dataflash_text import read_dataflash_text
+
+            return read_dataflash_text(path)
+        if head.startswith((ZIP, GZIP)):
+            return read_packed(path, lambda log: read_log(log, topics))
         refuse_foreign(path, head)
         if head.startswith(_ULOG) or path.suffix.lower() in _ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog

@@ -24,7 +24,7 @@ from aerodb.storage.readers.ulog_kernels import Bytes
 
 MAGIC: Final = b"\xa3\x95"
 #: Format character -> numpy type, and the factor that the character itself implies.
-_TYPES: Final[dict[str, tuple[str, float]]] = {
+TYPES: Final[dict[str, tuple[str, float]]] = {
     "a": ("(32,)<i2", 1.0),
     **{"b": ("i1", 1.0), "B": ("u1", 1.0), "M": ("u1", 1.0)},
     **{"h": ("<i2", 1.0), "H": ("<u2", 1.0), "i": ("<i4", 1.0), "I": ("<u4", 1.0)},
@@ -56,11 +56,11 @@ _FIRMWARE: Final = re.compile(r"(Ardu\w+|Rover|Blimp|AntennaTracker) V\d")
 _LABEL: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 #: Stretches of lost bytes listed one by one; the rest is one entry.
 _LISTED: Final = 200
-_NO_LOG: Final = "check that the transfer was complete; the original on the vehicle may be intact"
+NO_LOG: Final = "check that the transfer was complete; the original on the vehicle may be intact"
 
 
 @dataclass(frozen=True)
-class _Format:
+class Format:
     """A kind of record: its name, format characters and labels; `layout` is None where they do not
     agree with its length."""
 
@@ -71,12 +71,12 @@ class _Format:
 
 
 @dataclass(frozen=True)
-class _Records:
+class Records:
     """Records of one name: `rows` (n,), units and multipliers by label ('' and 1 where the log
     declares none), and the label of the instance; '' where there is none."""
 
     rows: NDArray[Any]
-    format: _Format
+    format: Format
     units: Mapping[str, str]
     factors: Mapping[str, float]
     instance: str
@@ -110,18 +110,18 @@ def read_dataflash(path: Path) -> Recording:
     kind, start, lost = framed(data)
     formats, unreadable = _formats(data, start[kind == FMT])
     log = _records(data, kind, start, formats)
-    topics = {topic.name: topic for records in log.values() for topic in _topics_of(records)}
+    topics = {topic.name: topic for records in log.values() for topic in topics_of(records)}
     if not topics:
-        raise InputError("the log contains no data", str(path), _NO_LOG)
+        raise InputError("the log contains no data", str(path), NO_LOG)
     return Recording(
         str(path),
         "dataflash",
         hashlib.sha256(data.data).hexdigest(),
         len(data),
         topics,
-        _metadata(log),
-        (*_lost(lost, len(data)), *unreadable, *_backwards(topics)),
-        _start_utc(topics),
+        log_metadata(log),
+        (*_lost(lost, len(data)), *unreadable, *backwards(topics)),
+        start_utc(topics),
         "ardupilot" if {"IMU", "ATT"} <= topics.keys() else "",
     )
 
@@ -153,9 +153,9 @@ _FMT_LAYOUT: Final = np.dtype(
 )
 
 
-def _formats(data: Bytes, start: NDArray[np.int64]) -> tuple[dict[int, _Format], list[Damage]]:
+def _formats(data: Bytes, start: NDArray[np.int64]) -> tuple[dict[int, Format], list[Damage]]:
     """Formats by message id, the first of each id; and those that cannot be used."""
-    found: dict[int, _Format] = {}
+    found: dict[int, Format] = {}
     damage = []
     for row in _taken(data, start, _FMT_LAYOUT):
         identity, name = int(row["type"]), _text(row["name"])
@@ -171,26 +171,26 @@ def _formats(data: Bytes, start: NDArray[np.int64]) -> tuple[dict[int, _Format],
     return found, damage
 
 
-def _format(name: str, characters: str, labels: str, length: int) -> _Format:
+def _format(name: str, characters: str, labels: str, length: int) -> Format:
     named = tuple(labels.split(",")) if labels else ()
     usable = (
         bool(_LABEL.fullmatch(name))
         and len(named) == len(characters) == len(set(named))
         and all(_LABEL.fullmatch(label) for label in named)
-        and all(character in _TYPES for character in characters)
+        and all(character in TYPES for character in characters)
     )
     layout = None
     if usable:
-        fields = [(label, _TYPES[c][0]) for label, c in zip(named, characters, strict=True)]
+        fields = [(label, TYPES[c][0]) for label, c in zip(named, characters, strict=True)]
         layout = np.dtype([(" ", "S3"), *fields])
     if layout is not None and layout.itemsize != length:
         layout = None
-    return _Format(name, characters, named, layout)
+    return Format(name, characters, named, layout)
 
 
 def _records(
-    data: Bytes, kind: Bytes, start: NDArray[np.int64], formats: Mapping[int, _Format]
-) -> dict[str, _Records]:
+    data: Bytes, kind: Bytes, start: NDArray[np.int64], formats: Mapping[int, Format]
+) -> dict[str, Records]:
     """Records by name; of two ids with one name, the first."""
     rows: dict[int, NDArray[Any]] = {}
     order = np.argsort(kind, kind="stable")
@@ -199,6 +199,14 @@ def _records(
         places = start[order[first[identity] : first[identity + 1]]]
         if identity != FMT and entry.layout is not None and len(places):
             rows[identity] = _taken(data, places, entry.layout)
+    return described(rows, formats)
+
+
+def described(
+    rows: Mapping[int, NDArray[Any]], formats: Mapping[int, Format]
+) -> dict[str, Records]:
+    """Records (n,) by message id -> by name with their units, multipliers and instances, as UNIT,
+    MULT and FMTU among them declare; of two ids with one name, the first."""
     by_name = {formats[identity].name: each for identity, each in rows.items()}
     unit_of, factor_of = (
         _by_character(by_name, _UNIT, "Label"),
@@ -207,13 +215,13 @@ def _records(
     declared = {}
     for row in _named(by_name, _UNITS_OF, "FmtType", "UnitIds", "MultIds"):
         declared[int(row["FmtType"])] = (_text(row["UnitIds"]), _text(row["MultIds"]))
-    found: dict[str, _Records] = {}
+    found: dict[str, Records] = {}
     for identity, each in rows.items():
         entry = formats[identity]
         units, factors = declared.get(identity, ("", ""))
         found.setdefault(
             entry.name,
-            _Records(
+            Records(
                 each,
                 entry,
                 {
@@ -244,8 +252,8 @@ def _by_character(rows: Mapping[str, NDArray[Any]], name: str, label: str) -> di
     return {chr(int(row["Id"]) & 0x7F): row[label] for row in _named(rows, name, "Id", label)}
 
 
-def _topics_of(records: _Records) -> Iterator[Topic]:
-    """Topics of records with a clock, one per instance."""
+def topics_of(records: Records) -> Iterator[Topic]:
+    """Yield the topics of records with a clock [s], one per instance; fields are (n,)."""
     labels = records.format.labels
     clock = labels[0] if labels else ""
     about = (_PARAMETERS, _TEXTS, _UNITS_OF, _UNIT, _MULTIPLIER)
@@ -264,7 +272,7 @@ def _topics_of(records: _Records) -> Iterator[Topic]:
             values = rows[label]
             if values.dtype.kind not in "iuf" or label == records.instance:
                 continue
-            factor = _TYPES[character][1]
+            factor = TYPES[character][1]
             if factor == 1.0:
                 factor = records.factors.get(label, 1.0) or 1.0
             scaled = values if factor == 1.0 else values * factor
@@ -278,8 +286,8 @@ def _topics_of(records: _Records) -> Iterator[Topic]:
             yield Topic(name, rows[clock] * _CLOCKS[clock], fields, units)
 
 
-def _metadata(log: Mapping[str, _Records]) -> dict[str, str | int | float]:
-    """Parameters as set last, the texts that the firmware wrote, and its name."""
+def log_metadata(log: Mapping[str, Records]) -> dict[str, str | int | float]:
+    """Return parameters as set last, the texts that the firmware wrote, and its name."""
     by_name = {name: each.rows for name, each in log.items()}
     found: dict[str, str | int | float] = {}
     for row in _named(by_name, _PARAMETERS, "Name", "Value"):
@@ -293,8 +301,8 @@ def _metadata(log: Mapping[str, _Records]) -> dict[str, str | int | float]:
     return found
 
 
-def _start_utc(topics: Mapping[str, Topic]) -> datetime | None:
-    """UTC at the first sample with a position of the first receiver that has one."""
+def start_utc(topics: Mapping[str, Topic]) -> datetime | None:
+    """Return UTC at the first sample with a position of the first receiver that has one."""
     for name in ("GPS", "GPS.1", "GPS2"):
         topic = topics.get(name)
         if topic is None or not {"Status", "GMS", "GWk"} <= topic.fields.keys():
@@ -334,8 +342,8 @@ def _lost(stretches: NDArray[np.int64], size: int) -> Iterator[Damage]:
         yield Damage("framing", what, bytes_lost=lost)
 
 
-def _backwards(topics: Mapping[str, Topic]) -> Iterator[Damage]:
-    """Clocks that run backwards."""
+def backwards(topics: Mapping[str, Topic]) -> Iterator[Damage]:
+    """Yield clocks that run backwards, as damage; times [s]."""
     for name, topic in topics.items():
         back = np.flatnonzero(np.diff(topic.time) < 0.0)
         if len(back):

@@ -1,12 +1,10 @@
 """Logs and tables of other programs that are not read here: by their first bytes, with the way out.
 
 Sources: rosbag format 2.0 (wiki.ros.org), SQLite's header, ULog encryption of PX4 (docs.px4.io),
-MAVLink telemetry logs (mavlink.io), PKWARE's zip, blackbox (betaflight.com), Excel.
+MAVLink telemetry logs (mavlink.io), blackbox (betaflight.com), Excel.
 """
 
-import re
 import struct
-import zipfile
 from pathlib import Path
 from typing import Final
 
@@ -35,13 +33,10 @@ _MARKS: Final[tuple[tuple[bytes, str, str], ...]] = (
         "decode it to CSV: blackbox_decode FLIGHT.bbl",
     ),
     (b"\xd0\xcf\x11\xe0", "an Excel file (.xls)", "save the sheet of the table as CSV"),
-    (b"\x1f\x8b", "compressed by gzip", "unpack it first: gunzip"),
     (b"7z\xbc\xaf", "an archive (7z)", "unpack it first"),
     (b"MDF     ", "a measurement file (MDF)", "export its channels as CSV or MAT"),
     (b"TDSm", "a LabVIEW measurement (TDMS)", "export it as CSV"),
 )
-#: First line of a DataFlash log that was converted to text.
-_TEXT_LOG: Final = re.compile(rb"\s*FMT,\s*128,\s*89,\s*FMT,")
 #: First byte of a MAVLink message, versions 1 and 2, behind 8 bytes of time.
 _MAVLINK: Final = (0xFE, 0xFD)
 #: Times of telemetry logs: 2000 to 2100 [us].
@@ -62,13 +57,6 @@ def refuse_foreign(path: Path, head: bytes) -> None:
     head : the first bytes of the file, 64 at least if it has them. Files that are none pass.
     """
     found = next(((what, way) for mark, what, way in _MARKS if head.startswith(mark)), None)
-    if found is None and head.startswith(b"PK\x03\x04"):
-        found = _zipped(path)
-    if found is None and _TEXT_LOG.match(head):
-        found = (
-            "an ArduPilot log as text",
-            "use the .bin of the same flight, or convert it with Mission Planner",
-        )
     if found is None and _is_telemetry(head):
         found = (
             "a telemetry log of MAVLink",
@@ -86,16 +74,3 @@ def _is_telemetry(head: bytes) -> bool:
         return False
     (stamp,) = struct.unpack(">Q", head[:8])
     return bool(_TIMES[0] < stamp < _TIMES[1])
-
-
-def _zipped(path: Path) -> tuple[str, str]:
-    """What is in an archive: a workbook of Excel, or files to be unpacked."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()[:50]
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        return "a damaged archive (zip)", "copy it again, then unpack it"
-    if "[Content_Types].xml" in names:
-        return "an Excel file (.xlsx)", "save the sheet of the table as CSV"
-    first = names[0] if names else "nothing"
-    return f"an archive (zip) that holds {first:.80}", "unpack it first: unzip"

@@ -1,6 +1,7 @@
 """Readers on randomly damaged files: a Recording that accounts for the loss, or a refusal; never a
 traceback, never unreported loss."""
 
+import gzip
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +20,9 @@ from aerodb.storage.readers.ulog_framing import survey
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.tasks.workers import parsed_log
 from tests.storage.readers.test_dataflash import written
+from tests.storage.readers.test_dataflash_text import written as written_text
 from tests.storage.readers.test_mcap import write_flight
+from tests.storage.readers.test_packed import zipped
 from tests.storage.readers.test_ulog import example_topics, messages
 
 Change = Callable[[bytes, np.random.Generator], bytes]
@@ -171,6 +174,45 @@ def test_damaged_dataflash_is_read_or_refused_and_no_byte_is_unaccounted(
         assert sum(each.bytes_lost for each in recording.damage) == (lost[:, 1] - lost[:, 0]).sum()
         assert len(kind) >= len(log.ends) - 600 // 3
     assert read > 0.9 * count
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+def test_a_damaged_text_of_dataflash_is_read_or_refused(
+    count: int, tmp_path: Path, change: Change
+) -> None:
+    """What is left of the records is read; lines that are none any more are reported."""
+    _, whole, _ = written_text(tmp_path)
+    data, rng, read = (tmp_path / "a.log").read_bytes(), np.random.default_rng(8), 0
+    samples = sum(len(topic.time) for topic in whole.topics.values())
+    for _ in range(count):
+        recording = outcome(tmp_path / "b.log", change(data, rng))
+        if recording is None:
+            continue
+        read += 1
+        found = sum(len(topic.time) for topic in recording.topics.values())
+        # A stretch that is taken out joins two lines into one, whose end may be another's.
+        assert found > samples - 60 or recording.damage
+    assert read > 0.8 * count
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+@pytest.mark.parametrize("name", ["a.zip", "a.ulg.gz"])
+def test_a_damaged_archive_is_read_or_refused(
+    name: str, count: int, tmp_path: Path, change: Change
+) -> None:
+    """Archives have checksums: what is read is what was packed."""
+    log = bytes(written(30).data)
+    data = zipped(**{"a.bin": log}) if name == "a.zip" else gzip.compress(log)
+    (tmp_path / "a.bin").write_bytes(log)
+    whole, rng, refused = read_log(tmp_path / "a.bin"), np.random.default_rng(9), 0
+    for _ in range(count):
+        recording = outcome(tmp_path / name, change(data, rng))
+        if recording is None:
+            refused += 1
+            continue
+        for topic, its in recording.topics.items():
+            np.testing.assert_array_equal(its.time, whole.topics[topic].time)
+    assert refused > count // 4
 
 
 @pytest.fixture(scope="module")

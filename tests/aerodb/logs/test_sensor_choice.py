@@ -63,6 +63,8 @@ def test_one_sensor_alone_is_read_as_it_is() -> None:
     assert np.allclose(shown(log), 15.0)
     assert sensor_choices(log, builtin_mappings()["ardupilot"]) == ()
     fields = log.topics["ARSP"].fields
+    fields["H"] = np.zeros(len(TIME))  # never set: it does not say
+    assert np.allclose(shown(log), 15.0)
     del fields["Pri"], fields["H"]
     assert np.allclose(shown(log), 15.0)
 
