@@ -151,6 +151,7 @@ POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
 
 _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
 _FUEL = re.compile(r"fuel_(flow|used)_([a-z][a-z0-9]*)")
+_COMMAND = re.compile(r"command_[a-z0-9][a-z0-9_]*")
 _SOLUTION = re.compile(rf"({'|'.join(NAVIGATION)})_([a-z][a-z0-9]*)")
 
 CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
@@ -272,10 +273,15 @@ def is_surface(name: str) -> bool:
     return _SURFACE.fullmatch(name) is not None
 
 
+def is_command(name: str) -> bool:
+    """Return whether `name` has the form of the command of a rotor, ``command_<name>``."""
+    return _COMMAND.fullmatch(name) is not None
+
+
 def channel(name: str) -> Channel:
     """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad, and
     further navigation solutions ``<channel>_<source>``, such as ``velocity_north_dgps``, and an
-    engine's ``fuel_flow_<engine>`` and ``fuel_used_<engine>``.
+    engine's ``fuel_flow_<engine>`` and ``fuel_used_<engine>``, and a rotor's ``command_<rotor>``.
 
     >>> channel("alpha").unit
     'rad'
@@ -300,8 +306,11 @@ def channel(name: str) -> Channel:
     if burnt := _FUEL.fullmatch(name):
         unit, what = ("kg/s", "flow of fuel to") if burnt[1] == "flow" else ("kg", "fuel used by")
         return Channel(name, unit, f"mass {what} engine {burnt[2]}")
+    if is_command(name):
+        what = name.removeprefix("command_").replace("_", " ")
+        return Channel(name, "1", f"command of rotor {what}: 0 to 1, or -1 to 1 if it turns back")
     inner = name.removeprefix("flags_")
-    known = inner == "flight" or inner in CHANNELS or is_surface(inner)
+    known = inner == "flight" or inner in CHANNELS or is_surface(inner) or is_command(inner)
     if inner != name and (known or _SOLUTION.fullmatch(inner) or _FUEL.fullmatch(inner)):
         return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")
     raise UnknownNameError(f"unknown channel '{name}'", remedy=nearest(name, CHANNELS))

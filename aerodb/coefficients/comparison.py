@@ -291,7 +291,15 @@ def _in_geometry_of(
 
 def _factors(database: AeroDatabase, reference: Reference) -> dict[str, float]:
     """Axis -> factor from coefficients of the geometry `reference` to those of the database's."""
-    ratio = reference.area / database.reference.area
+    given, own = reference.pressure, database.reference.pressure
+    if (given is None) != (own is None):
+        raise InputError(
+            "one has a constant reference pressure, the other not: vehicle"
+            f" {given or 'none'}, database {own or 'none'} [Pa]",
+            f"database {database.name}",
+            "state the same [reference] pressure in the vehicle file and the database",
+        )
+    ratio = reference.area / database.reference.area * ((given or 1.0) / (own or 1.0))
     span = ratio * reference.span / database.reference.span
     chord = ratio * reference.chord / database.reference.chord
     return {"CX": ratio, "CY": ratio, "CZ": ratio, "Cl": span, "Cm": chord, "Cn": span}

@@ -75,7 +75,8 @@ def thrust_share(flight: Flight, vehicle: Vehicle, point: Array) -> ThrustShare 
     """
     if vehicle.thrust.source != "channel":
         return None
-    qbar, cg = bridge(flight["qbar"]), cg_positions(flight, vehicle)
+    constant, cg = vehicle.reference.pressure, cg_positions(flight, vehicle)
+    qbar = bridge(flight["qbar"]) if constant is None else np.full(len(flight.time), constant)
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
     weight = mass_channels(flight, vehicle)["mass"] * GRAVITY
     lines = vehicle.thrust.lines

@@ -85,7 +85,8 @@ def total_coefficients(
     bandwidth: float | None = None,
     angular_acceleration: RateSource = "differentiated",
 ) -> Coefficients:
-    """Total coefficients CX CY CZ Cl Cm Cn of a flight, about the vehicle's moment reference.
+    """Total coefficients CX CY CZ Cl Cm Cn of a flight, about the vehicle's moment reference, over
+    the dynamic pressure or the vehicle's constant reference pressure.
 
     Parameters
     ----------
@@ -107,10 +108,11 @@ def total_coefficients(
             f"{FEWEST_SAMPLES} are needed",
         )
     band = bandwidth_of(flight, vehicle, bandwidth)
-    if "qbar" not in flight:
+    constant = vehicle.reference.pressure
+    if "qbar" not in flight and constant is None:
         what = "no dynamic pressure: no coefficient can be computed"
         raise InputError(what, f"flight {flight.id}", "log qbar, or airspeed and density")
-    qbar = bridge(flight["qbar"])
+    qbar = bridge(flight["qbar"]) if constant is None else np.full(len(flight.time), constant)
     if np.median(qbar) <= 0:
         raise InputError(
             "dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar"
@@ -131,7 +133,8 @@ def total_coefficients(
     force = _force_at_cg(flight, vehicle, rates, cg, notes)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(qbar > 0, 1.0 / (qbar * area), np.nan)
-        qbar_fraction = _noise(flight, vehicle, "qbar", band) / qbar
+        noise = 0.0 if constant is not None else _noise(flight, vehicle, "qbar", band)
+        qbar_fraction = noise / qbar
     thrust_force, thrust_moment = thrust_loads(flight, vehicle.thrust, cg, notes)
     values: dict[str, Array] = {}
     sigma: dict[str, Array] = {}
@@ -166,7 +169,9 @@ def total_coefficients(
             "specific force or body rates are needed",
         )
     usable = {
-        axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values
+        axis: _usable(flight, axis, constant is None) & np.isfinite(values[axis])
+        for axis in AXES
+        if axis in values
     }
     share = thrust_share(flight, vehicle, np.asarray(reference))
     left_out: tuple[str, ...] = ()
@@ -282,9 +287,9 @@ def _force_at_cg(
     return moved, np.hypot(noise, lever)
 
 
-def _usable(flight: Flight, axis: str) -> NDArray[np.bool_]:
+def _usable(flight: Flight, axis: str, over_qbar: bool) -> NDArray[np.bool_]:
     """(n,) where all channels that an axis is computed from are usable."""
-    wanted = ["qbar", "p", "q", "r"]
+    wanted = [*(("qbar",) if over_qbar else ()), "p", "q", "r"]
     if axis in FORCE_AXES:
         letter = axis[1].lower()
         wanted += [name for name in (f"a{letter}", f"a{letter}_imu") if name in flight][:1]

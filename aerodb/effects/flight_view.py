@@ -145,15 +145,21 @@ class FlightView:
         )
 
     @cached_property
-    def inverse_qbar(self) -> Array:
+    def pressure(self) -> Array:
+        """(n,) [Pa] that coefficients are over: dynamic pressure, or the database's constant."""
+        constant = self.reference.pressure
+        return self["qbar"] if constant is None else np.full(len(self.time), constant)
+
+    @cached_property
+    def inverse_pressure(self) -> Array:
         """(n,) [1/Pa]; zero where there is no dynamic pressure: nothing is claimed there."""
-        qbar = self["qbar"]
-        return np.where(qbar > 0.0, 1.0 / np.where(qbar > 0.0, qbar, 1.0), 0.0)
+        pressure = self.pressure
+        return np.where(pressure > 0.0, 1.0 / np.where(pressure > 0.0, pressure, 1.0), 0.0)
 
     def moments(self, coefficients: Mapping[str, Array]) -> Array:
         """(n, 3) [N m] of moment coefficients over the database's lengths."""
         lengths = np.array([self.reference.span, self.reference.chord, self.reference.span])
-        scale = (self["qbar"] * self.reference.area)[:, None] * lengths
+        scale = (self.pressure * self.reference.area)[:, None] * lengths
         return np.column_stack([coefficients[axis] for axis in MOMENT_AXES]) * scale
 
     def as_coefficients(self, force: Array, moment: Array) -> dict[str, Array]:
@@ -162,7 +168,7 @@ class FlightView:
         lengths = np.array([self.reference.span, self.reference.chord, self.reference.span])
         scaled = (
             np.column_stack([force, moment / lengths])
-            * (self.inverse_qbar / self.reference.area)[:, None]
+            * (self.inverse_pressure / self.reference.area)[:, None]
         )
         about_cg = dict(zip(AXES, scaled.T, strict=True))
         return transfer_moments(about_cg, self.cg, self.reference.moment_reference, self.reference)
@@ -170,7 +176,7 @@ class FlightView:
     @property
     def force(self) -> Array:
         """(n, 3) [N]: mass times specific force as the current model gives it, thrust included."""
-        scale = (self["qbar"] * self.reference.area)[:, None]
+        scale = (self.pressure * self.reference.area)[:, None]
         return np.column_stack([self.predicted[axis] for axis in AXES[:3]]) * scale + self.thrust
 
 

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
         read_native,
         to_document,
     )
+    from .reference_pressure import over_dynamic_pressure
     from .state_terms import without_states
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

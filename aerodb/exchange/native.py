@@ -317,6 +317,7 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
             "chord": reference.chord,
             "span": reference.span,
             "moment_reference": list(reference.moment_reference),
+            **({} if reference.pressure is None else {"pressure": reference.pressure}),
         },
         "free_inputs": dict(database.free_inputs),
         "variables": {
@@ -503,6 +504,8 @@ def database_content_sha256(database: AeroDatabase) -> str:
     arrays = [
         np.array([reference.area, reference.chord, reference.span, *reference.moment_reference])
     ]
+    if reference.pressure is not None:
+        arrays.append(np.array([reference.pressure]))
     for name in sorted(database.tables):
         arrays += [*database.tables[name].breakpoints, database.tables[name].values]
     for name in sorted(database.scattered):

@@ -49,7 +49,7 @@ def no_database_beside(coefficients: Coefficients, own: VehicleReference) -> Aer
     """Return a database of zeros in a vehicle's reference geometry, about the moment reference of
     the coefficients of its flight, or its mean [m] over (n, 3) where that is the moving CG."""
     x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
-    return no_database(ReferenceGeometry(own.area, own.chord, own.span, (x, y, z)))
+    return no_database(ReferenceGeometry(own.area, own.chord, own.span, (x, y, z), own.pressure))
 
 
 def axis_equations(

@@ -253,7 +253,12 @@ def _as_flown(
     those of `support`."""
     comparison, reference = flight.comparison, database.reference
     inside = np.searchsorted(comparison.time, stretch.time - 1e-9)
-    pressure = _filled(flight.flight["qbar"][inside])
+    constant = reference.pressure
+    pressure = (
+        _filled(flight.flight["qbar"][inside])
+        if constant is None
+        else np.full(len(inside), constant)
+    )
     lengths = dict(zip(AXES, (1.0, 1.0, 1.0, reference.span, reference.chord, reference.span),
                        strict=True))  # fmt: skip
 

@@ -131,7 +131,9 @@ class OnlineEstimation:
         if self.database is None:
             x, y, z = (float(value) for value in coefficients.moment_reference.mean(axis=0))
             own = self.vehicle.reference
-            self.database = no_database(ReferenceGeometry(own.area, own.chord, own.span, (x, y, z)))
+            self.database = no_database(
+                ReferenceGeometry(own.area, own.chord, own.span, (x, y, z), own.pressure)
+            )
         comparison = compare(flight, coefficients, self.database, self.vehicle.reference)
         until = float(flight.time[-1]) - (0.0 if final else self.edge)
         taken, problems = 0, []

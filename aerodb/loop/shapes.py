@@ -90,5 +90,5 @@ def shape_variables(view: FlightView) -> dict[str, Array]:
     variables = {name: view[name] for name in sorted(names) if view.has([name])}
     variables["time"] = view.time - view.time[0]
     if view.has(["thrust", "qbar"]):
-        variables["thrust"] = view["thrust"] * view.inverse_qbar
+        variables["thrust"] = view["thrust"] * view.inverse_pressure
     return variables

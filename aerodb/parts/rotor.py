@@ -22,6 +22,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from aerodb.errors import InputError
+from aerodb.nomenclature import is_command
 from aerodb.parts.engine import disc_of
 from aerodb.parts.entry import Disc, Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, across
@@ -146,7 +147,8 @@ def _turned(x: Expression, z: Expression, angle: Expression) -> tuple[Expression
 
 
 def command_ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
-    """Return lowest and highest value of each free input that commands the speed of a rotor."""
+    """Return lowest and highest value of each free input or command (`command_<name>`) that the
+    speed of a rotor is of, in its unit."""
     found: dict[str, tuple[float, float]] = {}
     for name, part in database.parts.items():
         if part.get("kind") != "rotor":
@@ -159,5 +161,6 @@ def command_ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
                 used = database.variables[pending.pop()].expression.names - seen
                 seen |= used
                 pending |= used & database.variables.keys()
-            found |= dict.fromkeys(seen & database.free_inputs.keys(), (float(low), float(high)))
+            inputs = {n for n in seen if n in database.free_inputs or is_command(n)}
+            found |= dict.fromkeys(inputs, (float(low), float(high)))
     return found

@@ -175,8 +175,11 @@ def flight_model(
         actuators=np.array(moved, dtype=np.float64).reshape(-1, 4),
         gains=gains,
         reference=ReferenceNumbers(
-            *map(float, (reference.area, reference.chord, reference.span)),
-            *map(float, reference.moment_reference),
+            reference.area,
+            reference.chord,
+            reference.span,
+            *reference.moment_reference,
+            float(reference.pressure or 0.0),
         ),
         earth=EarthNumbers(earth is not None, GRAVITY, *map(float, place)),
         layers=STANDARD_LAYERS,
@@ -379,7 +382,7 @@ def _set_parameters(
 
 def _check_airspeed(model: FlightModel, speed: Array) -> None:
     """Raise InputError for a start without airspeed, unless loads act there."""
-    if not np.all(speed >= 0) or not (np.all(speed > 0) or model.database.has_loads):
+    if not np.all(speed >= 0) or not (np.all(speed > 0) or model.database.acts_at_rest):
         raise InputError(
             "the start has no airspeed",
             f"database {model.database.name}",

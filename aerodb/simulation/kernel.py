@@ -184,7 +184,9 @@ def _prepare(
 def _loads(model: Numbers, h: Array, k: int, slots: Array, chan: Array, work: Array) -> None:
     """Specific force of one run, into `chan`, and its moment about the CG, into `work`."""
     area, chord, span = model.reference.area, model.reference.chord, model.reference.span
-    scale = chan[CHAN.qbar, k] * area
+    scale = (
+        model.reference.pressure if model.reference.pressure > 0.0 else chan[CHAN.qbar, k]
+    ) * area
     fx, fy, fz = (
         scale * slots[model.totals[TOTAL.CX], k],
         scale * slots[model.totals[TOTAL.CY], k],
@@ -402,7 +404,9 @@ def _finish(
     for j in range(model.totals.shape[0]):
         chan[CHAN.CX + j, k] = slots[model.totals[j], k]
     if model.loads.shape[0] > 0:
-        scale = chan[CHAN.qbar, k] * model.reference.area
+        scale = (
+            model.reference.pressure if model.reference.pressure > 0.0 else chan[CHAN.qbar, k]
+        ) * model.reference.area
         for j, length in enumerate(
             (1.0, 1.0, 1.0, model.reference.span, model.reference.chord, model.reference.span)
         ):

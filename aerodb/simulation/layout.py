@@ -182,7 +182,8 @@ class _Gain(NamedTuple):
 
 
 class ReferenceNumbers(NamedTuple):
-    """Reference area [m2] and lengths [m], moment reference from the datum [m]."""
+    """Reference area [m2] and lengths [m], moment reference from the datum [m]; constant pressure
+    [Pa] of the coefficients, 0 where it is the dynamic pressure."""
 
     area: float
     chord: float
@@ -190,6 +191,7 @@ class ReferenceNumbers(NamedTuple):
     x: float
     y: float
     z: float
+    pressure: float
 
 
 class EarthNumbers(NamedTuple):

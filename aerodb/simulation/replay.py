@@ -254,13 +254,19 @@ def _responses(
         for name in (*NEEDED, "psi", "altitude")
         if name in flight
     }
-    scale = flight["qbar"][whole] * vehicle.reference.area
+    scale = _pressure(flight, vehicle, whole) * vehicle.reference.area
     for name, axis in (("ax", "CX"), ("ay", "CY"), ("az", "CZ")):
         if axis in coefficients.values:
             force = scale * coefficients.values[axis][whole] + series[f"force_{name[1]}"]
             usable = coefficients.usable[axis][whole]
             flown[name] = np.where(usable, force / series["mass"], np.nan)
     return flown
+
+
+def _pressure(flight: Flight, vehicle: Vehicle, whole: slice) -> Array:
+    """Pressure [Pa] that the coefficients of a flight are over."""
+    constant = vehicle.reference.pressure
+    return flight["qbar"][whole] if constant is None else np.full(len(flight.time[whole]), constant)
 
 
 def _infer_thrust(
@@ -278,7 +284,7 @@ def _infer_thrust(
     predicted = model.database.predict(channels).coefficients["CX"]
     measured = coefficients.values["CX"][whole]
     area, own = vehicle.reference.area, model.database.reference.area
-    missing = flight["qbar"][whole] * (area * measured - own * predicted)
+    missing = _pressure(flight, vehicle, whole) * (area * measured - own * predicted)
     at = np.flatnonzero(coefficients.usable["CX"][whole] & np.isfinite(missing))
     if not at.size:
         notes.append("thrust is not known; none was flown")

@@ -96,7 +96,15 @@ if TYPE_CHECKING:
     from .functions import COMPARISONS, FUNCTIONS, Value
     from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
     from .instructions import Instructions, Machine
-    from .loads import LOAD_AXES, as_coefficient, coefficient_axis, load_shares, summed
+    from .loads import (
+        LOAD_AXES,
+        as_coefficient,
+        coefficient_axis,
+        load_axis,
+        load_shares,
+        scale_of,
+        summed,
+    )
     from .machine import execute
     from .parameter import Parameter, covariance_of, normal, sigma_of
     from .prediction import Prediction

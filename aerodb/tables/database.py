@@ -144,6 +144,12 @@ class AeroDatabase:
             check_axis(axis, self.name)
         for increment in self.increments:
             check_increment_axis(increment.axis, self.name)
+        if self.reference.pressure is not None and self.on_wind_axes:
+            raise InputError(
+                "terms on wind axes over a constant reference pressure",
+                f"database {self.name}",
+                "give them on body axes: at V = 0 the wind has none",
+            )
         names = [term.name for term in self.terms]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
@@ -201,7 +207,9 @@ class AeroDatabase:
         """
         if self._axes.isdisjoint(LOAD_AXES):
             return self.terms
-        shares = load_shares((term.axis, term.expression) for term in self.terms)
+        shares = load_shares(
+            ((term.axis, term.expression) for term in self.terms), self.reference.pressure
+        )
         own = [term for term in self.terms if term.axis not in LOAD_AXES]
         return (*own, *(Term(f"loads on {axis}", axis, each) for axis, each in shares))
 
@@ -209,6 +217,11 @@ class AeroDatabase:
     def has_loads(self) -> bool:
         """Whether any term is a load in N or N m, so that coefficients depend on qbar."""
         return self.coefficient_terms is not self.terms
+
+    @property
+    def acts_at_rest(self) -> bool:
+        """Whether anything acts at V = 0: loads, or coefficients over a constant pressure."""
+        return self.has_loads or self.reference.pressure is not None
 
     @cached_property
     def _program(self) -> Program:

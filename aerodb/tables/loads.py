@@ -11,8 +11,8 @@ from functools import cache
 from typing import Final
 
 from aerodb.errors import InputError, nearest
-from aerodb.tables.algebra import plus
-from aerodb.tables.expression import Expression, Number, Operation, parse
+from aerodb.tables.algebra import plus, substituted
+from aerodb.tables.expression import Expression, Number, Operation, number, parse
 
 #: Load axis -> the coefficient that it is a share of, and the product that makes it one.
 _COEFFICIENT: Final[dict[str, tuple[str, str]]] = {
@@ -28,8 +28,20 @@ LOAD_AXES: Final[tuple[str, ...]] = tuple(_COEFFICIENT)
 
 
 @cache
-def _scale(axis: str) -> Expression:
-    return parse(_COEFFICIENT[axis][1])
+def scale_of(axis: str, pressure: float | None = None) -> Expression:
+    """Return what a coefficient is multiplied by to be the load of an axis [N, N m]; `pressure`
+    [Pa] in place of the dynamic pressure where it is given."""
+    product = parse(_COEFFICIENT[axis][1])
+    return product if pressure is None else substituted(product, {"qbar": number(pressure)})
+
+
+def load_axis(axis: str) -> str:
+    """Return the load axis that a coefficient axis, such as Cm, is a share of; InputError for
+    others, such as wind axes."""
+    for load, (coefficient, _) in _COEFFICIENT.items():
+        if coefficient == axis:
+            return load
+    raise InputError(f"'{axis}' is no body axis", remedy=nearest(axis, list(_COEFFICIENT)))
 
 
 def coefficient_axis(axis: str) -> str:
@@ -37,8 +49,9 @@ def coefficient_axis(axis: str) -> str:
     return _COEFFICIENT[axis][0] if axis in _COEFFICIENT else axis
 
 
-def as_coefficient(axis: str, load: Expression) -> Expression:
-    """Return a load [N, N m] as a dimensionless coefficient, over the database's own lengths.
+def as_coefficient(axis: str, load: Expression, pressure: float | None = None) -> Expression:
+    """Return a load [N, N m] as a dimensionless coefficient, over the database's own lengths and
+    dynamic pressure, or the reference pressure [Pa].
 
     Raises InputError for an axis that is none of `LOAD_AXES`.
 
@@ -47,7 +60,7 @@ def as_coefficient(axis: str, load: Expression) -> Expression:
     """
     if axis not in _COEFFICIENT:
         raise InputError(f"'{axis}' is no axis of loads", remedy=nearest(axis, LOAD_AXES))
-    return Operation("/", load, _scale(axis))
+    return Operation("/", load, scale_of(axis, pressure))
 
 
 def summed(parts: Sequence[Expression]) -> Expression:
@@ -60,18 +73,21 @@ def summed(parts: Sequence[Expression]) -> Expression:
     return plus(summed(parts[:half]), summed(parts[half:]))
 
 
-def load_shares(terms: Iterable[tuple[str, Expression]]) -> list[tuple[str, Expression]]:
+def load_shares(
+    terms: Iterable[tuple[str, Expression]], pressure: float | None = None
+) -> list[tuple[str, Expression]]:
     """Return the coefficients that loads add, one per load axis that has any: (coefficient axis,
     dimensionless expression).
 
-    terms : (axis, expression [SI]) of each term; those on other axes are passed over.
+    terms : (axis, expression [SI]) of each term; those on other axes are passed over. pressure : as
+        of `as_coefficient`.
     """
     by_axis: dict[str, list[Expression]] = {}
     for axis, expression in terms:
         if axis in _COEFFICIENT:
             by_axis.setdefault(axis, []).append(expression)
     return [
-        (coefficient_axis(axis), as_coefficient(axis, summed(by_axis[axis])))
+        (coefficient_axis(axis), as_coefficient(axis, summed(by_axis[axis]), pressure))
         for axis in LOAD_AXES
         if axis in by_axis
     ]

@@ -45,21 +45,24 @@ class ReferenceGeometry:
     chord : [m], for Cm.
     span : [m], for Cl and Cn.
     moment_reference : (3,) [m], body axes (x forward, y right, z down) from the vehicle's datum.
+    pressure : constant [Pa] that coefficients are over in place of the dynamic pressure, of
+        vehicles that hover; None: dynamic pressure.
 
-    Raises InputError unless the first three are positive and the point is finite.
+    Raises InputError unless the lengths and the pressure are positive and the point is finite.
     """
 
     area: float
     chord: float
     span: float
     moment_reference: Point
+    pressure: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("area", "chord", "span"):
+        for name in ("area", "chord", "span", *(("pressure",) if self.pressure else ())):
             value = float(getattr(self, name))
             if not (np.isfinite(value) and value > 0):
                 raise InputError(
-                    f"reference {name} is {value:g}", remedy="it must be positive, in metres"
+                    f"reference {name} is {value:g}", remedy="it must be positive, in SI units"
                 )
             object.__setattr__(self, name, value)
         point = tuple(float(x) + 0.0 for x in self.moment_reference)
@@ -69,6 +72,16 @@ class ReferenceGeometry:
                 remedy="three finite numbers, in metres",
             )
         object.__setattr__(self, "moment_reference", point)
+
+    @property
+    def speed(self) -> float:
+        """Airspeed [m/s] whose dynamic pressure at sea level is the constant pressure; 0 without
+        one."""
+        return float(np.sqrt(2.0 * (self.pressure or 0.0) / _SEA_LEVEL))
+
+
+#: Density of the standard atmosphere at sea level [kg/m3].
+_SEA_LEVEL: Final = 1.225
 
 
 def hat_rate(name: str, channels: Mapping[str, Any], reference: ReferenceGeometry) -> Array:
@@ -81,13 +94,17 @@ def hat_rate(name: str, channels: Mapping[str, Any], reference: ReferenceGeometr
 
     Returns
     -------
-    (n,) or a scalar array; V = 0 gives inf or NaN.
+    (n,) or a scalar array; V = 0 gives inf or NaN. With a constant reference pressure the
+    speed is constant too (`ReferenceGeometry.speed`), for else damping would grow without limit.
 
     References
     ----------
     Klein & Morelli, Aircraft System Identification, 2006, eq. 3.2.
     """
     rate, length = HAT_RATES[name]
+    if reference.pressure is not None:
+        half = getattr(reference, length) / (2.0 * reference.speed)
+        return np.asarray(channels[rate] * half, dtype=np.float64)
     with np.errstate(all="ignore"):
         return np.asarray(
             channels[rate] * (getattr(reference, length) / 2.0) / channels["V"], dtype=np.float64

@@ -69,12 +69,12 @@ def total_coefficients(
         for name, variable in database.variables.items()
         if variable.parameter is None
     }
-    speed, weight = _moving() if database.has_loads else (Name("V"), Number(1.0))
+    speed, weight = _hat_speed(database)
     for hat, (rate, _) in HAT_RATES.items():
         length = "b_ref" if rate in ("p", "r") else "c_ref"
         half = Operation("/", Name(length), Number(2.0))
         over = Operation("/", Operation("*", Name(rate), half), speed)
-        variables[hat] = times(over, weight) if database.has_loads else over
+        variables[hat] = over if weight is None else times(over, weight)
     remembered = []
     rates = database.rates if not database.rates.keys().isdisjoint(database.needs) else {}
     for state in database.states:
@@ -125,8 +125,13 @@ def total_coefficients(
     )
 
 
-def _moving() -> tuple[Expression, Expression]:
-    """Airspeed that is never zero [m/s], and a weight that is zero at V = 0 and 1 in flight."""
+def _hat_speed(database: AeroDatabase) -> tuple[Expression, Expression | None]:
+    """Airspeed of the dimensionless rates [m/s], and their weight. With loads it is never zero, and
+    the weight is zero at V = 0 and 1 in flight."""
+    if database.reference.pressure is not None:
+        return Number(database.reference.speed), None
+    if not database.has_loads:
+        return Name("V"), None
     still = Number(STILL_AIR)
     return (
         Call("max", (Name("V"), still)),

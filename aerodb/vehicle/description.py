@@ -33,11 +33,16 @@ SourceName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
 
 
 class Reference(Strict):
-    """Reference area [m2], chord [m] (Cm, q_hat) and full span [m] (Cl, Cn, p_hat, r_hat)."""
+    """Reference area [m2], chord [m] (Cm, q_hat) and full span [m] (Cl, Cn, p_hat, r_hat).
+
+    pressure : constant [Pa] that coefficients are over in place of the dynamic pressure, of a
+    vehicle that hovers; the same in its databases.
+    """
 
     area: Annotated[float, in_unit("m^2"), Field(gt=0)]
     chord: Annotated[float, in_unit("m"), Field(gt=0)]
     span: Annotated[float, in_unit("m"), Field(gt=0)]
+    pressure: Annotated[float, in_unit("Pa"), Field(gt=0)] | None = None
 
 
 class Points(Strict):

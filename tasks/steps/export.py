@@ -30,6 +30,7 @@ from aerodb.exchange import (
     jsbsim_check_cases,
     mass_balance_of,
     merge_jsbsim,
+    over_dynamic_pressure,
     project_gazebo,
     project_sitl,
     states_for_jsbsim,
@@ -106,7 +107,7 @@ FORMS: Final[dict[str, Form]] = {
         _jsbsim,
         lambda data, name: import_jsbsim(data, name=name),
         _in_jsbsim,
-        states_for_jsbsim,
+        lambda database: states_for_jsbsim(over_dynamic_pressure(database)),
     ),
     "csv": Form(
         make_check_cases,
@@ -117,12 +118,13 @@ FORMS: Final[dict[str, Form]] = {
         make_check_cases,
         _daveml,
         lambda data, name: import_daveml(data, name=name),
-        carried=without_states,
+        carried=lambda database: without_states(over_dynamic_pressure(database)),
     ),
     "gazebo": Form(
         make_check_cases,
         lambda database, _name, _cases, _mass: export_gazebo(database),
         _model_of,
+        carried=over_dynamic_pressure,
         project=lambda database, _vehicle: project_gazebo(database),
     ),
     "mat": Form(
@@ -139,6 +141,7 @@ FORMS: Final[dict[str, Form]] = {
         make_check_cases,
         lambda database, _name, _cases, _mass: export_sitl(database),
         _model_of,
+        carried=over_dynamic_pressure,
         project=lambda database, vehicle: project_sitl(database, full_travels(vehicle)),
     ),
 }

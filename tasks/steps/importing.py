@@ -171,7 +171,7 @@ def known_vehicle(vehicle: Vehicle) -> KnownVehicle:
     point = vehicle.points.moment_reference
     fixed = point if point != "cg" else (0.0, 0.0, 0.0)
     own = vehicle.reference
-    reference = ReferenceGeometry(own.area, own.chord, own.span, fixed)
+    reference = ReferenceGeometry(own.area, own.chord, own.span, fixed, own.pressure)
     return KnownVehicle(reference, point != "cg", full_travels(vehicle))
 
 

@@ -24,11 +24,6 @@ area = 0.2
 chord = 0.5
 span = 0.5
 moment_reference = [0.0, 0.0, 0.0]
-[free_inputs]
-u1 = "command of the front right rotor, 0 to 1"
-u2 = "command of the rear left rotor, 0 to 1"
-u3 = "command of the front left rotor, 0 to 1"
-u4 = "command of the rear right rotor, 0 to 1"
 [parameters]
 cT0 = { value = 0.11, bounds = [0.05, 0.2] }
 cT1 = { value = 0.1, bounds = [0.0, 0.3] }
@@ -36,10 +31,10 @@ rotor_drag = { value = 0.0006, bounds = [0.0, 0.01] }
 """ + "".join(
     _ROTOR.format(name=name, x=x, y=y, turns=turns, command=command)
     for name, x, y, turns, command in (
-        ("front_right", 0.16, 0.16, 1, "u1"),
-        ("rear_left", -0.16, -0.16, 1, "u2"),
-        ("front_left", 0.16, -0.16, -1, "u3"),
-        ("rear_right", -0.16, 0.16, -1, "u4"),
+        ("front_right", 0.16, 0.16, 1, "command_1"),
+        ("rear_left", -0.16, -0.16, 1, "command_2"),
+        ("front_left", 0.16, -0.16, -1, "command_3"),
+        ("rear_right", -0.16, 0.16, -1, "command_4"),
     )
 )
 

@@ -72,7 +72,7 @@ def _gust_rates(view: FlightView, measured: Mapping[str, Array]) -> tuple[Array,
     angle that was not measured.
     """
     force = np.column_stack([np.nan_to_num(measured[axis]) for axis in FORCE_AXES])
-    force = force * (view["qbar"] * view.reference.area)[:, None] + view.thrust
+    force = force * (view.pressure * view.reference.area)[:, None] + view.thrust
     at_cg = dict(zip(("ax", "ay", "az"), (force / view["mass"][:, None]).T, strict=True))
     flying = {**view.channels, "V": np.maximum(view["V"], SLOWEST), **at_cg}
     alphadot, betadot = (

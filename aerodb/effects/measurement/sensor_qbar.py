@@ -1,7 +1,8 @@
 """Dynamic-pressure errors: scale-factor error (pitot coefficient) and offset (zero shift).
 
 Tangents: ``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the
-second term only where the database depends on qbar. C is predicted by the model. All coefficients
+second term only where the database depends on qbar. C is predicted by the model. Over a constant
+reference pressure the first terms are zero. All coefficients
 shrink together, which no single aerodynamic effect does. Believable size: 2 % (the limit of 003),
 although 003 found 10.19 % on one flight. Source: 003, eq. 5; docs/method/tracing.md, section 4.
 """
@@ -17,13 +18,15 @@ SOURCE = "003, eq. 5"
 
 def scale(view: FlightView) -> Columns:
     """Columns of qbar_scale. Each column is (n,), dimensionless."""
-    direct: dict[str, Array] = {axis: -values for axis, values in view.predicted.items()}
+    share = 0.0 if view.reference.pressure is not None else 1.0
+    direct: dict[str, Array] = {axis: -share * values for axis, values in view.predicted.items()}
     return added(direct, predicted_change(view, qbar=view["qbar"]))
 
 
 def offset(view: FlightView) -> Columns:
     """Columns of qbar_offset, 1/Pa. Each column is (n,), in the unit 1/Pa."""
-    direct = {axis: -values * view.inverse_qbar for axis, values in view.predicted.items()}
+    over = 0.0 if view.reference.pressure is not None else view.inverse_pressure
+    direct = {axis: -values * over for axis, values in view.predicted.items()}
     return added(direct, predicted_change(view, qbar=1.0))
 
 

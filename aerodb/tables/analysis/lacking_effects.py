@@ -5,8 +5,9 @@ from typing import Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, is_command, is_surface
 from aerodb.support import Array
+from aerodb.tables.analysis.nodes import neutral_point
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import AeroDatabase
 
@@ -19,7 +20,7 @@ _EFFECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "roll damping": ("Cl", ("p",)),
     "yaw damping": ("Cn", ("r",)),
 }
-#: The same of controls: any deflection or free input that acts on the axis.
+#: The same of controls: any deflection, command of a rotor or free input that acts on the axis.
 _CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
 #: Angles of attack [rad] at which the database is asked: attached flow of any wing.
 _ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
@@ -35,7 +36,9 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
         for axis, values in slopes_by(database, name, channels).items():
             if np.any(values != 0.0):
                 reached[axis].add(name)
-    own = {n for n in database.inputs if n.startswith("delta_") or n in database.free_inputs}
+    own = {
+        n for n in database.inputs if is_surface(n) or is_command(n) or n in database.free_inputs
+    }
     lacking = [
         text for text, (axis, names) in _EFFECTS.items() if not reached[axis].intersection(names)
     ]
@@ -46,9 +49,10 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
 
 def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
     """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero and the
-    airspeed 1 m/s; empty where the database cannot be evaluated so."""
-    point = {name: np.zeros(len(alpha)) for name in database.inputs}
-    point |= {"alpha": alpha, "V": np.ones(len(alpha))}
+    airspeed 1 m/s, with loads in the air of sea level; empty where nothing can be evaluated so."""
+    neutral = {**neutral_point(database), "V": 1.0}
+    point = {name: np.full(len(alpha), value) for name, value in neutral.items()}
+    point["alpha"] = alpha
     try:
         values = database.predict(point).coefficients
     except InputError:

@@ -46,7 +46,7 @@ def tracing_bandwidth(database: AeroDatabase, vehicle: Vehicle, flights: Sequenc
             for name in ("alphadot", "betadot")
             if name in database.flight_inputs and name not in flight
         }
-        qbar = _median(flight, "qbar")
+        qbar = reference.pressure or _median(flight, "qbar")
         modes = (("Cm", "alpha", "Iyy", reference.chord), ("Cn", "beta", "Izz", reference.span))
         for axis, angle, inertia, length in modes:
             slope = _slope(database, axis, angle, condition)

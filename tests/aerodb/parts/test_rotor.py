@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.parts import command_ranges
 from aerodb.simulation import Condition, NoTrimError, flight_model, linear_model, simulate, trim
-from aerodb.tables import AeroDatabase, evaluate
+from aerodb.tables import AeroDatabase, curves, evaluate, lacking_effects
 from tests.support.quadrotor import MASSES, QUADROTOR, thrust_at
 
 HEAD = """\
@@ -145,12 +145,14 @@ def test_thrust_and_induced_velocity_are_those_of_jsbsim() -> None:
 
 def test_a_hover_carries_the_weight_with_equal_rotors() -> None:
     own = read_native(QUADROTOR)
-    assert command_ranges(own) == dict.fromkeys(("u1", "u2", "u3", "u4"), (0.0, 1.0))
+    assert command_ranges(own) == dict.fromkeys(
+        ("command_1", "command_2", "command_3", "command_4"), (0.0, 1.0)
+    )
     found = trim(
         flight_model(own), Condition(0.0, 100.0, hover=True), MASSES, limits=command_ranges(own)
     )
     assert set(found.problem.controls) == {"collective", "roll", "pitch", "yaw"}
-    commands = [found.deflections[f"u{k}"] for k in range(1, 5)]
+    commands = [found.deflections[f"command_{k}"] for k in range(1, 5)]
     np.testing.assert_allclose(commands, commands[0], rtol=1e-9)
     density = found.channels["rho"]
     assert 4 * thrust_at(commands[0], density) == pytest.approx(MASSES["mass"] * 9.80665, rel=1e-9)
@@ -174,9 +176,9 @@ def test_forward_flight_leans_into_the_drag() -> None:
     assert climbing.channels["climb"] == pytest.approx(np.pi / 2, abs=1e-6)
     still = trim(model, Condition(0.0, 100.0, hover=True), MASSES, limits=limits)
     # A climb takes inflow: c_T0 n^2 D^4 - c_T1 n D^3 w carries the same weight.
-    n, w = 120.0 * climbing.deflections["u1"], 3.0
+    n, w = 120.0 * climbing.deflections["command_1"], 3.0
     carried = 0.11 * n**2 * 0.254**4 - 0.1 * n * 0.254**3 * w
-    assert carried == pytest.approx(0.11 * (120.0 * still.deflections["u1"]) ** 2 * 0.254**4)
+    assert carried == pytest.approx(0.11 * (120.0 * still.deflections["command_1"]) ** 2 * 0.254**4)
 
 
 def test_the_linear_model_of_a_hover_is_that_of_its_rotors() -> None:
@@ -187,7 +189,11 @@ def test_the_linear_model_of_a_hover_is_that_of_its_rotors() -> None:
     )
     linear = linear_model(found)
     w = linear.states.index("w")
-    n = float(evaluate(own.variables["front_right_n"].expression, {"u1": found.deflections["u1"]}))
+    n = float(
+        evaluate(
+            own.variables["front_right_n"].expression, {"command_1": found.deflections["command_1"]}
+        )
+    )
     heave = -4.0 * found.channels["rho"] * n * 0.254**3 * 0.1 / MASSES["mass"]
     assert linear.A[w, w] == pytest.approx(heave, rel=1e-6)
     assert np.isfinite(linear.A).all()
@@ -203,12 +209,19 @@ def test_a_hover_flies_on_from_rest() -> None:
     assert all(np.isfinite(values).all() for values in run.channels.values())
 
 
+def test_commands_of_rotors_are_controls() -> None:
+    """A build-up of loads is asked in the air of sea level, where its curves are finite."""
+    own = read_native(QUADROTOR)
+    assert not {"elevator", "aileron", "rudder"} & set(lacking_effects(own))
+    assert all(np.isfinite(values).all() for values in curves(own, np.array([-0.1, 0.2])).values())
+
+
 def test_what_has_no_hover_says_why() -> None:
     own = read_native(QUADROTOR)
     model, limits = flight_model(own), command_ranges(own)
     with pytest.raises(NoTrimError, match="its range is 0 to 1"):
         trim(model, Condition(0.0, 100.0, hover=True), {**MASSES, "mass": 40.0}, limits=limits)
-    held = {**MASSES, "u1": 0.5, "u2": 0.5, "u3": 0.5, "u4": 0.5}
+    held = {**MASSES, "command_1": 0.5, "command_2": 0.5, "command_3": 0.5, "command_4": 0.5}
     with pytest.raises(InputError, match="no free input lifts it"):
         trim(model, Condition(0.0, 100.0, hover=True), held)
     with pytest.raises(InputError, match="a hover with bank"):
