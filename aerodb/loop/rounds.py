@@ -176,6 +176,9 @@ def _next_round(given: _Given, state: _State) -> _State:
         traced = with_few_flight_findings(traced, suspected)
     else:
         shaped = checked_shapes(source, flights, database, library, traced.findings)
+        # What leans on another term's shape still does when that term has been added.
+        leaning = {id: f for id, f in state.findings.items() if f.shape and "of" in f.shape}
+        shaped = tuple(leaning.get(finding.hypothesis, finding) for finding in shaped)
         traced = replace(traced, findings=shaped)
     traced = replace(traced, findings=only_with_gain(traced.findings, given.without_gain))
     have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain

@@ -62,7 +62,8 @@ def with_checked_shapes(
     tuple : where a function of observed variables predicts flights that were left out better than a
         confirmed term, the finding has a `shape`. If it depends on the present values of what the
         term depends on and of nothing else, and gains little more, the term stays confirmed; else
-        it is suspected. A sensor with which such a function on one axis gains as much is ambiguous.
+        it is suspected. So is a term that is needed only beside another one's shape (`shape.of`). A
+        sensor with which such a function on one axis gains as much is ambiguous.
         Below four flights nothing changes.
 
     References
@@ -135,12 +136,12 @@ class _Shapes:
         return cls(flights, functions, {h.id: h for h in hypotheses}, terms, settings)
 
     def term(self, finding: Finding) -> Finding:
-        """A confirmed term against the functions that could stand in its place on its axes."""
-        for axis in finding.axis:
-            named = self._named(axis)
-            if finding.hypothesis not in named:
-                continue
-            problem, own = self._problem(axis), named.index(finding.hypothesis)
+        """A confirmed term against the functions that could stand in its place on its axes, or in
+        that of another term there."""
+        on = [axis for axis in finding.axis if finding.hypothesis in self._named(axis)]
+        for axis in on:
+            problem, named = self._problem(axis), self._named(axis)
+            own = named.index(finding.hypothesis)
             rest = [k for k in range(len(named)) if k != own]
             before = problem.left_out(problem.flights, range(len(named)))
             after = problem.predicted(rest)
@@ -155,7 +156,37 @@ class _Shapes:
                 misfit = np.sqrt(max(0.0, float((after - before).sum())) / information)
                 if picked and not self._stands(problem, own, rest, picked):
                     return self._other(finding, axis, problem, rest, picked, fall, p, misfit, share)
-        return finding
+        return next(filter(None, (self._leaning(finding, axis) for axis in on)), finding)
+
+    def _leaning(self, finding: Finding, axis: str) -> Finding | None:
+        """The finding as suspected where it is needed only beside the shape of another term.
+
+        In the place of that term stand functions of other variables than the finding's own, which
+        predict as well; given them, the finding gains little. None where it leans on no other term.
+        """
+        problem, named = self._problem(axis), self._named(axis)
+        own = named.index(finding.hypothesis)
+        before = problem.left_out(problem.flights, range(len(named)))
+        for other in (k for k in range(len(named)) if k != own):
+            rest = [k for k in range(len(named)) if k != other]
+            picked = problem.chosen(problem.flights, rest)
+            variables = self.functions.variables(picked)
+            apart = self._drivers(finding).isdisjoint(_channels(variables))
+            after = problem.predicted(rest)
+            if not picked or not apart or float(after.sum()) < float(before.sum()):
+                continue
+            beside = [k for k in rest if k != own]
+            alone = self._gain(problem, own, [*beside, other], ())
+            if not self._kept(problem, own, beside, picked, alone):
+                shape = _shape(axis, variables, *self._fall(problem, after, before), [])
+                return doubted(
+                    finding,
+                    f"a function of {', '.join(variables)} in the place of {named[other]} predicts"
+                    f" {axis} of left-out flights as well, and leaves it nothing",
+                    verdict="suspected",
+                    shape=shape | {"of": named[other]},
+                )
+        return None
 
     def instead_of(self, axis: str, ids: Sequence[str], sensors: Sequence[str]) -> tuple[str, ...]:
         """Variables of the functions that beat all of these terms together, or parameter of the

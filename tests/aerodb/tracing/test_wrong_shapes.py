@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from aerodb.loop.model_error import between_flights
-from aerodb.tracing import Finding
+from aerodb.tables import parse
+from aerodb.tracing import Evidence, Finding, FlightResidual, with_checked_shapes
 from aerodb.tracing.decision.findings import Vote
 from aerodb.tracing.decision.functions import (
     BasisFunctions,
@@ -19,6 +21,8 @@ from aerodb.tracing.decision.functions import (
     with_past,
 )
 from tests.support import wrong_shapes as wrong
+from tests.support.equations import coloured as wandering
+from tests.support.tracing_small import SETTINGS, term
 
 FINDING = Finding(
     "beta_slope@Cl", "beta_slope", ("Cl",), "", "confirmed", "Cl_beta", "1", 1.0, (0.9, 1.1),
@@ -101,6 +105,48 @@ def test_the_right_variable_is_chosen_and_only_where_there_is_something() -> Non
     assert linear.chosen(linear.flights, [0]) == ()
     nothing, _ = problem(np.zeros_like)
     assert nothing.chosen(nothing.flights, []) == ()
+
+
+def test_a_term_that_leans_on_the_shape_of_another_is_suspected() -> None:
+    """Lift that lags by .08 s: its first term is the rate of alpha, what that misses looks like the
+    elevator, which drives alpha, and in this noise nothing beats the two. Where the rate and the
+    elevator are what acts, both stand."""
+
+    def checked(load: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]) -> list[str]:
+        flights, step = [], 0.04
+        for seed in range(4):
+            rng = np.random.default_rng([seed, 22])
+            elevator = wandering(rng, 1500, 0.95)
+            alpha = -2.0 * lfilter([step**2], [1.0, -1.9, 0.904], elevator)
+            alpha += 0.02 * wandering(rng, 1500, 0.98)
+            keep = np.exp(-step / 0.08)
+            rate, past = np.gradient(alpha, step), alpha - lfilter([1 - keep], [1, -keep], alpha)
+            measured = load(rate, elevator, past)
+            measured = measured + 0.5 * measured.std() * wandering(rng, 1500, 0.9)
+            columns = {f"{n}@CZ": {"CZ": v} for n, v in (("rate", rate), ("elevator", elevator))}
+            evidence = Evidence(
+                f"f{seed}", step, {"CZ": measured}, {"CZ": np.ones(1500, dtype=bool)}, columns
+            )
+            shown = {"alpha": alpha, "alphadot_hat": rate, "delta_elevator": elevator}
+            flights.append(FlightResidual(evidence, shown))
+        driven = {"rate": "alphadot_hat", "elevator": "delta_elevator"}
+        library = [
+            replace(term(n, "CZ"), subject="", increment=(("CZ", parse(of)),))
+            for n, of in driven.items()
+        ]
+        findings = [
+            replace(FINDING, hypothesis=h.id, effect=h.effect, axis=("CZ",)) for h in library
+        ]
+        judged = with_checked_shapes(flights, findings, library, SETTINGS)
+        for finding in judged:
+            assert (finding.verdict == "suspected") == bool(finding.shape)
+        return [f.hypothesis for f in judged if f.verdict == "confirmed"]
+
+    assert checked(lambda rate, elevator, past: rate + 0.05 * elevator) == [
+        "rate@CZ",
+        "elevator@CZ",
+    ]
+    assert "elevator@CZ" not in checked(lambda rate, elevator, past: past)
 
 
 def test_a_term_whose_estimates_scatter_differs_between_flights() -> None:
