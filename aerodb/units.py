@@ -165,23 +165,24 @@ def is_spelled(text: str) -> bool:
     )
 
 
-#: Factors of the common units, as pint gives them, whose start takes as long as half a command.
-_FACTORS: Final = {
-    ("deg", "rad"): 0.017453292519943295,
-    ("deg/s", "rad/s"): 0.017453292519943295,
-    ("deg/s^2", "rad/s^2"): 0.017453292519943295,
-    ("ft", "m"): 0.30479999999999996,
-    ("inch", "m"): 0.0254,
-    ("mm", "m"): 0.001,
-    ("ft/s", "m/s"): 0.30479999999999996,
-    ("knot", "m/s"): 0.5144444444444445,
-    ("g0", "m/s^2"): 9.80665,
-    ("hPa", "Pa"): 100.0,
-    ("lbf", "N"): 4.4482216152605005,
-    ("ms", "s"): 0.001,
-    ("us", "s"): 1e-06,
-    **{(name, name): 1.0 for name in ("dimensionless", "m", "m/s", "m/s^2", "rad", "rad/s")},
-    **{(name, name): 1.0 for name in ("rad/s^2", "s", "Pa", "N", "K", "kg", "kg/m^3")},
+#: Common units -> scale and offset as pint gives them, whose start takes as long as half a command.
+_COMMON: Final = {
+    ("degC", "K"): (1.0, 273.15),
+    ("deg", "rad"): (0.017453292519943295, 0.0),
+    ("deg/s", "rad/s"): (0.017453292519943295, 0.0),
+    ("deg/s^2", "rad/s^2"): (0.017453292519943295, 0.0),
+    ("ft", "m"): (0.30479999999999996, 0.0),
+    ("inch", "m"): (0.0254, 0.0),
+    ("mm", "m"): (0.001, 0.0),
+    ("ft/s", "m/s"): (0.30479999999999996, 0.0),
+    ("knot", "m/s"): (0.5144444444444445, 0.0),
+    ("g0", "m/s^2"): (9.80665, 0.0),
+    ("hPa", "Pa"): (100.0, 0.0),
+    ("lbf", "N"): (4.4482216152605005, 0.0),
+    ("ms", "s"): (0.001, 0.0),
+    ("us", "s"): (1e-06, 0.0),
+    **{(name, name): (1.0, 0.0) for name in ("dimensionless", "m", "m/s", "m/s^2", "rad", "rad/s")},
+    **{(name, name): (1.0, 0.0) for name in ("rad/s^2", "s", "Pa", "N", "K", "kg", "kg/m^3")},
 }
 
 
@@ -198,8 +199,8 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
 
     Raises InputError for an unknown unit, or one of another dimension.
     """
-    known = _FACTORS.get((spelled(unit), spelled(to)))
-    return (known, 0.0) if known is not None else _by_pint(unit, to)
+    known = _COMMON.get((spelled(unit), spelled(to)))
+    return _by_pint(unit, to) if known is None else known
 
 
 def _by_pint(unit: str, to: str) -> tuple[float, float]:

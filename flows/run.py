@@ -59,13 +59,17 @@ def silent(_step: str, _done: int, _total: int) -> None:
 
 
 class DirectSteps:
-    """Steps as plain calls; mapped steps run on the executor, on all cores."""
+    """Steps as plain calls; mapped steps run on the executor, on all cores. BLAS has one thread:
+    the cores are for the threads of a step, and BLAS' own spend a sixth of a loop's processor time
+    on waiting."""
 
     def __init__(self, progress: Progress = silent, executor: Executor | None = None) -> None:
         self._progress, self._executor = progress, executor or LocalExecutor()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self._reported(step, LocalExecutor().calls(step, args[:1], *args[1:], **keywords))[0]
+        calls = LocalExecutor().calls(step, args[:1], *args[1:], **keywords)
+        with threadpool_limits(1, user_api="blas"):
+            return self._reported(step, calls)[0]
 
     def map(
         self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
@@ -73,7 +77,8 @@ class DirectSteps:
         calls = self._executor.calls(step, items, *args, **keywords)
         workers = min(len(calls), os.cpu_count() or 1)
         if workers < 2:
-            return self._reported(step, calls)
+            with threadpool_limits(1, user_api="blas"):
+                return self._reported(step, calls)
         pool = ThreadPoolExecutor(workers)
         try:
             with threadpool_limits(1, user_api="blas"):
@@ -132,7 +137,7 @@ class PrefectSteps:
         )(_run_call)
         results = []
         labels = labels_of_items(items, keywords, workspace)
-        with threadpool_limits(1 if len(calls) > 1 else None, user_api="blas"):  # tasks are threads
+        with threadpool_limits(1, user_api="blas"):  # as in `DirectSteps`
             given = [_Opaque(call) for call in calls]
             futures = [
                 prefect_task.with_options(

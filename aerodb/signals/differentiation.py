@@ -8,8 +8,8 @@ Method: Lanczos,
 Optimal Fourier Smoothing", J. Aircraft 32(4), 1995.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -26,16 +26,24 @@ FEWEST_SAMPLES = 8
 class SmoothedRecord:
     """A smoothed record.
 
-    value : (n,). rate : (n,), its time derivative. bandwidth : Hz. noise : standard deviation of
-    the white noise of the input, same unit. rate_sigma : standard deviation of the noise that
-    remains in the rate.
+    rate : (n,), time derivative. bandwidth : Hz. noise : standard deviation of the white noise of
+    the input, same unit. rate_sigma : standard deviation of the noise that remains in the rate.
+    line : (n,), through the end points. series : (n - 2,), sine series of the rest.
     """
 
-    value: Array
     rate: Array
     bandwidth: float
     noise: float
     rate_sigma: float
+    line: Array = field(repr=False)
+    series: Array = field(repr=False)
+
+    @cached_property
+    def value(self) -> Array:
+        """(n,), the record smoothed."""
+        value = self.line.copy()
+        value[1:-1] += 0.5 * _sine_transform(self.series)
+        return value
 
 
 def smooth(
@@ -64,18 +72,18 @@ def smooth(
         above = series[frequency > bandwidth * (1 + ROLL_OFF)]
         noise = float(np.sqrt(0.5 * (n - 1) * np.mean(above**2))) if len(above) else 0.0
     omega = 2 * np.pi * frequency
-    value, rate = line, np.full(n, slope)
-    value[1:-1] += 0.5 * _sine_transform(gain * series)
+    kept = gain * series
     cosine = np.zeros(n)
-    cosine[1:-1] = gain * series * omega
-    rate += 0.5 * _cosine_transform(cosine)
+    cosine[1:-1] = kept * omega
+    rate = slope + 0.5 * _cosine_transform(cosine)
     share = noise / np.sqrt(n - 1)
     return SmoothedRecord(
-        value=value,
         rate=rate,
         bandwidth=bandwidth,
         noise=noise,
         rate_sigma=share * float(np.sqrt(np.sum((gain * omega) ** 2))),
+        line=line,
+        series=kept,
     )
 
 

@@ -40,13 +40,22 @@ class Dual:
     def __mul__(self, other: "Dual | Value") -> "Dual":
         if not isinstance(other, Dual):
             return self.chain(self.value * other, other)
-        return self.chain(self.value * other.value, other.value) + other.chain(0.0, self.value)
+        by = {name: other.value * part for name, part in self.by.items()}
+        for name, part in other.by.items():
+            slope = self.value * part
+            by[name] = by[name] + slope if name in by else slope
+        return Dual(self.value * other.value + 0.0, by)
 
     def __neg__(self) -> "Dual":
         return self.chain(-self.value, -1.0)
 
     def __sub__(self, other: "Dual | Value") -> "Dual":
-        return self + (-other)
+        if not isinstance(other, Dual):
+            return Dual(self.value - other, self.by)
+        by = dict(self.by)
+        for name, part in other.by.items():
+            by[name] = by[name] - part if name in by else -1.0 * part
+        return Dual(self.value - other.value, by)
 
     def __rsub__(self, other: Value) -> "Dual":
         return -self + other

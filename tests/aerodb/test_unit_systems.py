@@ -41,7 +41,7 @@ def test_an_unknown_system_is_refused_with_those_that_there_are() -> None:
     assert SI.shown(12.0, "m/s") == "12 m/s"
 
 
-def test_known_factors_are_those_of_pint() -> None:
-    for (unit, to), factor in units._FACTORS.items():
-        assert units._by_pint(unit, to) == (factor, 0.0), unit
-        assert units.conversion(unit, to) == (factor, 0.0)
+def test_common_conversions_are_those_of_pint() -> None:
+    for (unit, to), known in units._COMMON.items():
+        assert units._by_pint(unit, to) == known, unit
+        assert units.conversion(unit, to) == known

@@ -5,6 +5,7 @@ A sensor shows ``(1 + scale) true(t - delay) + bias``; `models` gives the true q
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -118,16 +119,27 @@ class RecordPrediction:
     air : (3, n), velocity of the CG through the air, body axes [m/s].
     outputs : channel -> (n,), SI.
     slopes : channel -> (n, k), derivatives of the outputs by the unknowns.
-    state_slopes : (9, n, k), derivatives of the states.
-    air_slopes : (3, n, k), derivatives of `air`.
+    path : the path with its derivatives. airflow : `air` with its derivatives by what moves it.
     """
 
     states: Array
     air: Array
     outputs: Mapping[str, Array]
     slopes: Mapping[str, Array]
-    state_slopes: Array
-    air_slopes: Array
+    path: "_Path" = field(repr=False)
+    airflow: Sequence[Dual] = field(repr=False)
+
+    @cached_property
+    def state_slopes(self) -> Array:
+        """(9, n, k), derivatives of the states."""
+        full = np.zeros((*self.states.shape, len(self.path.wanted)))
+        full[:, :, self.path.columns] = self.path.sensitivity
+        return full
+
+    @cached_property
+    def air_slopes(self) -> Array:
+        """(3, n, k), derivatives of `air`."""
+        return np.stack([self.path.along(part) for part in self.airflow])
 
 
 def corrected_inputs(record: FlightRecord, values: Mapping[str, float]) -> Array:
@@ -190,17 +202,8 @@ def predict_outputs(
         outputs[name], derivative[name] = _shown(
             name, _full(true.value, path), path.along(true), values, wanted, record
         )
-    full = np.zeros((9, len(inputs), len(wanted)))
-    full[:, :, path.columns] = path.sensitivity
     air = np.stack([_full(part.value, path) for part in sight.air])
-    return RecordPrediction(
-        path.states,
-        air,
-        outputs,
-        derivative,
-        full,
-        np.stack([path.along(part) for part in sight.air]),
-    )
+    return RecordPrediction(path.states, air, outputs, derivative, path, sight.air)
 
 
 def thinned(record: FlightRecord, every: int) -> FlightRecord:
