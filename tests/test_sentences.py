@@ -65,6 +65,7 @@ ALLOWED = {
     # what others write
     "aerodb/errors.py": "Python's messages",
     "aerodb/exchange/aero_codes/avl.py": "the output of AVL",
+    "aerodb/exchange/aero_codes/datcom.py": "the output of Datcom",
     "aerodb/increments/spline_terms.py": "model files",
     "aerodb/logs/clocks.py": "names of fields of logs",
     "aerodb/logs/field_names.py": "names of fields of logs",

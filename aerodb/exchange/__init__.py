@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         import_csv,
         import_mat,
         import_netcdf,
+        is_own_mat,
     )
     from .daveml import export_daveml, import_daveml, is_daveml
     from .file_checks import FileChecks, check_file

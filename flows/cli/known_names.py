@@ -13,8 +13,8 @@ METHODS: Final = (
 LOGS: Final = "ULog, DataFlash, MCAP, MAT, CSV, ASCII or Parquet"
 #: `aerodb.tasks.steps.import_database`.
 DATABASES: Final = (
-    "DAVE-ML, JSBSim XML, CSV (or a ZIP of them), MAT, NetCDF or native TOML; AVL, ArduPilot SITL,"
-    " Gazebo"
+    "DAVE-ML, JSBSim XML, CSV (or a ZIP of them), MAT, NetCDF or native TOML; AVL, VSPAERO, XFLR5,"
+    " Datcom, sweeps; ArduPilot SITL, Gazebo"
 )
 #: `aerodb.effects.library`: of aerodynamics, then of sensors and vehicle data.
 EFFECTS: Final = (

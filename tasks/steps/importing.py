@@ -24,6 +24,7 @@ from aerodb.exchange import (
     import_mat,
     import_netcdf,
     is_daveml,
+    is_own_mat,
     read_native,
 )
 from aerodb.storage.catalogue import VersionRow
@@ -147,7 +148,7 @@ def import_database(
         "held": held,
         "without_values": gone,
         "file_checks": outcome,
-        "read_as": database.description.splitlines() if code_of(data) else [],
+        "read_as": database.description.splitlines() if is_of_code(data, path.name) else [],
         "lacks": list(lacking_effects(database)) if not gone else [],
         "curves": _curves(database) if not gone else {},
         **known,
@@ -236,6 +237,21 @@ def _outcome(checks: FileChecks | None) -> dict[str, Any] | None:
     return {**asdict(checks), "passed": checks.passed, "sentence": str(checks)}
 
 
+#: Suffixes of tables that may be sweeps.
+_TABLES: Final = (".csv", ".txt", ".dat", ".tsv", ".xlsx")
+
+
+def is_of_code(data: bytes, name: str) -> bool:
+    """Return whether a file is output of an aerodynamic code, or a sweep, and no own export."""
+    if code_of(data):
+        return True
+    if data[126:128] in (b"IM", b"MI"):
+        return not is_own_mat(data)
+    suffix = Path(name).suffix.lower()
+    marked = any(data[at : at + len(mark)] == mark for at, mark, _ in _BY_MARK)
+    return suffix == ".xlsx" or (suffix in _TABLES and not marked)
+
+
 def read_database(
     data: bytes,
     name: str,
@@ -245,13 +261,13 @@ def read_database(
     vehicle: KnownVehicle | None = None,
 ) -> AeroDatabase:
     """Parse a database file by its suffix and content: DAVE-ML 2.0 (AIAA S-119), JSBSim, native
-    TOML, CSV, MAT, NetCDF, output of AVL, ArduPilot SITL, Gazebo; tables become SI units.
+    TOML, CSV, MAT, NetCDF, output of aerodynamic codes, sweeps; tables become SI units.
 
     part : returns the bytes of a file that this one names. more : further files of the same code
     (name, content). vehicle : for proposals. Raises InputError for a format that cannot be read.
     """
     suffix = Path(name).suffix.lower()
-    if code_of(data):
+    if is_of_code(data, name):
         for other, content in more:
             if code_of(content) != code_of(data):
                 raise InputError(f"not a file of {code_of(data)}", other, "import it alone")

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from aerodb.exchange import import_code
-from tests.support import vortex_lattice
+from tests.aerodb.exchange.test_sweeps import text
+from tests.support import code_files, vortex_lattice
 from tests.support.command import aerodb, asked
 from tests.support.small_glider import NAME, VEHICLE
 
@@ -87,3 +88,36 @@ def test_another_file_beside_a_run_is_refused(folder: Path) -> None:
     )
     assert done.returncode == 3
     assert "not a file of AVL" in done.stderr
+
+
+POINT = ("x_ref=0", "y_ref=0", "z_ref=0")  # the vehicle's moves with its CG
+ANGLES = (-2.0, 0.0, 2.0, 6.0)
+SWEEP_ANSWERS = (
+    *("csf=C_side", "cmx=-Cl", "cmy=Cm", "cmz=-Cn"),
+    *("force_axes=wind", "moment_axes=body", "reference=vehicle"),
+    *POINT,
+)
+CODE_FILES = {
+    "plane.stab": (
+        lambda: code_files.stab(3.0).replace("Rudder", "ConGrp"),
+        ("length_unit=m", "ailerons=delta_aileron", "congrp=0"),
+    ),
+    "plane.polar": (lambda: code_files.polar(ANGLES, (0.0,)), ("reference=vehicle", *POINT)),
+    "polar.txt": (lambda: code_files.xflr5(ANGLES), ("reference=vehicle", *POINT)),
+    "for006.dat": (lambda: code_files.datcom(ANGLES), ("lateral_axes=stability",)),
+}
+
+
+@pytest.mark.parametrize("name", [*CODE_FILES, "sweep.csv"])
+def test_every_code_is_imported_by_command(folder: Path, name: str) -> None:
+    write, answers = CODE_FILES.get(name, (lambda: text("cfd").decode(), SWEEP_ANSWERS))
+    (folder / name).write_text(write(), encoding="utf-8")
+    given = [word for answer in answers for word in ("--bind", answer)]
+    document = asked(folder / "w", "database", "import", str(folder / name), *given)
+    assert document["released"]
+    assert document["curves"]["C_lift"][-1] > document["curves"]["C_lift"][0]
+    assert document["lacks"], "no such file has everything"
+    if answers:
+        refused = aerodb(folder / "w", "database", "import", str(folder / name))
+        assert refused.returncode == 3
+        assert f"--bind {answers[0].split('=')[0]}=" in refused.stderr

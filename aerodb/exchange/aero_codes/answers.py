@@ -12,6 +12,16 @@ from aerodb.errors import InputError, OpenQuestionsError, Question, nearest
 from aerodb.tables import Expression, ReferenceGeometry, parse
 from aerodb.units import quantity
 
+_LENGTHS: Final = ("S_ref", "c_ref", "b_ref")
+_POINT: Final = ("x_ref", "y_ref", "z_ref")
+_MEANT: Final = {
+    "S_ref": "the reference area",
+    "c_ref": "the chord of Cm",
+    "b_ref": "the span of Cl and Cn",
+    "x_ref": "the point of its moments: x, body axes, from the vehicle's datum",
+    "y_ref": "the point of its moments: y, body axes, from the vehicle's datum",
+    "z_ref": "the point of its moments: z, body axes, from the vehicle's datum",
+}
 #: Stands where only the user knows the answer.
 _BLANK: Final = "NUMBER"
 
@@ -138,32 +148,39 @@ class Answers:
         vehicle's datum] as answered, else as the file states it; what neither has is asked, with
         the vehicle's as proposal. offset : (3,) [m], of the file's point from the vehicle's."""
         own = self.vehicle.reference
-        sizes = []
-        for name, unit, stated, what in (
-            ("S_ref", "m^2", area, "area"),
-            ("c_ref", "m", chord, "chord of Cm"),
-            ("b_ref", "m", span, "span of Cl and Cn"),
-        ):
-            value = own and {"S_ref": own.area, "c_ref": own.chord, "b_ref": own.span}[name]
-            proposals = ((f"{value:.9g}", "as the vehicle file"),) if value else ()
-            text = f"the file states no reference {what} [{unit}]: which one is it?"
-            sizes.append(self.number(name, unit, text, proposals, stated))
-        place = []
-        for k, name in enumerate(("x_ref", "y_ref", "z_ref")):
-            at = own.moment_reference[k] + offset[k] if own and self.vehicle.has_point else None
-            proposals = ((f"{at:.9g}", "as the vehicle file"),) if at is not None else ()
-            text = (
-                f"the file does not say where its moments are about: {name[0]} in body axes from"
-                " the vehicle's datum [m]?"
+        stated = dict(zip(_LENGTHS, (area, chord, span), strict=True))
+        stated |= dict(zip(_POINT, point or (None, None, None), strict=True))
+        theirs: dict[str, float] = {}
+        if own is not None:
+            theirs = dict(zip(_LENGTHS, (own.area, own.chord, own.span), strict=True))
+            if self.vehicle.has_point:
+                at = (x + dx for x, dx in zip(own.moment_reference, offset, strict=True))
+                theirs |= dict(zip(_POINT, at, strict=True))
+        open_ = [n for n in theirs if stated[n] is None and not self.is_given(n)]
+        if len(open_) > 1:
+            told = ", ".join(f"{n} {theirs[n]:.9g}" for n in open_)
+            self.choice(
+                "reference",
+                {"vehicle": f"{told}, as the vehicle file; else one --bind NAME=NUMBER each"},
+                f"the file does not state {', '.join(open_)}: are they the vehicle's?",
             )
-            place.append(
-                self.number(name, "m", text, proposals, None if point is None else point[k])
-            )
-        for name, size in zip(("S_ref", "c_ref", "b_ref"), sizes, strict=True):
-            if not size > 0.0:
-                raise InputError(f"{name} is {size:g}", self.where, "it must be positive")
-        where = (place[0], place[1], place[2])
-        return ReferenceGeometry(sizes[0], sizes[1], sizes[2], where)
+            stated |= {n: theirs[n] for n in open_}
+        values = {}
+        for n, value in stated.items():
+            proposals = ((f"{theirs[n]:.9g}", "as the vehicle file"),) if n in theirs else ()
+            unit = "m^2" if n == "S_ref" else "m"
+            text = f"the file does not state {_MEANT[n]} [{unit}]: which is it?"
+            values[n] = self.number(n, unit, text, proposals, value)
+        for n in _LENGTHS:
+            if not values[n] > 0.0:
+                raise InputError(f"{n} is {values[n]:g}", self.where, "it must be positive")
+        x, y, z = (values[n] for n in _POINT)
+        return ReferenceGeometry(values["S_ref"], values["c_ref"], values["b_ref"], (x, y, z))
+
+    @property
+    def proposed(self) -> set[str]:
+        """All answers that are proposed to open questions."""
+        return {answer for each in self._questions.values() for answer, _ in each.proposals}
 
     def close(self) -> None:
         """Raise OpenQuestionsError with all open questions, and InputError for a binding of what

@@ -5,8 +5,12 @@ from typing import Final
 
 from aerodb.exchange.aero_codes.answers import Answers, KnownVehicle
 from aerodb.exchange.aero_codes.avl import import_avl, is_avl
+from aerodb.exchange.aero_codes.datcom import import_datcom, is_datcom
 from aerodb.exchange.aero_codes.gazebo import import_gazebo, is_gazebo
 from aerodb.exchange.aero_codes.sitl import import_sitl, is_sitl
+from aerodb.exchange.aero_codes.sweep import import_sweep
+from aerodb.exchange.aero_codes.vspaero import import_polar, import_stab, is_polar, is_stab
+from aerodb.exchange.aero_codes.xflr5 import import_xflr5, is_xflr5
 from aerodb.tables import AeroDatabase
 
 Importer = Callable[[Sequence[tuple[str, bytes]], str, Answers], AeroDatabase]
@@ -16,6 +20,10 @@ _CODES: Final[dict[str, tuple[Callable[[str], bool], Importer]]] = {
     "AVL": (is_avl, import_avl),
     "ArduPilot SITL": (is_sitl, import_sitl),
     "Gazebo AdvancedLiftDrag": (is_gazebo, import_gazebo),
+    "VSPAERO stability": (is_stab, import_stab),
+    "VSPAERO polar": (is_polar, import_polar),
+    "XFLR5": (is_xflr5, import_xflr5),
+    "Datcom": (is_datcom, import_datcom),
 }
 
 
@@ -38,9 +46,10 @@ def import_code(
     (docs/reference/aerodynamic-codes.md). vehicle : what is proposed. How the file was read is in
     the database's description, a line for each statement.
 
-    Raises KeyError for a file of no known code (`code_of`), InputError with file and line for what
-    cannot be read, and OpenQuestionsError with all that is open.
+    A file of no known code (`code_of`) is read as a sweep: a table of points. Raises InputError
+    with file and line for what cannot be read, and OpenQuestionsError with all that is open.
     """
-    _, importer = _CODES[code_of(files[0][1])]
+    code = code_of(files[0][1])
+    importer = _CODES[code][1] if code else import_sweep
     answers = Answers(bindings or {}, files[0][0], vehicle or KnownVehicle())
     return importer(files, name, answers)

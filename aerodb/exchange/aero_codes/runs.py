@@ -31,7 +31,7 @@ from aerodb.tables import (
 #: Axes of totals and derivatives: lift and drag in the plane of symmetry, the others on body axes.
 RUN_AXES: Final = ("C_lift", "C_drag", "CY", "Cl", "Cm", "Cn")
 #: Motion that derivatives are by: rad, or rates without dimension (docs/reference/conventions.md).
-MOTION: Final = ("alpha", "beta", "p_hat", "q_hat", "r_hat")
+MOTION: Final = ("alpha", "beta", "p_hat", "q_hat", "r_hat", "alphadot_hat")
 #: Difference of two conditions that are the same [rad or Mach]: the last digit of printed degrees.
 _SAME: Final = 1e-7
 

@@ -18,7 +18,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .comma_separated import export_csv, import_csv
     from .csv_texts import csv_text
-    from .mat import export_mat, import_mat
+    from .mat import export_mat, import_mat, is_own_mat, mat_variables
     from .netcdf import export_netcdf, import_netcdf
     from .one_table import CSV_HEAD, export_csv_table
 

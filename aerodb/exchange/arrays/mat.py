@@ -112,7 +112,7 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
     """
     check_size(data, where)
     try:
-        (content,) = _variables(data)["aerodb"]
+        (content,) = mat_variables(data)["aerodb"]
         tables = {
             entry["name"]: _table(entry["breakpoints"], entry["values"])
             for entry in content["tables"]
@@ -142,7 +142,16 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
     return from_contents(contents, _KIND, where)
 
 
-def _variables(data: bytes) -> dict[str, Any]:
+def is_own_mat(data: bytes) -> bool:
+    """Return whether a MAT-file may be an own export: it has a variable ``aerodb``, or cannot be
+    read."""
+    try:
+        return "aerodb" in mat_variables(data)
+    except (InputError, OverflowError, LookupError, TypeError, ValueError):
+        return True
+
+
+def mat_variables(data: bytes) -> dict[str, Any]:
     """Return the variables of a MAT-file by name, at most MAX_BYTES when expanded.
 
     Numbers are float64 arrays, text is str, a cell is a flat list, and a struct (of any size) is a

@@ -1,11 +1,12 @@
 """What a database does not know of an aircraft, and its curves over the angle of attack."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.nomenclature import AXES, is_command, is_surface
+from aerodb.nomenclature import is_command, is_surface
 from aerodb.support import Array
 from aerodb.tables.analysis.nodes import neutral_point
 from aerodb.tables.analysis.sensitivity import slopes_by
@@ -22,6 +23,9 @@ _EFFECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
 }
 #: The same of controls: any deflection, command of a rotor or free input that acts on the axis.
 _CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
+#: Share of its largest moment from which a control counts for another axis, too: elevons have two
+#: alike, the yaw of ailerons is a tenth of their roll.
+_ACTS: Final = 0.3
 #: Angles of attack [rad] at which the database is asked: attached flow of any wing.
 _ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
 
@@ -31,20 +35,34 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     stability, controls; "drag" where it is zero."""
     channels = {name: np.full(len(_ANGLES), 0.01) for name in database.inputs}
     channels |= {"alpha": _ANGLES, "V": np.ones(len(_ANGLES))}
-    reached: dict[str, set[str]] = {axis: set() for axis in AXES}
-    for name in {*database.inputs, "alpha", "beta"}:
-        for axis, values in slopes_by(database, name, channels).items():
-            if np.any(values != 0.0):
-                reached[axis].add(name)
-    own = {
-        n for n in database.inputs if is_surface(n) or is_command(n) or n in database.free_inputs
+    sizes: dict[str, dict[str, float]] = {
+        name: {
+            axis: float(np.max(np.abs(values)))
+            for axis, values in slopes_by(database, name, channels).items()
+        }
+        for name in {*database.inputs, "alpha", "beta"}
     }
     lacking = [
-        text for text, (axis, names) in _EFFECTS.items() if not reached[axis].intersection(names)
+        text
+        for text, (axis, names) in _EFFECTS.items()
+        if not any(sizes.get(name, {}).get(axis, 0.0) for name in names)
     ]
-    lacking += [name for name, axis in _CONTROLS.items() if not reached[axis] & own]
+    own = [
+        n for n in database.inputs if is_surface(n) or is_command(n) or n in database.free_inputs
+    ]
+    lacking += [
+        name
+        for name, axis in _CONTROLS.items()
+        if not any(_acts_on(axis, sizes.get(control, {})) for control in own)
+    ]
     drag = curves(database, _ANGLES).get("C_drag")
     return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)
+
+
+def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
+    """Whether a control is there for a moment, not beside another."""
+    largest = max((sizes.get(each, 0.0) for each in _CONTROLS.values()), default=0.0)
+    return largest > 0.0 and sizes.get(axis, 0.0) >= _ACTS * largest
 
 
 def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:

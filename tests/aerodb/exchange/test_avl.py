@@ -31,7 +31,7 @@ def predicted(
     """Coefficients at angles and deflections in degrees and rates without dimension."""
     lengths = (lattice.SPAN, lattice.CHORD, lattice.SPAN)
     point = {n: 2 * x / length for n, x, length in zip("pqr", rates, lengths, strict=True)}
-    point |= {"alpha": np.deg2rad(alpha), "beta": np.deg2rad(beta), "V": 1.0}
+    point |= {"alpha": np.deg2rad(alpha), "beta": np.deg2rad(beta), "V": 1.0, "alphadot": 0.0}
     point |= {
         f"delta_{n}": np.deg2rad(deflections.get(n, 0.0)) for n in ("aileron", "elevator", "rudder")
     }

@@ -144,18 +144,9 @@ def test_what_the_file_leaves_out_is_asked_in_one_round() -> None:
     with pytest.raises(OpenQuestionsError) as caught:
         read(sitl_file(few))
     names = [question.name for question in caught.value.questions]
-    assert names == [
-        "oswald",
-        "left_out",
-        "x_ref",
-        "y_ref",
-        "z_ref",
-        "aileron",
-        "elevator",
-        "rudder",
-    ]
+    assert names == ["oswald", "left_out", "reference", "aileron", "elevator", "rudder"]
     assert "c_n_p" in caught.value.questions[1].text
-    assert caught.value.questions[6].proposals[0][0] == "-delta_elevator/0.35"
+    assert caught.value.questions[4].proposals[0][0] == "-delta_elevator/0.35"
     answers = {"oswald": "0.7", "left_out": "zero", "c_n_p": "0.01", **BOUND, **POINT}
     variables = read(sitl_file(few), **answers).variables
     assert float(str(variables["c_n_p"].expression)) == 0.01
@@ -163,10 +154,13 @@ def test_what_the_file_leaves_out_is_asked_in_one_round() -> None:
 
 
 def test_the_point_proposed_is_the_vehicles_and_the_files_offset() -> None:
+    database = read(sitl_file(), **BOUND, reference="vehicle")
+    assert database.reference.moment_reference == pytest.approx((-0.32, 0.0, 0.01))
+    asked = read(sitl_file(), **BOUND, reference="vehicle", x_ref="-0.5")
+    assert asked.reference.moment_reference == pytest.approx((-0.5, 0.0, 0.01))
     with pytest.raises(OpenQuestionsError) as caught:
-        read(sitl_file())
-    proposed = {q.name: q.proposals[0][0] for q in caught.value.questions}
-    assert [float(proposed[n]) for n in POINT] == pytest.approx([-0.32, 0.0, 0.01])
+        import_code([("p.json", sitl_file())], "p", bindings=BOUND)
+    assert [question.name for question in caught.value.questions] == list(POINT)
 
 
 @pytest.mark.parametrize(
