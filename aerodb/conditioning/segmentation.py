@@ -37,7 +37,7 @@ from aerodb.conditioning.responses import (
     steady,
 )
 from aerodb.flight import Flight
-from aerodb.nomenclature import FLAGS
+from aerodb.nomenclature import FLAGS, is_command
 from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
@@ -70,6 +70,9 @@ class Segment:
     channel: str = ""
 
 
+#: Share of the usual command of rotors above which they carry the aircraft: half the speed lifts a
+#: quarter of the weight.
+CARRYING: Final = 0.5
 #: Why hover is a segment of its own.
 HOVER: Final = "rotors carry the aircraft, by the modes of its autopilot"
 #: Kinds that are no manoeuvres.
@@ -131,7 +134,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     at which it was or will be slow; otherwise it is airborne. Needs V or calibrated airspeed; where
     that failed, the speed over ground stands for it. With altitude or height above ground, the
     segments end at lift-off and begin at touch-down. A record that is never slow is airborne
-    throughout.
+    throughout. Rotors whose commands are logged carry it at any speed.
 
     Speed (n,) [m/s], times [s].
     """
@@ -147,6 +150,11 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     speed = median_filter(bridge(shown), window, mode="nearest")
     high = float(np.quantile(speed, 0.95))
     hovering = flagged(flight, "hover")
+    carried = _carried(flight) & ~hovering
+    lifted = [
+        Segment("airborne", float(flight.time[a]), float(flight.time[b]), "its rotors carry it")
+        for a, b in runs(carried)
+    ]
     hover = [
         Segment("hover", float(flight.time[a]), float(flight.time[b]), HOVER)
         for a, b in runs(hovering)
@@ -155,9 +163,9 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         reason = f"airspeed hardly above {max(high, 0.0):.1f} m/s"
         parts = [
             Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason)
-            for a, b in runs(~hovering)
+            for a, b in runs(~hovering & ~carried)
         ]
-        return tuple(sorted([*parts, *hover], key=lambda segment: segment.start))
+        return tuple(sorted([*parts, *lifted, *hover], key=lambda segment: segment.start))
     stay = round(SETTLED / flight.step)
     on_ground = np.zeros(len(speed), dtype=bool)
     slow = speed < SLOW * high
@@ -166,7 +174,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     slow &= ~hovering
     for first, last in runs(slow, stay, stay):
         on_ground[slice(*_rolling(flight, first, last))] = True
-    on_ground &= ~hovering
+    on_ground &= ~hovering & ~carried
     down = runs(on_ground, 1, stay)
     reason = (
         f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
@@ -189,6 +197,16 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         for a, b in runs(up)
     ]
     return tuple(sorted(parts, key=lambda segment: segment.start))
+
+
+def _carried(flight: Flight) -> Mask:
+    """Where (n,) the mean command of the rotors is above `CARRYING` times its usual value."""
+    names = [name for name in flight.channels if is_command(name)]
+    if not names:
+        return np.zeros(len(flight.time), dtype=bool)
+    mean = np.mean([bridge(flight[name]) for name in names], axis=0)
+    usual = float(np.quantile(mean, 0.95))
+    return np.asarray((mean > CARRYING * usual) & (usual > 0.0))
 
 
 def _failed(flight: Flight) -> list[Segment]:

@@ -41,17 +41,20 @@ def fit_parameters(
     flights: Sequence[IdentificationFlight],
     names: Sequence[str],
     database: AeroDatabase,
+    own_constants: bool = True,
 ) -> Fit:
     """Return the fit of some parameters of a database by a method of equation error.
 
     Each stretch counts about its mean on each axis that the parameters reach: the rest is what
-    biased sensors may leave. Raises InputError for an unknown parameter, and for one that no flight
-    moves.
+    biased sensors may leave; not so without `own_constants`. Raises InputError for an unknown
+    parameter, and for one that no flight moves.
     """
     check_parameters_of(names, database)
     present, fit = database, None
     for round_ in range(1, _MOST + 1):
-        fit = replace(function(_equation(flights, names, present, database)), iterations=round_)
+        fit = replace(
+            function(_equation(flights, names, present, database, own_constants)), iterations=round_
+        )
         estimates = {e.name: e for e in fit.estimates if e.name in names and np.isfinite(e.value)}
         moved = [
             abs(e.value - present.parameters[name]) / (e.standard_error or np.inf)
@@ -83,11 +86,13 @@ def _equation(
     names: Sequence[str],
     present: AeroDatabase,
     database: AeroDatabase,
+    own_constants: bool,
 ) -> LinearEquation:
     """The equation about the present values; bounds and priors are those of `database`."""
     values = np.array([present.parameters[name] for name in names])
     records = []
-    for each in parameter_samples([flight.comparison for flight in flights], names, present):
+    comparisons = [flight.comparison for flight in flights]
+    for each in parameter_samples(comparisons, names, present, own_constants):
         time, flight = each.comparison.time, each.comparison.flight
         for count, run in enumerate(usable_runs(each.good, time)):
             x, left = each.over(run)

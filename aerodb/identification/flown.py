@@ -84,7 +84,7 @@ def flown_problem(
     )
     named = {name: name for name in model.parameters} | _unknowns(start, database, model)
     if model.parameters:
-        fit = fit_parameters(regression, flights, model.parameters, database)
+        fit = fit_parameters(regression, flights, model.parameters, database, model.own_constants)
         start = with_parameters(start, within_bounds(fit, database))
     start = replace(start, increments=(*start.increments, *support))
     flying = stretch_model(start, logs[0], _held(logs, declared))

@@ -44,7 +44,7 @@ def fits_of(
                 "model file",
                 "use output-error, or two model files",
             )
-        return [fit_parameters(function, flights, model.parameters, database)]
+        return [fit_parameters(function, flights, model.parameters, database, model.own_constants)]
     equations = axis_equations(
         [f.flight for f in flights], [f.comparison for f in flights], model, database
     )

@@ -161,7 +161,9 @@ def _with_parameters(
             "model file",
             "estimate the parameters first, then the increments beside the version that has them",
         )
-    found = estimate_parameters(comparisons, model.parameters, database, consider)
+    found = estimate_parameters(
+        comparisons, model.parameters, database, consider, model.own_constants
+    )
     flights = tuple(each.flight for each in comparisons)
     return Update(found.database, (), flights, found.reservations, model.parameters)
 

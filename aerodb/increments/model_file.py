@@ -124,16 +124,22 @@ class ModelFile(Strict):
     """All declared increments, one entry per axis, and parameters of the database to estimate.
 
     inertias : those of the vehicle that are estimated beside, by methods that fly: ``Ixz``.
+    own_constants : whether each flight has a constant of its own on each axis beside parameters, as
+        biased sensors leave; without, what is constant tells of the parameters too: the thrust that
+        carries a hover.
     """
 
     increment: tuple[DeclaredIncrement, ...] = ()
     parameters: tuple[str, ...] = ()
     inertias: tuple[Literal["Ixx", "Iyy", "Izz", "Ixz"], ...] = ()
+    own_constants: bool = True
 
     @model_validator(mode="after")
     def _once(self) -> "ModelFile":
         if not self.increment and not self.parameters:
             raise ValueError("neither [[increment]] nor parameters")
+        if not self.own_constants and not self.parameters:
+            raise ValueError("own_constants at the top is of parameters; [[increment]] has its own")
         for what, names in (("a parameter", self.parameters), ("an inertia", self.inertias)):
             if len(set(names)) != len(names):
                 raise ValueError(f"{what} stands twice")

@@ -49,7 +49,8 @@ class ParameterEstimates:
 @dataclass(frozen=True, eq=False)
 class ParameterSamples:
     """One flight on one axis beside a database: residual (n,), its slopes by k parameters (n, k)
-    per unit of each, and which samples are used (n,). size : rms that is left on the axis."""
+    per unit of each, and which samples are used (n,). size : rms that is left on the axis.
+    centred : whether samples count about their mean."""
 
     axis: str
     comparison: Comparison
@@ -57,11 +58,14 @@ class ParameterSamples:
     residual: Array
     slopes: Array
     size: float = 1.0
+    centred: bool = True
 
     def over(self, chosen: Mask | slice) -> tuple[Array, Array]:
-        """Slopes (m, k) and residual (m,) of chosen samples about their means, in units of
-        `size`."""
+        """Slopes (m, k) and residual (m,) of chosen samples, about their means where `centred`, in
+        units of `size`."""
         slopes, residual = self.slopes[chosen], self.residual[chosen]
+        if not self.centred:
+            return slopes / self.size, residual / self.size
         return (slopes - slopes.mean(axis=0)) / self.size, (residual - residual.mean()) / self.size
 
 
@@ -70,6 +74,7 @@ def estimate_parameters(
     names: Sequence[str],
     database: AeroDatabase,
     consider: Mapping[str, Sequence[ConsiderParameter]],
+    own_constants: bool = True,
 ) -> ParameterEstimates:
     """Estimate parameters of `database` from comparisons with it, at their full rate.
 
@@ -81,7 +86,7 @@ def estimate_parameters(
     check_parameters_of(names, database)
     present, settled = database, False
     for _ in range(_MOST):
-        samples = parameter_samples(comparisons, names, present)
+        samples = parameter_samples(comparisons, names, present, own_constants)
         fit = _fitted(samples, names, present, consider)
         constrained = constrained_fit(fit, _priors(names, database), _bounds(names, database))
         values = dict(zip(names, constrained.estimates.tolist(), strict=True))
@@ -121,7 +126,10 @@ def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
 
 
 def parameter_samples(
-    comparisons: Sequence[Comparison], names: Sequence[str], present: AeroDatabase
+    comparisons: Sequence[Comparison],
+    names: Sequence[str],
+    present: AeroDatabase,
+    own_constants: bool = True,
 ) -> list[ParameterSamples]:
     """Return the samples of flights on the axes that parameters (k) reach, beside a database.
 
@@ -152,8 +160,13 @@ def parameter_samples(
             if good.any():
                 matrix = np.column_stack(columns)
                 used = matrix[good]
-                moves |= np.ptp(used, axis=0) > _STILL * np.abs(used).max(axis=0)
-                found.append(ParameterSamples(axis, comparison, good, residual, matrix))
+                size = np.abs(used).max(axis=0)
+                moves |= (np.ptp(used, axis=0) if own_constants else size) > _STILL * size
+                found.append(
+                    ParameterSamples(
+                        axis, comparison, good, residual, matrix, centred=own_constants
+                    )
+                )
     if still_ones := [name for name, each in zip(names, moves, strict=True) if not each]:
         raise InputError(
             f"in these flights {', '.join(still_ones)} changes nothing, or only a constant",
@@ -164,7 +177,8 @@ def parameter_samples(
 
 
 def _left(samples: Sequence[ParameterSamples], axis: str) -> float:
-    """The error about the mean of each flight that is left on an axis, rms over all."""
+    """The error that is left on an axis, about the mean of each flight where that is its own; rms
+    over all."""
     return rms(np.concatenate([s.over(s.good)[1] for s in samples if s.axis == axis])) or 1.0
 
 

@@ -269,3 +269,22 @@ def test_records_that_tell_little_give_little() -> None:
         "s", "synthetic", np.array([0.0, STEP]), {"V": np.array([50.0, 50.0]), "theta": np.zeros(2)}
     )
     assert [segment.kind for segment in segments(short)] == ["airborne"]
+
+
+def test_rotors_that_turn_carry_a_hover() -> None:
+    """Idle on the ground, 40 s of hover at no airspeed, idle again; without commands it never
+    flew."""
+    time = np.arange(0.0, 60.0, STEP)
+    flying = (time > 10.0) & (time < 50.0)
+    command = np.where(flying, 0.6, 0.1) + 0.02 * np.sin(time)
+    still = {"V": 0.2 + 0.1 * np.sin(time), "p": 0.01 * np.cos(time)}
+    plain = Flight("hover", "quad", time, still)
+    assert {segment.kind for segment in ground_and_air(plain)} == {"on_ground"}
+    commands = {f"command_{k}": command for k in range(1, 5)}
+    found = ground_and_air(replace(plain, channels={**still, **commands}))
+    assert [segment.kind for segment in found] == ["on_ground", "airborne", "on_ground"]
+    assert (found[1].start, found[1].end) == pytest.approx((10.0, 50.0), abs=2 * STEP)
+    idle = dict.fromkeys(commands, np.zeros(len(time)))
+    assert {s.kind for s in ground_and_air(replace(plain, channels={**still, **idle}))} == {
+        "on_ground"
+    }

@@ -204,3 +204,8 @@ def test_what_cannot_be_estimated_is_said(source: FlightsInMemory, text: str, sa
             parse_model_file(text),
             build_up(),
         )
+
+
+def test_own_constants_at_the_top_are_of_parameters() -> None:
+    with pytest.raises(InputError, match="own_constants"):
+        parse_model_file('own_constants = false\n[[increment]]\naxis = "Cm"\nterms = ["q_hat"]')
