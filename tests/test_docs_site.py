@@ -93,6 +93,19 @@ def test_equations_are_displayed_without_a_script(
             assert latex.count("{") == latex.count("}"), latex
 
 
+def test_each_method_has_equations_a_figure_and_its_evidence_elsewhere() -> None:
+    methods = {path.name: path.read_text("utf-8") for path in (ROOT / "docs/method").glob("*.md")}
+    evidence = {path.name for path in (ROOT / "docs/evidence").glob("*.md")}
+    assert set(methods) == evidence
+    for name, text in methods.items():
+        assert "```math" in text, f"{name}: no displayed equation"
+        assert f"](../evidence/{name})" in text, f"{name}: no way to what was measured"
+        shown = re.findall(r"!\[[^\]]+\]\(\.\./pictures/([^)]+)\)", text)
+        assert shown, f"{name}: no figure"
+        for picture in shown:
+            assert (ROOT / "docs/pictures" / picture).is_file(), picture
+
+
 def test_nothing_of_the_site_is_fetched_from_elsewhere(site: ModuleType) -> None:
     theme: Any = site.configuration()["theme"]
     assert theme["font"] is False

@@ -133,9 +133,15 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
     bands = tolerance_bands(stretch.document["checks"])
     columns = 3
     rows = max(1, -(-len(names) // columns))
-    height = min(1.75, (PAGE_HEIGHT - 0.5) / rows)
+    height = min(1.75, (PAGE_HEIGHT - 0.6) / rows)
     figure, panels = panel_grid(
-        (PAGE_WIDTH, 0.5 + height * rows), rows, columns, left=0.7, right=0.1, between=(0.7, 0.4)
+        (PAGE_WIDTH, 0.6 + height * rows),
+        rows,
+        columns,
+        left=0.7,
+        right=0.1,
+        top=0.4,  # for the legend, which would lie on a curve inside a panel
+        between=(0.7, 0.4),
     )
     for panel, name in zip(panels.ravel(), names, strict=False):
         factor, label = channel_scale(name)
@@ -163,7 +169,15 @@ def response_figure(stretch: FlownStretch, version: str, baseline: str) -> Figur
         first = panels.ravel()[0]
         if bands:
             first.fill_between([], [], label="tolerance", **_BAND)
-        first.legend(fontsize=SMALLEST, frameon=False)
+        handles, labels = first.get_legend_handles_labels()
+        figure.legend(
+            handles,
+            labels,
+            loc="upper center",
+            ncols=len(labels),
+            fontsize=SMALLEST,
+            frameon=False,
+        )
     return figure
 
 

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from aerodb.flows.cli.main import app
 from tests.support.demo_pictures import PICTURES
 from tests.support.guide_flights import blocks, prepare
+from tests.support.method_pictures import DRAWN
 from tests.support.paths import ROOT
 
 DOCS = ROOT / "docs"
@@ -200,12 +201,13 @@ def test_a_guide_that_shows_what_is_not_said_fails() -> None:
     assert list(steps("$ a \\\n  b\nx\n$ c\n")) == [("a b", ["x"]), ("c", [])]
 
 
-def test_pictures_of_the_readme_are_small_and_all_there() -> None:
-    readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    used = set(re.findall(r"!\[[^\]]+\]\(docs/pictures/([^)]+)\)", readme))
+def test_pictures_are_small_used_and_all_there() -> None:
+    pages = [DOCS.parent / "README.md", *(DOCS / "method").glob("*.md")]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    used = set(re.findall(r"!\[[^\]]+\]\((?:docs|\.\.)/pictures/([^)]+)\)", text))
     there = {path.name: path for path in (DOCS / "pictures").iterdir()}
     assert used == set(there)
-    assert used == set(PICTURES), "make pictures renews them all"
+    assert used == {*PICTURES, *DRAWN}, "make pictures renews them all"
     assert all(path.stat().st_size < 150_000 for path in there.values())
     assert not [
         name

@@ -1,6 +1,7 @@
-"""The pictures of README.md, out of the report of the demo: ``make pictures``.
+"""The pictures of README.md, out of the report of the demo, and those of the method pages: ``make
+pictures``.
 
-They are what the report shows, byte for byte; a test asserts that every one of them is used and
+The first are what the report shows, byte for byte; a test asserts that every one of them is used and
 small enough for a repository.
 """
 
@@ -12,6 +13,7 @@ from typing import Final
 
 from aerodb.tasks.steps.report import update_page
 from aerodb.tasks.workspace_access import access_workspace
+from tests.support.method_pictures import drawn
 
 #: File -> how the text of the picture in the report begins.
 PICTURES: Final = {
@@ -35,10 +37,12 @@ def pictures(page: str) -> dict[str, str]:
 
 
 def main(workspace: str, folder: str) -> None:
-    """Writes the pictures of the candidate of the demo in `workspace` into `folder`."""
-    candidate = access_workspace(workspace).catalogue.version("phoenix", "candidate").id
+    """Write the pictures of the candidate of the demo in `workspace` into `folder`."""
+    access = access_workspace(workspace)
+    candidate = access.catalogue.version("phoenix", "candidate").id
     Path(folder).mkdir(parents=True, exist_ok=True)
-    for file, svg in pictures(update_page(candidate, workspace=workspace, run="")).items():
+    shown = pictures(update_page(candidate, workspace=workspace, run="")) | drawn(access)
+    for file, svg in shown.items():
         (Path(folder) / file).write_text(svg, encoding="utf-8")
 
 
