@@ -35,7 +35,7 @@ from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Vote
 from aerodb.tracing.decision.unexplained_residual import UnexplainedResidual
 from tests.support.command import asked
-from tests.support.paths import VEHICLES
+from tests.support.paths import ROOT, VEHICLES
 from tests.support.small_glider import NAME, write_files
 
 #: Names that logs may have on disk: markup, a formula, a direction override, an escape sequence.
@@ -530,7 +530,7 @@ def test_on_paper_a_version_is_short_and_no_page_is_empty(
 ) -> None:
     """The recommendation is on the first page; every page has text of its own, and its footer."""
     weasyprint = pytest.importorskip("weasyprint", exc_type=ImportError)
-    most = {("version", "candidate"): 4, ("version", "v0001"): 3, ("update", "candidate"): 12}
+    most = {("version", "candidate"): 4, ("version", "v0001"): 3, ("update", "candidate"): 4}
     for (kind, about), count in most.items():
         page = written(made[0], kind, about)
         printed = weasyprint.HTML(string=page).render().pages
@@ -541,6 +541,15 @@ def test_on_paper_a_version_is_short_and_no_page_is_empty(
         if about == "candidate" and kind == "version":
             assert "recommendation: " in words[0]
             assert "the change fades to nothing at" in words[0]
+
+
+def test_no_expression_of_a_template_writes_a_quoted_attribute() -> None:
+    """Its quotes would be escaped, and the attribute be another: what is for the screen only was
+    printed so."""
+    for folder in ("aerodb/report", "flows/web"):
+        for path in sorted((ROOT / folder / "templates").glob("*.html")):
+            found = re.findall(r"""\{\{[^}]*['"] ?[\w-]+=['"]""", path.read_text("utf-8"))
+            assert not found, (path.name, found)
 
 
 def _words(box: Any) -> Iterator[str]:
