@@ -46,7 +46,7 @@ class FileChecks:
         if self.passed:
             return (
                 f"{self.cases} check cases of the file pass ({self.values} numbers); they bear on"
-                f" {self.reached} of {self.nodes} nodes of its tables"
+                f" {self.reached} of {self.nodes} breakpoints of its tables"
             )
         return (
             f"{self.failed} of {self.values} numbers in the {self.cases} check cases of the file"

@@ -291,7 +291,7 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
                 figure,
                 f"Slices through {both} on the axes that change.",
                 "Band: two standard errors of the increments. Above: the largest change ± two"
-                " standard errors, and where. Shaded: envelope of the identification flights. Grey"
+                " standard errors, and where. Shaded: flown by the identification flights. Grey"
                 f" bars along the lower edge: distribution of this report's flights. {ends}",
             )
             for figure in diff_figures(

@@ -29,7 +29,8 @@ def close_loop(
     flights: Flights = None,
     hold_out: HoldOut = None,
     accept_lumped: Annotated[
-        list[str] | None, typer.Option(help="Effect of an alias group to add anyway; it is marked.")
+        list[str] | None,
+        typer.Option(help="Effect to add though it cannot be told from others; it is marked."),
     ] = None,
     accept_suspected: Annotated[
         list[str] | None,
@@ -133,7 +134,8 @@ def say_loop(
         session.say(f"nothing was added to baseline {document['baseline'][:12]}")
     say_flights(session, document)
     session.say(
-        f"library {document['library']['sha256'][:12]}, frozen before the residuals were looked at"
+        f"list of effects {document['library']['sha256'][:12]}, fixed before the residuals were"
+        " looked at"
     )
     for number, finding in enumerate(document["findings"], 1):
         session.say()

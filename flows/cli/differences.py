@@ -99,7 +99,7 @@ def _say_edits(
     if document["curve"] is not None:
         _say_curve(session, document["curve"])
     if not whole:
-        session.say("flights, and changes per table node: --nodes")
+        session.say("flights, and changes at breakpoints of tables: --nodes")
 
 
 def _edit(term: Mapping[str, Any]) -> str:
@@ -218,7 +218,7 @@ def _say_nodes(session: Session, document: Mapping[str, Any]) -> None:
         largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))[:_NODES]
         session.say()
         session.say(
-            f"{entry['axis']} at the nodes of {entry['table']}: {len(entry['nodes'])} change,"
+            f"{entry['axis']} at the breakpoints of {entry['table']}: {len(entry['nodes'])} change,"
             f" {entry['unchanged']} do not"
         )
         headings = [f"{name} [{unit or '-'}]" for name, (_, unit) in units.items()]

@@ -182,7 +182,7 @@ def show(
 
     Example: aerodb flight show 1a2b3c
     """
-    from aerodb.tasks.view import flight_details
+    from aerodb.tasks.view import flight_details, step_words
     from aerodb.tasks.workspace_access import WorkspaceAccess
 
     session: Session = context.obj
@@ -214,7 +214,7 @@ def show(
     if document["consistency"] is not None:
         say_consistency(session, document["consistency"])
     results = [
-        [r["step"], r["key"][:12], r["created_utc"][:16].replace("T", " ")]
+        [step_words(r["step"]), r["key"][:12], r["created_utc"][:16].replace("T", " ")]
         for r in document["results"]
     ]
     session.table(["step", "key", "made"], results)

@@ -22,7 +22,7 @@ def tabulate(
     vehicle: Vehicle = None,
 ) -> None:
     """Make a version of tables of a version, such as an aircraft of parts, for tools that know
-    tables only; says its largest error between the nodes.
+    tables only; says its largest error between the breakpoints.
 
     Example: aerodb version tabulate released --over alpha=-10deg:20deg:31
     --over delta_elevator=-20deg:20deg:9 --at V=55
@@ -87,4 +87,4 @@ def _print(session: Session, document: dict[str, Any]) -> None:
         ],
         (1, 2, 3),
     )
-    session.say(f"errors at {document['points']} points between the nodes")
+    session.say(f"errors at {document['points']} points between the breakpoints")

@@ -21,7 +21,7 @@ from aerodb.storage.catalogue import USER_ROLES, VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import acts_as, user
 from aerodb.tasks.references import version_of
-from aerodb.tasks.view import as_json
+from aerodb.tasks.view import as_json, step_words
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.units import UNIT_SYSTEMS, UnitSystem, shown_units
 
@@ -172,7 +172,12 @@ def _engine() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     engine.filters |= page.filters()
-    engine.filters |= {"part": part, "shortened": shortened, "moment": moment}
+    engine.filters |= {
+        "part": part,
+        "shortened": shortened,
+        "moment": moment,
+        "step_words": step_words,
+    }
     engine.globals |= {
         "address": address,
         "channel_scale": channel_scale,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     )
     from .evaluation import MOST_LINE_POINTS, TAKEN, database_of, evaluate_at, sweep
     from .finding_documents import finding_document, findings_page, labels_of, reference_of
-    from .flight_documents import damage_document, flight_details, flights_document
+    from .flight_documents import damage_document, flight_details, flights_document, step_words
     from .json_documents import as_json
     from .lineage_documents import (
         compare_versions,

@@ -1,7 +1,7 @@
 """Flights as documents: answers of `aerodb flight list` and `show`, and of the console's API."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.recording import Damage
 from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
@@ -27,6 +27,19 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
         "reasons": list(row.reasons),
         "retracted": row.retract_reason or None,
     }
+
+
+#: Step -> what it makes, where its name does not say so.
+_STEP_WORDS: Final = {"gram": "normal equations"}
+
+
+def step_words(step: str) -> str:
+    """Return the name of a step for people.
+
+    >>> step_words("gram"), step_words("frequency_response")
+    ('normal equations', 'frequency response')
+    """
+    return _STEP_WORDS.get(step, step.replace("_", " "))
 
 
 def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:

@@ -194,8 +194,8 @@ def test_nothing_edited_is_one_line_and_nodes_are_asked_for(
     )
     _, short = on_terminal(workspace, 80, "version", "diff", "released", "candidate")
     _, whole = on_terminal(workspace, 80, "version", "diff", "released", "candidate", "--nodes")
-    assert not any("at the nodes of" in line for line in short)
-    assert any("CZ at the nodes of CZ0" in line for line in whole)
+    assert not any("at the breakpoints of" in line for line in short)
+    assert any("CZ at the breakpoints of CZ0" in line for line in whole)
     assert any("alpha [deg]" in line and "sigma" in line for line in whole)
 
 

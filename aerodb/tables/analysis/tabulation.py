@@ -1,4 +1,4 @@
-"""A database as tables over stated ranges, with its largest error between the nodes.
+"""A database as tables over stated ranges, with its largest error between the breakpoints.
 
 Each coefficient becomes a table over the stated variables, and its slope by each rate without
 dimension another: ``C = T(x) + T_p(x) p_hat + ...``. Terms that none of these change, such as the
