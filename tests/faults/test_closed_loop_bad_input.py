@@ -181,7 +181,7 @@ def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_pa
         app, ["--workspace", str(workspace), *close, "--library", frozen, "--effects", str(effects)]
     )
     said = result.stderr or str(result.exception)
-    assert "it changed after it was frozen" in said
+    assert "it changed since it was fixed" in said
     again = asked(workspace, *close, "--effects", str(effects))
     assert again["library"]["sha256"] != frozen
     late = [f for f in again["findings"] if f["effect"] == "square_of_alpha"]

@@ -235,7 +235,7 @@ def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemor
     library = freeze_library(source, split.identified, database())
     with pytest.raises(InputError, match="no effect 'pitch_dampng' in the library"):
         run_loop(source, split.identified, database(), library, Accept(suspected=("pitch_dampng",)))
-    with pytest.raises(InputError, match="it changed after it was frozen"):
+    with pytest.raises(InputError, match="it changed since it was fixed"):
         freeze_library(source, split.identified, database(), expected="0" * 64)
 
 
