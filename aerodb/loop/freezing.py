@@ -60,7 +60,8 @@ def freeze_library(
     settings = TracingSettings(bandwidth=tracing_bandwidth(database, vehicle, flown))
     sha256 = library_sha256(hypotheses, settings=None)
     if expected and not sha256.startswith(expected):
-        what = f"the list of effects is {sha256[:12]}, not {expected[:12]}: it changed since it was fixed"
+        found = f"{sha256[:12]}, not {expected[:12]}"
+        what = f"the list of effects is {found}: it changed since it was fixed"
         remedy = "trace with the list that was fixed, or leave --library out and say why it changed"
         raise InputError(what, "close-loop", remedy)
     laws: dict[str, Law] = {}
