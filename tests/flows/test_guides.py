@@ -32,6 +32,7 @@ GUIDES = (
     "simulators",
     "from-csv-or-mat",
     "parts",
+    "without-a-tunnel",
 )
 
 #: Of measured flights, which are where $AERODB_TEST_DATA says: page -> a record that it needs.

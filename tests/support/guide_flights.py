@@ -8,13 +8,14 @@ lift curve.
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 from pyulog import ULog
 
+from aerodb.exchange import import_code
 from aerodb.exchange.native import read_native
 from aerodb.simulation.autopilot import Autopilot, control_derivatives
 from aerodb.simulation.closed_loop import History, fly
@@ -24,8 +25,11 @@ from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, 
 from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.support.arrays import Array
+from aerodb.tables import Number, Term, times
 from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.steps.importing import known_vehicle
 from aerodb.vehicle import Vehicle, parse_vehicle
+from tests.support.paths import ROOT
 
 STEP, SECONDS, SPEED, ALPHA, GLIDE, HEIGHT = 0.01, 50.0, 14.0, 0.06, 0.06, 500.0
 #: What the handbook has too small by a sixth: the slope of CZ, 1/rad.
@@ -206,6 +210,33 @@ def write_flights(
     return write_logs(folder, flown, instruments(vehicle, boom=boom), 7)
 
 
+def lattice_of(name: str, text: str, vehicle: Vehicle) -> AeroDatabase:
+    """The database of a guide's output of AVL, as the guide imports it."""
+    return import_code([(name, text.encode())], name, vehicle=known_vehicle(vehicle))
+
+
+def beyond_the_lattice(database: AeroDatabase) -> AeroDatabase:
+    """What flies instead of a lattice: profile drag, a tenth less lift slope, a fuselage that takes a fifth of the
+    stability, and a weaker elevator."""
+    changed = {"C_lift_alpha": 0.9, "Cm_alpha": 0.8, "Cm_elevator": 0.85}
+    terms = [
+        replace(term, expression=times(Number(changed[term.name]), term.expression))
+        if term.name in changed
+        else term
+        for term in database.terms
+    ]
+    return replace(database, terms=(*terms, Term("profile", "C_drag", Number(0.02))))
+
+
+def write_database_flights(
+    folder: Path, vehicle_text: str, database: AeroDatabase, flights: int
+) -> list[Path]:
+    """Flies what `beyond_the_lattice` makes of a database, with a boom, and writes ``flight-1.ulg`` and so on."""
+    vehicle = parse_vehicle(vehicle_text)
+    flown = fly_glider(vehicle, database, beyond_the_lattice(database), flights, 7)
+    return write_logs(folder, flown, instruments(vehicle, boom=True), 7)
+
+
 def instruments(
     vehicle: Vehicle, *, boom: bool = False, heave_bias: float = 0.01
 ) -> tuple[Instrument, ...]:
@@ -315,6 +346,13 @@ def prepare(guide: str, folder: Path) -> None:
             int(wanted[1]),
             boom=bool(wanted[2]),
         )
+    lattice = re.search(r"<!-- flights: (\d+) of (\S+\.st), vehicle of (\S+) -->", guide)
+    if lattice:
+        other = (ROOT / "docs" / "guides" / f"{lattice[3]}.md").read_text(encoding="utf-8")
+        vehicle_text = next(text for _, title, text in blocks(other) if title == "my-glider.toml")
+        (folder / "my-glider.toml").write_text(vehicle_text, encoding="utf-8")
+        database = lattice_of(lattice[2], files[lattice[2]], parse_vehicle(vehicle_text))
+        write_database_flights(folder, vehicle_text, database, int(lattice[1]))
     table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
     if table:
         write_table(folder / table[2], folder / table[1])

@@ -13,9 +13,14 @@ from aerodb.exchange.aero_codes.answers import Answers
 from aerodb.nomenclature import CHANNELS
 from aerodb.tables import Name, Variable, number, parse
 
-#: Beginning of a name -> the surface that it means.
-_KINDS: Final = {"ail": "aileron", "elevator": "elevator", "elev": "elevator", "ele": "elevator"}
-_KINDS_MORE: Final = {"rud": "rudder", "flap": "flap"}
+#: Short name -> the surface that it means.
+_KINDS: Final = {
+    "ail": "aileron",
+    "elev": "elevator",
+    "ele": "elevator",
+    "rud": "rudder",
+    "flap": "flap",
+}
 #: Surface -> the axis that tells its sign, and that sign for a positive deflection here.
 _TELLS: Final = {"aileron": ("Cl", -1.0), "rudder": ("CY", 1.0)}
 _LIFTS: Final = ("C_lift", 1.0)
@@ -46,7 +51,7 @@ def kind_of(name: str) -> str:
     ('aileron', 'elevator', '', '')
     """
     plain = name.strip().lower()
-    for start, kind in {**_KINDS, **_KINDS_MORE}.items():
+    for start, kind in _KINDS.items():
         if plain in (start, kind, f"{kind}s"):
             return kind
     return ""
