@@ -1,7 +1,8 @@
 """What flight-path reconstruction gives: estimates, and one path for each record."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -71,6 +72,8 @@ class Reconstruction:
     converged, iterations : of the Gauss-Newton search.
     air_sigma : standard deviation of the air's slow vertical velocity given the residuals [m/s],
         zero where nothing of a vane is estimated.
+    completed : gives the reconstruction with its covariances, where these are still those of white
+        residuals.
     """
 
     estimates: tuple[Estimate, ...]
@@ -82,6 +85,12 @@ class Reconstruction:
     converged: bool
     iterations: int
     air_sigma: float
+    completed: Callable[[], "Reconstruction"] | None = field(default=None, repr=False)
+
+    @cached_property
+    def whole(self) -> "Reconstruction":
+        """The reconstruction with its covariances."""
+        return self if self.completed is None else self.completed()
 
     def __getitem__(self, label: str) -> Estimate:
         """The estimate with a label (``ax_bias``, ``wind_north[flight]``); raises KeyError when it

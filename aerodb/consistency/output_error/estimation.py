@@ -81,7 +81,7 @@ def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[FlightRecord, .
         return records
     flat = records_from_flight(flight, vehicle, decimation=decimation, rotating=False)
     plan = make_plan(records, vehicle)
-    misfit = [_misfit(solve(most_active(each), plan)) for each in (flat, records)]
+    misfit = [_misfit(solve(most_active(each), plan, errors=False)) for each in (flat, records)]
     return records if misfit[0] - misfit[1] > TURNS else flat
 
 
@@ -129,12 +129,13 @@ def estimate_sensors(
     samples = sum(np.isfinite(y).sum() for record in records for y in record.outputs.values())
 
     def looked(those: ReconstructionPlan) -> Reconstruction:
-        return solve(records, those, least_gain=max(LOOK * samples, SMALL_GAIN))
+        gain = max(LOOK * samples, SMALL_GAIN)
+        return solve(records, those, least_gain=gain, errors=False)
 
     result, plan = reconciled(looked, plan, accuracy)
     near: Reconstruction | None = result
     if moving_air(result.paths, plan.left_out).matters:
-        vane = _vane(records, result, plan, accuracy)
+        vane = _vane(records, result.whole, plan, accuracy)
         if vane is not None:
             plan = plan.without(ALIKE, misplaced=vane.sentence)
         plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
@@ -284,6 +285,7 @@ def solve(
     fixed: Mapping[str, float] | None = None,
     near: Reconstruction | None = None,
     least_gain: float = SMALL_GAIN,
+    errors: bool = True,
 ) -> Reconstruction:
     """Reconstruct records with the priors, bounds and noise floor of a plan.
 
@@ -296,6 +298,7 @@ def solve(
     free : parameters to estimate instead of those of the plan.
     fixed : other parameters, name -> value, SI.
     near, least_gain : where the search starts and ends (`reconstruct`).
+    errors : whether the covariance is more than that of white residuals (`reconstruct`).
 
     Raises InputError as `reconstruct`.
     """
@@ -311,6 +314,7 @@ def solve(
         least_gain=least_gain,
         vertical_air=plan.vertical_air,
         details=False,
+        errors=errors,
     )
 
 

@@ -73,7 +73,7 @@ def reconciled(
         name = max(open_to, key=lambda each: found[each][0] / found[each][1])
         fewer = plan.without_channel(name, found[name][0])
         rest = solve(fewer)
-        lost_with_it = _determined(result, plan, name) - _determined(rest, fewer, name)
+        lost_with_it = _determined(result.whole, plan, name) - _determined(rest.whole, fewer, name)
         if not lost_with_it:
             result, plan = rest, fewer
         else:

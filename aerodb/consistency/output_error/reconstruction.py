@@ -16,6 +16,7 @@ from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.gauss_newton import (
     SMALL_GAIN,
     ReconstructionProblem,
+    ReconstructionSolution,
     information,
     make_problem,
     search,
@@ -41,6 +42,7 @@ from aerodb.consistency.output_error.vertical_air import (
 from aerodb.consistency.reconstructed import Estimate, ReconstructedPath, Reconstruction
 from aerodb.consistency.sensors import (
     FlightRecord,
+    RecordPrediction,
     SensorParameter,
     corrected_inputs,
     parameter,
@@ -50,6 +52,9 @@ from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum
 from aerodb.support import Array
 from aerodb.vehicle import VerticalAir
+
+#: What `_covariances` returns.
+_Covariances = tuple[Array, Array, Array, float, tuple[ReconstructedPath, ...]]
 
 
 def reconstruct(
@@ -66,6 +71,7 @@ def reconstruct(
     least_gain: float = SMALL_GAIN,
     vertical_air: VerticalAir | None = None,
     details: bool = True,
+    errors: bool = True,
 ) -> Reconstruction:
     """Estimate sensor errors, winds and initial states of all records together.
 
@@ -86,6 +92,9 @@ def reconstruct(
     vertical_air : prior of the vertical motion of the air, which widens the covariance; None: none.
     details : whether the paths have standard errors and the residuals before the estimation, for
         which the motion is integrated twice more.
+    errors : whether the covariance holds coloured residuals, drift and moving air, which takes as
+        long as the search; without, it is that of white residuals until `Reconstruction.whole` is
+        asked for. It is for a look at residuals, without details.
 
     No parameter is fixed for lack of information: those that the manoeuvres cannot separate need a
     prior, and their standard error then shows it.
@@ -114,8 +123,41 @@ def reconstruct(
     known = set() if near is None else {path.record.name for path in near.paths}
     close = all(record.name in known for record in records)
     solution = search(problem, start, least_gain, close)
-    vector, sums = solution.vector, solution.equations
-    still, white, moved, air_sigma, paths = _covariances(problem, vector, sums, vertical_air)
+    if not errors:
+        white = _white(problem, solution.equations)
+        paths = tuple(
+            _path(problem, solution.vector, number) for number in range(len(problem.records))
+        )
+        return replace(
+            _reconstruction(problem, solution, (white, white, np.zeros_like(white), 0.0, paths)),
+            completed=lambda: _completed(problem, solution, vertical_air, details),
+        )
+    return _completed(problem, solution, vertical_air, details)
+
+
+def _completed(
+    problem: ReconstructionProblem,
+    solution: ReconstructionSolution,
+    vertical_air: VerticalAir | None,
+    details: bool,
+) -> Reconstruction:
+    """The reconstruction with its covariances."""
+    found = _covariances(problem, solution.vector, solution.equations, vertical_air)
+    result = _reconstruction(problem, solution, found)
+    if not details:
+        return result
+    paths = tuple(
+        _detailed(problem, solution.vector, result.covariance, number, path)
+        for number, path in enumerate(result.paths)
+    )
+    return replace(result, paths=paths)
+
+
+def _reconstruction(
+    problem: ReconstructionProblem, solution: ReconstructionSolution, found: _Covariances
+) -> Reconstruction:
+    """The reconstruction with covariances and paths as `_covariances` returns them."""
+    vector, (still, white, moved, air_sigma, paths) = solution.vector, found
     covariance = still + moved
     estimates = tuple(
         Estimate(
@@ -129,14 +171,8 @@ def reconstruct(
         )
         for number, item in enumerate(problem.items)
     )
-    if details:
-        paths = tuple(
-            _detailed(problem, vector, covariance, number, path)
-            for number, path in enumerate(paths)
-        )
-    noise = {
-        name: float(np.sqrt(value)) for name, value in sums.variance(problem.noise_floor).items()
-    }
+    variance = solution.equations.variance(problem.noise_floor)
+    noise = {name: float(np.sqrt(value)) for name, value in variance.items()}
     return Reconstruction(
         estimates,
         covariance,
@@ -221,16 +257,11 @@ def _covariances(
     vector: Array,
     sums: ChannelNormalEquations,
     air: VerticalAir | None,
-) -> tuple[Array, Array, Array, float, tuple[ReconstructedPath, ...]]:
+) -> _Covariances:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, the one for
     white residuals, what vertical air adds to the first, and the air's standard deviation [m/s];
     and the paths, without details."""
-    noise = sums.variance(problem.noise_floor)
-    size = np.array([item.size for item in problem.items])
-    white = np.asarray(
-        np.linalg.inv(information(problem, sums) * np.outer(size, size)) * np.outer(size, size),
-        dtype=np.float64,
-    )
+    noise, white = sums.variance(problem.noise_floor), _white(problem, sums)
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
     # An accelerometer feels the air's changes as the aircraft does: what is measured in inertial
@@ -261,18 +292,7 @@ def _covariances(
         drift[np.ix_(index, index)] += part[: len(index), : len(index)]
         if columns is not None:
             felt.append(pull_and_signs(record, columns, slopes, errors, usable, noise, part, index))
-        paths.append(
-            ReconstructedPath(
-                record,
-                response.states,
-                response.air,
-                corrected_inputs(record, values),
-                {name: np.where(usable[name], error, np.nan) for name, error in errors.items()},
-                {},
-                np.full(response.states.shape, np.nan),
-                np.full(response.air.shape, np.nan),
-            )
-        )
+        paths.append(_without_details(problem, record, values, response))
     covariance = white + white @ drift @ white
     # enlarge it where residuals are more coloured than white noise and inertial drift explain
     coloured = np.diag(white @ middle @ white)
@@ -285,6 +305,46 @@ def _covariances(
         total = air_information([pull for pull, _ in felt], known, len(white))
         moved = white @ total @ white * np.outer(vane, vane)
     return np.asarray(covariance), white, moved, sigma, tuple(paths)
+
+
+def _white(problem: ReconstructionProblem, sums: ChannelNormalEquations) -> Array:
+    """Covariance (k, k) of the unknowns for white residuals."""
+    size = np.array([item.size for item in problem.items])
+    scaled = information(problem, sums) * np.outer(size, size)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(size, size), dtype=np.float64)
+
+
+def _path(problem: ReconstructionProblem, vector: Array, number: int) -> ReconstructedPath:
+    """The path of a record, without details."""
+    record = problem.records[number]
+    _, values = _acting(problem, vector, record)
+    first = first_state(problem.starts[number], values)
+    response = predict_outputs(record, values, first, (), slopes=False)
+    return _without_details(problem, record, values, response)
+
+
+def _without_details(
+    problem: ReconstructionProblem,
+    record: FlightRecord,
+    values: Mapping[str, float],
+    response: RecordPrediction,
+) -> ReconstructedPath:
+    usable = {
+        name: usable_samples(record, name, problem.items, values) for name in response.outputs
+    }
+    return ReconstructedPath(
+        record,
+        response.states,
+        response.air,
+        corrected_inputs(record, values),
+        {
+            name: np.where(usable[name], error, np.nan)
+            for name, error in residuals(record, response).items()
+        },
+        {},
+        np.full(response.states.shape, np.nan),
+        np.full(response.air.shape, np.nan),
+    )
 
 
 def _swing(

@@ -17,7 +17,7 @@ from aerodb.consistency.records import (
 from aerodb.consistency.sensors.prediction import FlightRecord
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.vehicle import parse_vehicle
+from aerodb.vehicle import VerticalAir, parse_vehicle
 from tests.support.simulated_path import DENSITY, simulated, truth
 
 VEHICLE = """
@@ -84,6 +84,25 @@ def test_a_flight_is_cut_into_records(vehicle):
     for name, value in planted.items():
         found = result[f"{name}[f]" if name.startswith("wind") else name]
         assert abs(found.value - value) < 4 * found.standard_error, name
+
+
+def test_a_look_is_the_reconstruction_without_its_covariances(vehicle):
+    """Residuals, states and estimates are the same to the last bit, and so is the rest once it is
+    asked for."""
+    records = records_from_flight(_flight({"alpha_bias": 0.02}), vehicle, seconds=30.0)
+    how = {"initial": STATES, "vertical_air": VerticalAir(sigma=0.3), "details": False}
+    whole, look = (reconstruct(records, FREE, errors=errors, **how) for errors in (True, False))
+    for one, other in zip(look.paths, whole.paths, strict=True):
+        assert np.array_equal(one.states, other.states)
+        assert np.array_equal(one.air, other.air)
+        for name, residual in other.residuals.items():
+            assert np.array_equal(one.residuals[name], residual, equal_nan=True)
+    assert [each.value for each in look.estimates] == [each.value for each in whole.estimates]
+    assert np.array_equal(look.white, whole.white)
+    assert look["alpha_bias"].standard_error < whole["alpha_bias"].standard_error
+    for name in ("covariance", "still", "white"):
+        assert np.array_equal(getattr(look.whole, name), getattr(whole, name))
+    assert look.whole.air_sigma == whole.air_sigma > 0.0
 
 
 def test_decimation_loses_nothing(vehicle):
