@@ -297,6 +297,14 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 
+def has_link(path: Path, root: Path) -> bool:
+    """Return whether `path`, or a folder between it and `root`, is a symbolic link; ValueError for
+    a path outside."""
+    return any(
+        each.is_symlink() for each in (path, *path.parents)[: len(path.relative_to(root).parts)]
+    )
+
+
 def has_sha256(path: Path, sha256: str) -> bool:
     """Return whether `path` is a readable file whose bytes have this hash; an OSError means
     False."""

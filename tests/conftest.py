@@ -74,7 +74,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 #: Files in which PostgreSQL's transactions, locks and types are the subject.
-_BOTH = ("test_catalogue_safety.py", "test_former_catalogues.py", "test_row_links.py")
+_BOTH = (
+    "test_catalogue_safety.py",
+    "test_former_catalogues.py",
+    "test_row_links.py",
+    "test_tampering.py",
+)
 
 
 def _repeats(item: pytest.Item, first: dict[object, object]) -> bool:

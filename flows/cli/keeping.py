@@ -77,6 +77,7 @@ def backup(
         f"{target} holds {outcome.files} files, {outcome.bytes / 1e6:.1f} MB; {outcome.copied} were"
         " copied now"
     )
+    session.say(f"note its hash elsewhere, to give it to `aerodb restore`: {outcome.sha256}")
     session.answer({"target": str(target), **asdict(outcome)})
     if outcome.problems:
         raise typer.Exit(1)
@@ -92,9 +93,12 @@ def restore(
         Path | None,
         typer.Option(help="Settings to use instead of the backup's; they may name a database."),
     ] = None,
+    sha256: Annotated[
+        str, typer.Option(help="Hash that `aerodb backup` gave; another backup is refused.")
+    ] = "",
 ) -> None:
     """Restore a workspace from a backup, and verify it; exits with 1 if a file was damaged in the
-    backup.
+    backup. Settings of the backup that run commands or connect elsewhere are shown and left off.
 
     Example: aerodb restore /mnt/backup/aerodb --workspace restored
     """
@@ -107,7 +111,7 @@ def restore(
             "no such file", str(settings), "name a settings.toml for the new workspace"
         )
     with session.waiting("copying and verifying"):
-        manifest = restored(source, root, settings)
+        manifest = restored(source, root, settings, sha256)
     for problem in manifest["problems"]:
         session.say(
             f"not as stored when it was backed up: {problem['where']}: {problem['what']};"
@@ -116,6 +120,15 @@ def restore(
     session.say(
         f"{root} is the workspace of {manifest['made_utc']}: {manifest['files']} files, verified"
     )
+    for each in manifest["left_off"]:
+        session.say(f"left off until you confirm it: {each}")
+    if manifest["left_off"]:
+        session.say(f"to confirm: copy {source / 'settings.toml'} to {root / 'settings.toml'}")
+    if not sha256:
+        session.say(
+            "nothing says yet that this backup is yours: compare its hash with the one that `aerodb"
+            f" backup` gave, {manifest['sha256']}"
+        )
     session.answer({"workspace": str(root), **manifest})
     if manifest["problems"]:
         raise typer.Exit(1)

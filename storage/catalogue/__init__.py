@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .catalogue import Catalogue
     from .chain import broken_links, has_link, link_rows, newest_link
     from .copying import copy_catalogue
+    from .database import upgrade
     from .file_identity import StoredFile, measured
     from .flight_pages import RETRACTED, FlightFilter
     from .ledger import Ledger

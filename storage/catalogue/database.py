@@ -7,12 +7,13 @@ Readers see one consistent state and never wait.
 
 import atexit
 import os
+import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import sqlalchemy as sa
 
@@ -23,6 +24,9 @@ from aerodb.storage.catalogue.row_links import Touched
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.catalogue.seal import break_seal, seal
 from aerodb.storage.database_errors import store_error_of, translated_database_errors
+
+if TYPE_CHECKING:
+    from alembic.config import Config
 
 #: Maximum waiting time [s] of writers for the lock, and of all for a server that was up before.
 WAIT_SECONDS: Final = 60.0
@@ -87,7 +91,7 @@ class Database:
         ):
             token = self._current.set(connection)
             try:
-                self._break_seal()
+                self._break_seal(connection)
                 if not linked:
                     yield connection
                     return
@@ -102,10 +106,12 @@ class Database:
             finally:
                 self._current.reset(token)
 
-    def _break_seal(self) -> None:
+    def _break_seal(self, connection: sa.Connection) -> None:
         if self.file is None:
             return
-        break_seal(self.file)
+        raw = connection.connection.driver_connection
+        assert isinstance(raw, sqlite3.Connection)
+        break_seal(self.file, raw)
         if self._wrote_in != os.getpid():
             self._wrote_in = os.getpid()
             atexit.register(self._at_exit)
@@ -157,12 +163,6 @@ def stored_revision(database: Database) -> str | None:
 def migrate(database: Database) -> None:
     """Migrate a database to the newest schema, and keep the former one (`former_catalogue`);
     InputError if its schema is newer than this version."""
-    # Imported here: a query on an up-to-date catalogue does not pay for alembic.
-    from alembic import command
-    from alembic.config import Config
-
-    config = Config()
-    config.set_main_option("script_location", "aerodb.storage:migrations")
     before, kept = None, ""
     try:
         with database.writing(linked=False) as connection:
@@ -170,10 +170,9 @@ def migrate(database: Database) -> None:
             if before == HEAD:  # another process was faster
                 return
             if before is not None:
-                _require_known(before, config, database.where)
+                _require_known(before, database.where)
                 kept = keep_former(connection, before)
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            upgrade(connection)
     except BaseException:
         forget_former(kept)
         raise
@@ -181,13 +180,32 @@ def migrate(database: Database) -> None:
         say_what_happened(database.where, before, HEAD, kept)
 
 
-def _require_known(revision: str, config: Any, where: str) -> None:
+def upgrade(connection: sa.Connection) -> None:
+    """Run the migrations that a database does not have yet, in the transaction of `connection`;
+    errors of SQLAlchemy as they are, see `migrate`."""
+    from alembic import command
+
+    config = _alembic()
+    config.attributes["connection"] = connection
+    command.upgrade(config, "head")
+
+
+def _alembic() -> "Config":
+    # Imported here: a query on an up-to-date catalogue does not pay for alembic.
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", "aerodb.storage:migrations")
+    return config
+
+
+def _require_known(revision: str, where: str) -> None:
     """Raise InputError for a revision that this version does not have."""
     from alembic.script import ScriptDirectory
     from alembic.util import CommandError
 
     try:
-        ScriptDirectory.from_config(config).get_revision(revision)
+        ScriptDirectory.from_config(_alembic()).get_revision(revision)
     except CommandError as error:
         remedy = "update aerodb, or restore a backup made by this version"
         raise InputError(

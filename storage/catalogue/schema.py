@@ -404,10 +404,6 @@ def append_only_triggers(
     )
 
 
-#: Number of append-only triggers of each table.
-TRIGGERS_PER_TABLE: Final = 3
-
-
 def sqlite_triggers(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
     """Return append-only triggers for SQLite, as SQL (`append_only_triggers`). ``INSERT OR
     REPLACE`` deletes without firing delete triggers, so an insert with an existing key is refused

@@ -3,15 +3,18 @@
 A bit that flips where no row is (in free space, or in an index that is not read) changes nothing
 that a query shows; only the hash tells. Every writing transaction removes the seal before it
 commits, and a process that wrote seals the file again when it closes it: so a file with a seal is
-as that process left it, or damaged.
+as that process left it, or damaged. The first write to a sealed file checks the seal before it
+removes it, so that no new seal covers what another program changed.
 """
 
 import hashlib
+import os
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Final
 
+from aerodb.errors import StoreError
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 
 #: Time [s] to wait for other writers: who writes later seals.
@@ -25,11 +28,33 @@ def seal_of(path: Path) -> Path:
     return path.with_name(f"{path.name}.sha256")
 
 
-def break_seal(path: Path) -> None:
-    """Remove the seal; called in every writing transaction, which has the lock. StoreError on a
-    full or read-only disk; see `seal_of`."""
+def break_seal(path: Path, connection: sqlite3.Connection) -> None:
+    """Check the seal and remove it; called in every writing transaction before its first change,
+    on its `connection`, which has the lock.
+
+    Raises StoreError where the bytes are not those that were sealed, and on a full or read-only
+    disk; see `seal_of`.
+    """
     with translated_disk_errors(path):
+        try:
+            sealed = seal_of(path).read_text(encoding="ascii", errors="replace").strip()
+        except FileNotFoundError:
+            return
+        if sealed != _hash(connection):
+            raise StoreError(
+                "its bytes changed after aerodb had closed it: they are damaged, or another program"
+                " wrote to it",
+                str(path),
+                "see what changed with `aerodb verify`, then restore a backup; if the change is"
+                f" yours, remove {seal_of(path).name}",
+            )
         seal_of(path).unlink(missing_ok=True)
+        if os.name != "nt":  # a seal that a power cut brings back would not fit
+            folder = os.open(path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
 
 def seal(path: Path) -> bool:

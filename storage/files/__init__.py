@@ -53,7 +53,6 @@ if TYPE_CHECKING:
         pull,
         push,
         remove_abandoned,
-        require_unused,
         trim,
     )
 

@@ -72,17 +72,6 @@ def required_objects(workspace: Workspace) -> Objects:
     return objects
 
 
-def require_unused(objects: Objects) -> None:
-    """Raise InputError when an object store already contains files of a workspace (`STORE`),
-    StoreError when it cannot be asked."""
-    if any(objects.below(place) for folder in STORE for place in objects.folders(folder)):
-        what, remedy = (
-            "already contains the files of a workspace",
-            "use --settings FILE with another [store], or with this one to confirm it",
-        )
-        raise InputError(f"the object store of these settings {what}", objects.url, remedy)
-
-
 def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Iterator[Part]:
     """Yield the whole store, folder by folder, so that memory use does not grow with it; StoreError
     where `Objects` cannot be asked."""

@@ -67,7 +67,8 @@ def _entry(folder: Path) -> Quarantined | None:
     if held is None:
         return None  # from an interrupted return to the inbox
     try:
-        note = json.loads((folder / REASON).read_text(encoding="ascii"))
+        reason = folder / REASON
+        note = {} if reason.is_symlink() else json.loads(reason.read_text(encoding="ascii"))
     except (OSError, ValueError):
         note = {}
     note.setdefault("what", note.get("reason", ""))

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, StoreError
 from aerodb.storage.disk_errors import require_space, translated_disk_errors
 from aerodb.storage.inbox.folders import move_into_inbox, named_unfinished
 from aerodb.storage.limits import Limits
@@ -29,8 +29,7 @@ def put_into_inbox(workspace: Workspace, source: Path, vehicle: str, name: str, 
     system. key : names the file where its own `name` cannot.
     """
     plain = name if _PLAIN.fullmatch(name) else f"{key[:12]}{source.suffix}"
-    folder = workspace.inbox / vehicle if vehicle is not None else workspace.inbox
-    folder.mkdir(exist_ok=True)
+    folder = _folder(workspace, vehicle)
     target, number = folder / plain, 0
     while True:
         try:
@@ -39,6 +38,16 @@ def put_into_inbox(workspace: Workspace, source: Path, vehicle: str, name: str, 
         except FileExistsError:  # another log has this name now
             number += 1
             target = folder / f"{key[:12]}-{number}-{plain}"
+
+
+def _folder(workspace: Workspace, vehicle: str | None) -> Path:
+    """Return the folder of a vehicle in the inbox, made if it is not there; StoreError where it is
+    a link, behind which a sweep does not look."""
+    folder = workspace.inbox if vehicle is None else workspace.inbox / vehicle
+    if folder.is_symlink():
+        raise StoreError("a link is in place of this folder", str(folder), "remove the link")
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 class Upload:
@@ -91,8 +100,7 @@ def receiving(
         raise InputError("its name marks it as unfinished", name, "rename it, or choose the log")
     limits.check_size(size, name)
     require_space(workspace.root, size, limits.reserve)
-    folder = workspace.inbox if vehicle is None else workspace.inbox / vehicle
-    folder.mkdir(exist_ok=True)
+    folder = _folder(workspace, vehicle)
     suffix = Path(name).suffix.lower()
     kept = suffix if re.fullmatch(r"\.[a-z0-9]{1,8}", suffix) else ""
     path = folder / f".upload-{secrets.token_hex(8)}{kept}"  # sweeps leave it: a leading dot

@@ -27,6 +27,7 @@ from aerodb.storage.catalogue import (
 )
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.upkeep.problems import CHAIN, WorkspaceProblem
+from aerodb.storage.upkeep.schema_comparison import differences
 from aerodb.support import version_id
 from aerodb.tables import CheckCase, failed_check_cases
 
@@ -117,27 +118,14 @@ def _sealed(file: Path | None, count: Count) -> Iterator[WorkspaceProblem]:
 
 def _database(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProblem]:
     """Integrity checks of the database itself: pages and indices where it supports that, foreign
-    keys, and the append-only triggers."""
+    keys, and the text of every table, index, trigger and view."""
     own = _of_sqlite if connection.dialect.name == "sqlite" else _of_postgresql
-    query = _ENABLED_TRIGGERS[connection.dialect.name]
-    triggers = dict(map(tuple, connection.exec_driver_sql(query).all()))
     yield from own(connection)
-    expected = s.TRIGGERS_PER_TABLE
-    for name in sorted(name for name in s.metadata.tables if triggers.get(name) != expected):
-        yield _catalogue_problem("its append-only triggers are missing", f"table {name}")
+    # A cursor of the server, which a stream of rows has, makes no schema.
+    connection.execution_options(yield_per=None, stream_results=False)
+    for what, where in differences(connection):
+        yield _catalogue_problem(what, where)
     count("tables", len(s.metadata.tables))
-
-
-#: Queries: table -> number of enabled triggers.
-_ENABLED_TRIGGERS: Final = {
-    "sqlite": "SELECT tbl_name, count(*) FROM sqlite_master WHERE type = 'trigger' GROUP BY 1",
-    "postgresql": (
-        "SELECT c.relname, count(*) FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid JOIN"
-        " pg_namespace n ON n.oid = c.relnamespace JOIN pg_proc p ON p.oid = t.tgfoid WHERE"
-        " n.nspname = current_schema() AND p.proname = 'refuse_change' AND t.tgenabled IN ('O',"
-        " 'A') GROUP BY 1"
-    ),
-}
 
 
 def _of_sqlite(connection: sa.Connection) -> Iterator[WorkspaceProblem]:

@@ -15,7 +15,7 @@ import shutil
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -33,20 +33,13 @@ from aerodb.storage.catalogue import (
     measured,
 )
 from aerodb.storage.disk_errors import translated_disk_errors
-from aerodb.storage.files import (
-    INDEX,
-    DamagedObject,
-    Objects,
-    files_of,
-    objects_of,
-    push,
-    require_unused,
-)
+from aerodb.storage.files import INDEX, STORE, DamagedObject, Objects, files_of, objects_of, push
 from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
 from aerodb.storage.upkeep.problems import CHAIN, ORPHAN_OBJECT, WorkspaceProblem, require_clean
+from aerodb.storage.upkeep.restored_settings import quiet
 from aerodb.storage.upkeep.verification import verify
-from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
+from aerodb.storage.workspace import Workspace, has_link, has_sha256, write_atomically
 from aerodb.storage.workspace_settings import FILE as SETTINGS
 
 _MANIFEST: Final = "backup.json"
@@ -57,12 +50,15 @@ _FORMAT: Final = 2
 @dataclass(frozen=True)
 class Backup:
     """Content of a backup: number of files and bytes, number of files copied this time, and files
-    that differ from what was stored (`problems`)."""
+    that differ from what was stored (`problems`). sha256 : of its manifest, which holds the hash of
+    the catalogue, which holds those of the files; who notes it elsewhere can later tell whether the
+    backup is still this one."""
 
     files: int
     bytes: int
     copied: int
     problems: tuple[WorkspaceProblem, ...]
+    sha256: str = ""
 
 
 def back_up(workspace: Workspace, target: Path) -> Backup:
@@ -83,10 +79,9 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
                 workspace, chain(_named(workspace.root, snapshot, target), quarantine), target
             )
         _as_one_file(partial)
-        if (workspace.root / SETTINGS).is_file():
-            write_atomically(
-                target / SETTINGS, lambda temporary: _copy(workspace.root / SETTINGS, temporary)
-            )
+        settings = workspace.root / SETTINGS
+        if settings.is_file():
+            write_atomically(target / SETTINGS, lambda temporary: _copy(settings, temporary))
         sha256, size = measured(partial)
         name = f"catalogue-{sha256[:16]}.backup"
         partial.rename(target / name)
@@ -100,40 +95,53 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
             "bytes": copy.bytes,
             "problems": [problem.where for problem in copy.problems],
             "quarantine": [file.path for file in quarantine],
+            "settings": _text_of(target / SETTINGS) if settings.is_file() else None,
         }
         write_atomically(target / _MANIFEST, lambda temporary: _write(temporary, _sealed(manifest)))
         for older in target.glob("catalogue-*.backup"):
             if older.name != name:
                 older.unlink()
-    return copy
+    return replace(copy, sha256=_hash(manifest))
 
 
-def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str, Any]:
+def restore(
+    source: Path, root: Path, settings: Path | None = None, sha256: str = ""
+) -> dict[str, Any]:
     """Restore the backup in the folder `source` as the workspace `root`, which must not exist yet.
 
-    settings : file that replaces the settings of the backup. The catalogue goes into the database
-    that they name, which must be empty; so must an object store that is named by the backup's own
-    settings only. Everything is verified before the folder gets its name. Returns the manifest with
-    `problems` (`WorkspaceProblem` as dictionaries): differences that already existed when the
-    backup was made. Raises InputError for an incomplete backup and for an existing target; nothing
-    is changed then.
+    settings : file that replaces the settings of the backup; of those, the ones that run commands
+    or connect elsewhere are left out (`restored_settings`). The catalogue goes into the database
+    that `settings` name, which must be empty. sha256 : of the manifest, as `back_up` gave it.
+    Everything is verified before the folder gets its name. Returns the manifest with `problems`
+    (`WorkspaceProblem` as dictionaries), differences that already existed when the backup was made,
+    its `sha256`, and `left_off`, settings that are to be confirmed. Raises InputError for an
+    incomplete backup, another one than `sha256` says, and an existing target; nothing is changed
+    then.
     """
     manifest = manifest_of(source)
+    found = _hash(manifest)
+    if sha256 and sha256 != found:
+        raise InputError(
+            f"this is not the backup that was meant: the hash of its manifest is {found}",
+            str(source / _MANIFEST),
+            "use the backup whose hash was noted",
+        )
     _require_free(root)
     if not root.absolute().parent.is_dir():
         raise InputError(
             "its parent folder does not exist", str(root), "name a path in an existing folder"
         )
+    own, left_off = ("", ()) if settings else _own_settings(source, manifest)
     left: list[WorkspaceProblem] = []
     inodes: list[int] = []
 
     def write(temporary: Path) -> None:
         workspace = Workspace.open(temporary)
-        if (settings or source / SETTINGS).is_file():
-            _copy(settings or source / SETTINGS, workspace.root / SETTINGS)
+        if settings is not None:
+            _copy(settings, workspace.root / SETTINGS)
+        elif own:
+            (workspace.root / SETTINGS).write_bytes(own.encode("utf-8", "surrogateescape"))
         objects = objects_of(workspace.root)
-        if objects is not None and settings is None:
-            require_unused(objects)
         place = catalogue_location(workspace.catalogue)
         file = workspace.root / _PARTIAL if place.url else workspace.catalogue
         _copy(_catalogue_file(source, manifest), file)
@@ -141,10 +149,11 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
             for named in _named(source, snapshot, source):
                 _take(source, workspace, named, manifest["problems"])
             for path in manifest["quarantine"]:
+                held = _inside(source, path, ("quarantine",))
                 workspace.resolve(path).parent.mkdir(
                     exist_ok=True
                 )  # a folder whose files are gone is found by what follows
-                _take(source, workspace, _quarantined(source / path, source), manifest["problems"])
+                _take(source, workspace, _quarantined(held, source), manifest["problems"])
             if objects is not None:
                 push(workspace, snapshot)
             with _moved(snapshot, place) as catalogue:
@@ -168,14 +177,30 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
     write_atomically(root.absolute(), write, keep=True)
     if root.stat().st_ino != inodes[0]:  # somebody else put a folder there meanwhile, which stays
         _require_free(root)
-    return {**manifest, "problems": [asdict(problem) for problem in left]}
+    problems = [asdict(problem) for problem in left]
+    manifest.pop("settings", None)
+    return {**manifest, "problems": problems, "sha256": found, "left_off": list(left_off)}
+
+
+def _own_settings(source: Path, manifest: dict[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """The settings of a backup without what has to be confirmed, and that; a backup of before has
+    them in a file only."""
+    file = _inside(source, SETTINGS)
+    text = manifest.get("settings")
+    if "settings" not in manifest and file.is_file():
+        text = _text_of(file)
+    return quiet(text, str(file)) if isinstance(text, str) else ("", ())
+
+
+def _text_of(path: Path) -> str:
+    return path.read_bytes().decode("utf-8", "surrogateescape")
 
 
 def _catalogue_file(source: Path, manifest: dict[str, Any]) -> Path:
     """Path of the catalogue in a backup; InputError if its bytes differ from those that were
     written."""
     stated = manifest["catalogue"]
-    file = source / Path(stated["name"]).name
+    file = _inside(source, Path(stated["name"]).name)
     if not file.is_file() or measured(file) != (stated["sha256"], stated["size"]):
         raise InputError(
             "its catalogue differs from the one that was written", str(source), "use another backup"
@@ -232,8 +257,11 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 def _sealed(manifest: dict[str, Any]) -> bytes:
     """A manifest as it is written, with a hash of its content, so that any change is detected."""
-    sha256 = hashlib.sha256(json.dumps(manifest, indent=1).encode("ascii")).hexdigest()
-    return (json.dumps({**manifest, "sha256": sha256}, indent=1) + "\n").encode("ascii")
+    return (json.dumps({**manifest, "sha256": _hash(manifest)}, indent=1) + "\n").encode("ascii")
+
+
+def _hash(manifest: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(manifest, indent=1).encode("ascii")).hexdigest()
 
 
 def _require_free(root: Path) -> None:
@@ -337,7 +365,11 @@ def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFil
 def _in_quarantine(root: Path) -> Iterator[StoredFile]:
     """The files that each folder in quarantine contains or should contain: a log and the reason;
     nothing for a link or a pipe."""
-    for folder in sorted(entry for entry in (root / "quarantine").iterdir() if entry.is_dir()):
+    for folder in sorted(
+        entry
+        for entry in (root / "quarantine").iterdir()
+        if entry.is_dir() and not entry.is_symlink()
+    ):
         held = next(
             (path for path in sorted(folder.iterdir()) if path.name.startswith(("aside", "log"))),
             folder / "log",
@@ -362,12 +394,31 @@ def _size(path: Path) -> int:
 def _take(source: Path, workspace: Workspace, file: StoredFile, listed: Collection[str]) -> None:
     """Copy a file from a backup, unless it was damaged when the backup was made, or is missing;
     verification reports these."""
-    copy, place = source / file.path, workspace.resolve(file.path)
+    copy = _inside(source, file.path, (*STORE, "quarantine"))
+    place = workspace.resolve(file.path)
     if copy.is_file() and (
         file.path not in listed or not file.sha256 or has_sha256(copy, file.sha256)
     ):
         place.parent.mkdir(parents=True, exist_ok=True)
         _copy(copy, place)
+
+
+def _inside(source: Path, name: str, folders: Collection[str] = ()) -> Path:
+    """Return the path of a file of the backup `source`, below one of `folders` where there are any.
+
+    InputError for a link, whose bytes were never backed up, and for a name that leads elsewhere:
+    restoring it would replace the settings, say.
+    """
+    path = source / name
+    parts = path.relative_to(source).parts if path.is_relative_to(source) else ()
+    if not parts or ".." in parts or (folders and parts[0] not in folders):
+        what = "it names a file that is none of a workspace's store"
+    elif has_link(path, source):
+        what = "a link is in place of a file of this backup"
+    else:
+        return path
+    remedy = "use another backup: this one was changed after it was written"
+    raise InputError(what, str(path)[:200], remedy)
 
 
 def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path) -> Backup:
@@ -381,7 +432,7 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
             objects is not None and not source.exists() and has_sha256(place, file.sha256)
         ):
             continue
-        what = _copied_wrongly(source, place, file)
+        what = _copied_wrongly(workspace.root, source, place, file)
         if what and objects is not None and file.sha256:
             what = _fetched_wrongly(objects, place, file, what)
         if what:
@@ -398,16 +449,16 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
 def _is_copied(source: Path, place: Path) -> bool:
     """Return whether an earlier backup copied this file; a file that was written again is newer
     than its copy."""
-    if not (source.is_file() and place.is_file()):
+    if not (source.is_file() and place.is_file()) or source.is_symlink() or place.is_symlink():
         return False
     one, other = source.stat(), place.stat()
     return (one.st_size, one.st_mtime_ns) == (other.st_size, other.st_mtime_ns)
 
 
-def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
+def _copied_wrongly(root: Path, source: Path, place: Path, file: StoredFile) -> str:
     """Copy a file if it has the bytes that were stored; otherwise return what is wrong."""
-    if not source.is_file():
-        return "it is missing in the store"
+    if not source.is_file() or has_link(source, root / file.path.partition("/")[0]):
+        return "it is missing in the store, or a link is in its place"
     try:
         sha256, _ = measured(source)
     except OSError as error:

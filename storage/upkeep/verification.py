@@ -26,6 +26,7 @@ _PUT_BACK: Final = (
     "its flight is not affected; put the original log back, from its source or a backup"
 )
 _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
+_NO_LINKS: Final = "remove it, and put the file itself there, from a backup"
 
 
 def verify(
@@ -51,14 +52,18 @@ def verify(
         for place in sorted((workspace.root / folder).iterdir()):
             _check_folder(workspace, catalogue, place, report, is_cache=objects is not None)
     for file in catalogue.every_stored_file() if objects is None else ():
-        if not workspace.resolve(file.path).exists():
+        place = workspace.resolve(file.path)
+        if not place.is_file():
             remedy = (
                 "ingest its log again"
                 if file.path.endswith(INDEX)
                 else "it is recomputed when it is needed next"
             )
             remedy = _PUT_BACK if file.path.startswith("logs/") else remedy
-            report.add("missing", "this file is missing", file.path, remedy)
+            what = "this file is missing"
+            if place.exists():
+                what, remedy = "something else is in its place", f"remove it; then {remedy}"
+            report.add("missing", what, file.path, remedy)
     for path in audit.results_without_file():
         report.add("no hash", "no hash of this file is recorded", path, _MADE_AGAIN)
     _check_quarantine(workspace, catalogue, report)
@@ -75,10 +80,14 @@ def _check_folder(
     is_cache: bool,
 ) -> None:
     """Check each file of one fan-out folder against its row; files may leave a cache meanwhile."""
+    if _is_link(workspace, place, report):
+        return
     entries = sorted(place.iterdir()) if place.is_dir() else [place]
     prefix = workspace.relative(place)
     rows = catalogue.stored_files(f"{prefix}/", f"{prefix}0")  # '0' follows '/'
     for entry in entries:
+        if _is_link(workspace, entry, report):
+            continue
         if is_temporary(entry):
             _check_temporary(workspace, entry, report)
             continue
@@ -88,6 +97,8 @@ def _check_folder(
             row = StoredFile(
                 path, entry.name[:64], entry.stat().st_size
             )  # a log's name is its hash
+        if entry.is_dir() and catalogue.stored_file(workspace.relative(entry)) is not None:
+            continue  # in place of a file, which is missing
         if row is None and entry.is_dir() and catalogue.log(entry.name[:64]) is not None:
             report.add("no hash", "no hash of its topics is recorded", path, _TAKE_IN_AGAIN)
         elif row is None:
@@ -96,6 +107,14 @@ def _check_folder(
             _is_sound(entry, row, report, _PUT_BACK if path.startswith("logs/") else _MADE_AGAIN)
         elif _is_sound(entry / INDEX, row, report, _TAKE_IN_AGAIN):
             _check_recording(workspace, entry, report, is_cache)
+
+
+def _is_link(workspace: Workspace, entry: Path, report: VerificationReport) -> bool:
+    """Return whether an entry of the store or the quarantine is a link, which is not followed."""
+    if entry.is_symlink():
+        what = "it is a link: aerodb follows none here"
+        report.add("link", what, workspace.relative(entry), _NO_LINKS)
+    return entry.is_symlink()
 
 
 def _check_temporary(workspace: Workspace, entry: Path, report: VerificationReport) -> None:
@@ -168,6 +187,8 @@ def _check_topics(workspace: Workspace, folder: Path, report: VerificationReport
     """The files of a recording against its index, which is sound."""
     known = files_of(folder)
     for name, (sha256, size) in known.items():
+        if _is_link(workspace, folder / name, report):
+            continue
         if not sha256:
             report.add(
                 "no hash",
@@ -200,7 +221,12 @@ def _check_quarantine(
     for folder in sorted(
         entry for entry in (workspace.root / "quarantine").iterdir() if entry.is_dir()
     ):
+        if _is_link(workspace, folder, report):
+            continue
         names = sorted(entry.name for entry in folder.iterdir())
+        links = [_is_link(workspace, folder / name, report) for name in names if name != "aside"]
+        if any(links):
+            continue
         for name in names:
             if is_temporary(folder / name):
                 _check_temporary(workspace, folder / name, report)

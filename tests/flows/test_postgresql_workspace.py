@@ -129,8 +129,11 @@ def found(workspace: Workspace) -> list[tuple[str, str]]:
             "INSERT INTO run_versions VALUES ('no such run', 'no such version')",
             "table run_versions",
         ),
-        ("ALTER TABLE versions DISABLE TRIGGER versions_no_update", "table versions"),
-        ("DROP TRIGGER flights_no_truncate ON flights", "table flights"),
+        (
+            "ALTER TABLE versions DISABLE TRIGGER versions_no_update",
+            "trigger versions_no_update of versions",
+        ),
+        ("DROP TRIGGER flights_no_truncate ON flights", "trigger flights_no_truncate of flights"),
     ],
 )
 def test_a_catalogue_changed_by_hand_is_found_out(
@@ -204,8 +207,11 @@ def test_a_backup_is_never_restored_over_a_catalogue(workspace: Workspace, tmp_p
     back_up(workspace, tmp_path / "b")
     before = stored(workspace), rows(workspace)
     with pytest.raises(InputError, match="already contains a catalogue"):
-        restore(tmp_path / "b", tmp_path / "new")
+        restore(tmp_path / "b", tmp_path / "new", tmp_path / "b" / "settings.toml")
     assert not (tmp_path / "new").exists()
+    (left,) = restore(tmp_path / "b", tmp_path / "file")["left_off"]
+    assert left.startswith("catalogue.url")
+    assert Workspace.open(tmp_path / "file").catalogue.is_file()
     assert (stored(workspace), rows(workspace)) == before
     refused = CliRunner().invoke(app, ["--workspace", str(tmp_path / "b"), "flight", "list"])
     assert "no workspace here" in str(refused.exception), (

@@ -17,6 +17,7 @@ import psycopg
 
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.location import catalogue_location
+from aerodb.storage.catalogue.seal import seal_of
 from tests.support.ports import free_port
 
 USER = "aerodb"
@@ -208,6 +209,7 @@ def name_in_settings(root: Path, url: str, more: str = "") -> None:
 
 def by_hand(path: Path) -> Any:
     """A connection to the catalogue whose file is, or would be, at `path`, as anybody can have who
-    knows where it is."""
+    knows where it is, and takes the seal away."""
     url = catalogue_location(path).url
+    seal_of(path).unlink(missing_ok=True)
     return psycopg.connect(url) if url else sqlite3.connect(path)

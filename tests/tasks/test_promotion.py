@@ -21,6 +21,7 @@ from aerodb.remarks import SUSPECTED, Remark
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.names import standing_moves
 from aerodb.storage.catalogue.rows import NameEvent
+from aerodb.storage.catalogue.seal import seal_of
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.support.identity import canonical_json
 from aerodb.tables.analysis.check_cases import make_check_cases
@@ -251,6 +252,7 @@ def test_a_version_whose_content_was_changed_by_hand_is_refused(workspace: Works
         second = provable(catalogue, "second", first)
         promote(second, **place)
         third, fourth = provable(catalogue, "third", second), provable(catalogue, "fourth", second)
+    seal_of(workspace.catalogue).unlink(missing_ok=True)
     raw = sqlite3.connect(workspace.catalogue)
     raw.execute("DROP TRIGGER versions_no_update")
     raw.execute(

@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.flight_pages import LOOKED_THROUGH
+from aerodb.storage.catalogue.seal import seal_of
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.workspace_access import access_workspace
 from tests.storage.test_scale import counted
@@ -36,6 +37,7 @@ def crowd(path: Path, versions: int, flights: int) -> None:
     """Rows as the catalogue would have written them: flights of which one in a hundred is rejected,
     versions made by updates, a move of a name to each. In one go: through the catalogue it would
     take minutes."""
+    seal_of(path).unlink(missing_ok=True)
     raw = sqlite3.connect(path)
     raw.execute("PRAGMA synchronous = OFF")
 
@@ -228,6 +230,7 @@ def test_flights_of_one_moment_and_of_several_vehicles_are_paged_too(tmp_path: P
     with Catalogue.open(workspace.catalogue) as catalogue:
         for vehicle in ("one", "two"):
             catalogue.add_vehicle(vehicle, "text")
+    seal_of(workspace.catalogue).unlink(missing_ok=True)
     raw = sqlite3.connect(workspace.catalogue)
     expected = []
     for k in range(60):

@@ -242,7 +242,7 @@ def test_what_is_no_catalogue_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the catalogue cannot be used"):
         Catalogue.open(tmp_path / "text.sqlite")
     Catalogue.open(tmp_path / "newer.sqlite").close()
-    with sqlite3.connect(tmp_path / "newer.sqlite") as raw:
+    with by_hand(tmp_path / "newer.sqlite") as raw:
         raw.execute("UPDATE alembic_version SET version_num = 'r9999'")
     raw.close()
     with pytest.raises(InputError, match="by a newer version"):

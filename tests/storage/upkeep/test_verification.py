@@ -21,6 +21,7 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.file_identity import measured
+from aerodb.storage.catalogue.seal import seal_of
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.problems import VerificationReport
@@ -70,6 +71,7 @@ def file_of(workspace: Workspace, step: str) -> Path:
 
 def by_hand(workspace: Workspace, statement: str) -> None:
     """Changes the catalogue as only somebody can who takes its triggers away."""
+    seal_of(workspace.catalogue).unlink(missing_ok=True)
     raw = sqlite3.connect(workspace.catalogue)
     triggers = raw.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
     for name, _ in triggers:
@@ -280,7 +282,7 @@ def test_guards_and_foreign_keys(workspace: Workspace) -> None:
     raw.execute("DROP TRIGGER versions_no_update")
     raw.commit()
     raw.close()
-    assert kinds(workspace) == [("catalogue", "table versions")]
+    assert kinds(workspace) == [("catalogue", "trigger versions_no_update of versions")]
     with sqlite3.connect(workspace.catalogue) as raw:
         raw.execute("PRAGMA foreign_keys = OFF")
         raw.execute("INSERT INTO run_versions VALUES ('no such run', 'no such version')")
