@@ -10,7 +10,7 @@ import io
 import math
 import struct
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import h5py
 import numpy as np
@@ -129,13 +129,16 @@ def read_hdf5(data: bytes, where: str) -> Variables:
     """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays
     transposed (MATLAB stores columns first).
 
-    Raises InputError for bytes that are not HDF5. Arrays (n,) or matrices, in the units of the
+    Raises InputError for bytes that are not HDF5, and for data that HDF5 would fetch from another
+    file or by a path: a log holds its samples itself. Arrays (n,) or matrices, in the units of the
     file.
     """
     variables = Variables()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            _group(file, "", variables, 0)
+            _group(file, "", variables, 0, where)
+    except InputError:
+        raise
     except Exception as error:  # h5py passes on errors of many types from the HDF5 library
         raise InputError(
             f"not readable as HDF5: {str(error)[:200]}",
@@ -145,16 +148,38 @@ def read_hdf5(data: bytes, where: str) -> Variables:
     return variables
 
 
-def _group(group: Any, prefix: str, variables: Variables, depth: int) -> None:
+def _refuse(what: str, name: str, where: str) -> NoReturn:
+    remedy = "save the log again, with its samples in the file itself (h5repack, or MATLAB's save)"
+    raise InputError(f"variable {name} {what}", where, remedy)
+
+
+def _own(item: Any, name: str, where: str) -> Any:
+    """Return a dataset or group whose bytes are in this file; InputError for others."""
+    if isinstance(item, h5py.Dataset):
+        if item.id.get_create_plist().get_external_count():
+            _refuse(
+                f"has its samples in another file, {str(item.external[0][0])[:80]}", name, where
+            )
+        if item.is_virtual:
+            _refuse("is put together from datasets of other files", name, where)
+    return item
+
+
+def _group(group: Any, prefix: str, variables: Variables, depth: int, where: str) -> None:
     for key in group:
         name = f"{prefix}{key}"
         if key.startswith("#"):
             continue
+        link = group.get(key, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            _refuse(f"is a link into another file, {str(link.filename)[:80]}", name, where)
+        if isinstance(link, h5py.SoftLink):
+            _refuse(f"is a link to {str(link.path)[:80]}", name, where)
         try:
-            item = group[key]
+            item = _own(group[key], name, where)
             if isinstance(item, h5py.Group):
                 if depth < _DEEPEST:
-                    _group(item, f"{name}.", variables, depth + 1)
+                    _group(item, f"{name}.", variables, depth + 1, where)
                 else:
                     variables.skipped.append(name)
             elif "MATLAB_object_decode" in item.attrs:
@@ -163,17 +188,19 @@ def _group(group: Any, prefix: str, variables: Variables, depth: int) -> None:
                 variables.remarks.append(_object(name, kind))
             elif _is_array(item):
                 _dataset(item, name, variables)
-            elif labels := _referred_texts(item):
+            elif labels := _referred_texts(item, name, where):
                 variables.labels[name] = labels
             else:
                 variables.skipped.append(name)
+        except InputError:
+            raise
         except Exception as error:  # as above; one damaged variable leaves the others
             variables.damage.append(
                 Damage("framing", f"variable {name} cannot be read: {str(error)[:120]}")
             )
 
 
-def _referred_texts(item: Any) -> list[str]:
+def _referred_texts(item: Any, name: str, where: str) -> list[str]:
     """The texts of a cell of version 7.3, whose datasets it refers to; empty for anything else."""
     if not isinstance(item, h5py.Dataset) or item.attrs.get("MATLAB_class") != b"cell":
         return []
@@ -181,7 +208,7 @@ def _referred_texts(item: Any) -> list[str]:
         return []
     texts = []
     for reference in np.asarray(item[()]).T.ravel(order="F"):
-        each = item.file[reference]
+        each = _own(item.file[reference], name, where)
         if each.attrs.get("MATLAB_class") != b"char" or each.size > _MOST_VARIABLES:
             return []
         codes = np.asarray(each[()]).T.ravel(order="F")

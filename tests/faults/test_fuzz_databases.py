@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.exchange import KnownVehicle, code_of, import_code
+from aerodb.exchange import KnownVehicle, code_of, import_code, import_daveml
 from aerodb.tables import ReferenceGeometry, lacking_effects
 from tests.aerodb.exchange.test_simulator_models import BOUND, JOINTS, POINT, gazebo_file, sitl_file
 from tests.aerodb.exchange.test_sweeps import CFD, mat, rows, text, workbook
@@ -66,3 +66,10 @@ def test_a_damaged_file_is_read_or_refused(
     print(f"{name}: {read} read, {len(refused)} refused")
     assert all(each.what for each in refused)
     assert read or refused
+
+
+def test_an_element_with_very_many_attributes_is_refused_at_once() -> None:
+    """Looking at all of them takes time as their number squared: 200,000 took over 200 s."""
+    many = b" ".join(b'a%d="1"' % k for k in range(200_000))
+    with pytest.raises(InputError, match="200000 attributes of <function>"):
+        import_daveml(b"<DAVEfunc><function " + many + b"/></DAVEfunc>")

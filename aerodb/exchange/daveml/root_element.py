@@ -16,6 +16,7 @@ from aerodb.exchange.xml_elements import parsed, tag
 
 _MAX_BYTES: Final = 100_000_000
 _MAX_ATTRIBUTE: Final = 10_000  # characters
+_MAX_ATTRIBUTES: Final = 100  # of one element: looking at all takes time as their number squared
 _MAX_DEPTH: Final = 250  # nested elements
 _ROOT: Final = "DAVEfunc"
 
@@ -57,6 +58,8 @@ def _check_tree(root: Any, where: str) -> None:
             raise InputError(f"the entity {element.text}", where, "write its replacement text")
         if depth > _MAX_DEPTH:
             raise InputError(f"more than {_MAX_DEPTH} nested elements", where)
+        if isinstance(element.tag, str) and len(element.attrib) > _MAX_ATTRIBUTES:
+            raise InputError(f"{len(element.attrib)} attributes of <{tag(element)}>", where)
         for name, value in element.attrib.items() if isinstance(element.tag, str) else ():
             if len(value) > _MAX_ATTRIBUTE:
                 raise InputError(
