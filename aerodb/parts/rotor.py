@@ -157,10 +157,14 @@ def command_ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
         low, high = part.get("command") or usual
         for side in (name, f"{name}_right", f"{name}_left"):
             pending, seen = {f"{side}_n"} & database.variables.keys(), set[str]()
+            rates = database.rates
             while pending:
-                used = database.variables[pending.pop()].expression.names - seen
+                name = pending.pop()
+                tree = rates[name].rate if name in rates else database.variables[name].expression
+                used = tree.names - seen
                 seen |= used
-                pending |= used & database.variables.keys()
-            inputs = {n for n in seen if n in database.free_inputs or is_command(n)}
+                pending |= used & (database.variables.keys() | rates.keys())
+            free = database.free_inputs.keys() - rates.keys()
+            inputs = {n for n in seen if n in free or is_command(n)}
             found |= dict.fromkeys(inputs, (float(low), float(high)))
     return found

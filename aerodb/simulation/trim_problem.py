@@ -336,6 +336,10 @@ def problem_of(
         raise InputError("a lower limit that is not below the upper one", where, "swap them")
     given = dict.fromkeys(model.inputs, 0.0) | dict(inputs)
     if condition.hover:
+        if controls:
+            raise InputError(
+                "controls are stated for a hover", where, "leave them out: its mixes are found"
+            )
         return _hover_problem(model, condition, given, inputs, limits, where)
     chosen: dict[str, Control] = {}
     for axis, named in (controls or {}).items():
@@ -443,9 +447,15 @@ def hover_mixes(
     series: dict[str, Any] = {**inputs}
     for k, name in enumerate(free):
         series[name] = (inputs[name] + lanes[k])[None, :]
-    start = {"V": condition.V, "altitude": condition.altitude}
+    start: dict[str, Any] = {"V": condition.V, "altitude": condition.altitude}
     if not m:
         return {}
+    states = _states_with_rate(model)
+    if states:  # an input acts through them: they have followed it
+        run = simulate(model, np.zeros(1), start, series)
+        at = {name: values[0] for name, values in run.channels.items() if name not in states}
+        settled = model.database.resolved(states, at | {n: series[n][0] for n in free})
+        start |= {name: np.broadcast_to(settled[name], (2 * m,)) for name in states}
     rates = simulate(model, np.zeros(1), start, series).rates[[2, 3, 4, 5]]
     reference = model.database.reference
     lengths = 0.5 * np.array([2.0, reference.span, reference.chord, reference.span])

@@ -100,6 +100,10 @@ class _Stated:
             raise InputError("--glide and --thrust together", remedy="leave one of them out")
         speed = value_of("V", self.speed)
         hover = self.hover or speed == 0.0
+        if hover and (self.thrust is not None or self.glide):
+            raise InputError(
+                "a hover with --thrust or --glide", remedy="leave it out: the collective is found"
+            )
         free = self.glide or (glides and not hover and self.climb is None and self.thrust is None)
         return StatedCondition(
             Condition(

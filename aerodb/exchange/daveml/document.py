@@ -20,7 +20,7 @@ from aerodb.exchange.daveml.names import (
     write_unit,
 )
 from aerodb.exchange.daveml.writing import text_number, text_numbers, write_math
-from aerodb.nomenclature import CHANNELS, channel, is_surface
+from aerodb.nomenclature import CHANNELS, channel, is_command, is_surface
 from aerodb.tables import (
     AeroDatabase,
     Call,
@@ -87,7 +87,8 @@ class DavemlDocument:
     def add_input(self, name: str) -> None:
         """Add an input: a channel in SI units with the standard name and sign of AIAA S-119
         (`STANDARD_INPUTS`), or a free input of the database."""
-        known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
+        patterned = is_surface(name) or is_command(name)
+        known = name in CHANNELS or (patterned and name not in self._database.free_inputs)
         unit = (
             write_unit(channel(name).unit)
             if known

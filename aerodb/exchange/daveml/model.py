@@ -25,7 +25,7 @@ from aerodb.exchange.daveml.names import (
     signed_name,
     unit_conversion,
 )
-from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_surface
 from aerodb.tables import (
     CONSTANTS,
     FUNCTIONS,
@@ -128,9 +128,8 @@ class Model:
     def unique(self, wanted: str) -> str:
         """Return an unused identifier similar to `wanted`."""
         base = re.sub(r"\W", "_", wanted.strip(), flags=re.ASCII)
-        base = (
-            f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
-        )  # surfaces are channels
+        taken = is_surface(base) or is_command(base)  # these are channels
+        base = f"_{base}" if not base or base[0].isdigit() or taken else base
         name, count = base, 1
         while name in self._taken:
             count += 1
@@ -263,7 +262,7 @@ class Model:
         A binding in another unit than the file's is noted as a question.
         """
         bound = self._parsed(key)
-        channels = (name for name in bound.names if name in CHANNELS or is_surface(name))
+        channels = (n for n in bound.names if n in CHANNELS or is_surface(n) or is_command(n))
         if not any(channels) and bound in (Name(self._identifiers[identity]), Name(key)):
             return None
         fault = binding_fault(bound, read_unit(self.signals[identity].declared.unit))

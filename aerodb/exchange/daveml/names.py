@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from aerodb.errors import InputError, OpenQuestionsError, Question
-from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
 
@@ -178,7 +178,7 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
             (
                 each
                 for each in (declared.name, declared.identity)
-                if each in CHANNELS or is_surface(each)
+                if each in CHANNELS or is_surface(each) or is_command(each)
             ),
             None,
         )

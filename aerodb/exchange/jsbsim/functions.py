@@ -14,7 +14,7 @@ from aerodb.exchange.jsbsim.metrics import MAX_NAME, read_number
 from aerodb.exchange.jsbsim.operations import build_operation
 from aerodb.exchange.jsbsim.properties import OWN_FREE, property_identifier
 from aerodb.exchange.jsbsim.table import read_table, stack_slices
-from aerodb.nomenclature import CHANNELS, is_surface
+from aerodb.nomenclature import CHANNELS, is_command, is_surface
 from aerodb.support import Array
 from aerodb.tables import (
     CONSTANTS,
@@ -117,7 +117,8 @@ class JsbsimFunctions:
         """Return `wanted` as an unused identifier."""
         base = re.sub(r"\W", "_", wanted, flags=re.ASCII)
         # A name in the form of a surface would be read as that channel, with any number appended.
-        base = f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
+        channel = is_surface(base) or is_command(base)
+        base = f"_{base}" if not base or base[0].isdigit() or channel else base
         name, count = base, self._counts.get(base, 1)
         while name in self._taken:
             count += 1

@@ -21,7 +21,7 @@ _EFFECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "roll damping": ("Cl", ("p",)),
     "yaw damping": ("Cn", ("r",)),
 }
-#: The same of controls: any deflection, command of a rotor or free input that acts on the axis.
+#: The same of controls: any deflection or free input that acts on the axis.
 _CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
 #: Share of its largest moment from which a control counts for another axis, too: elevons have two
 #: alike, the yaw of ailerons is a tenth of their roll.
@@ -33,27 +33,28 @@ _ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
 def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     """Return what no term of a database gives at small angles of attack, in words: damping,
     stability, controls; "drag" where it is zero."""
-    channels = {name: np.full(len(_ANGLES), 0.01) for name in database.inputs}
+    states = {state.name for state in database.states}
+    inputs = [name for name in database.inputs if name not in states]
+    channels = {name: np.full(len(_ANGLES), 0.01) for name in inputs}
     channels |= {"alpha": _ANGLES, "V": np.ones(len(_ANGLES))}
     sizes: dict[str, dict[str, float]] = {
         name: {
             axis: float(np.max(np.abs(values)))
             for axis, values in slopes_by(database, name, channels).items()
         }
-        for name in {*database.inputs, "alpha", "beta"}
+        for name in {*inputs, "alpha", "beta"}
     }
     lacking = [
         text
         for text, (axis, names) in _EFFECTS.items()
         if not any(sizes.get(name, {}).get(axis, 0.0) for name in names)
     ]
-    own = [
-        n for n in database.inputs if is_surface(n) or is_command(n) or n in database.free_inputs
-    ]
+    own = [n for n in inputs if is_surface(n) or n in database.free_inputs]
+    rotors = any(is_command(name) for name in inputs)  # which control it about all axes
     lacking += [
         name
         for name, axis in _CONTROLS.items()
-        if not any(_acts_on(axis, sizes.get(control, {})) for control in own)
+        if not rotors and not any(_acts_on(axis, sizes.get(control, {})) for control in own)
     ]
     drag = curves(database, _ANGLES).get("C_drag")
     return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)

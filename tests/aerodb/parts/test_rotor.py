@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from aerodb.errors import InputError
+from aerodb.exchange.daveml.export import export_daveml
+from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.native import read_native
 from aerodb.parts import command_ranges
 from aerodb.simulation import Condition, NoTrimError, flight_model, linear_model, simulate, trim
@@ -209,6 +211,34 @@ def test_a_hover_flies_on_from_rest() -> None:
     assert all(np.isfinite(values).all() for values in run.channels.values())
 
 
+def spun_up() -> AeroDatabase:
+    """The quadrotor whose rotors follow their commands with a lag of 50 ms."""
+    text = QUADROTOR
+    for k in range(1, 5):
+        text = text.replace(f'speed = "120*command_{k}"', f'speed = "n_{k}"')
+        text += f'\n[states.n_{k}]\nunit = "Hz"\nrate = "(120*command_{k} - n_{k})/0.05"\n'
+    return read_native(text)
+
+
+def test_rotors_that_follow_their_commands_with_a_lag() -> None:
+    own, plain = spun_up(), read_native(QUADROTOR)
+    assert command_ranges(own) == command_ranges(plain)
+    one, other = (
+        trim(flight_model(each), Condition(4.0, 100.0, hover=True), MASSES) for each in (own, plain)
+    )
+    for k in range(1, 5):
+        command = other.deflections[f"command_{k}"]
+        assert one.deflections[f"command_{k}"] == pytest.approx(command, rel=1e-8)
+        assert one.start[f"n_{k}"] == pytest.approx(120 * command, rel=1e-8)
+    linear = linear_model(one)
+    row = linear.states.index("n_1")
+    assert linear.A[row, row] == pytest.approx(-20.0, rel=1e-6)
+    assert linear.B[linear.states.index("q"), linear.inputs.index("command_1")] == 0.0
+    again = import_daveml(export_daveml(own), name="quad")
+    assert {f"command_{k}" for k in range(1, 5)} <= set(again.inputs)
+    assert not {"elevator", "aileron", "rudder"} & set(lacking_effects(own))
+
+
 def test_commands_of_rotors_are_controls() -> None:
     """A build-up of loads is asked in the air of sea level, where its curves are finite."""
     own = read_native(QUADROTOR)
@@ -228,6 +258,9 @@ def test_what_has_no_hover_says_why() -> None:
         Condition(0.0, 100.0, bank=0.1, hover=True)
     with pytest.raises(InputError, match="no airspeed"):
         Condition(0.0, 100.0)
+    hovering = Condition(0.0, 100.0, hover=True)
+    with pytest.raises(InputError, match="controls are stated"):
+        trim(model, hovering, MASSES, controls={"roll": "command_1"}, limits=limits)
 
 
 @pytest.mark.parametrize(
