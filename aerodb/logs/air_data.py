@@ -49,6 +49,12 @@ _RULES: Sequence[_Rule] = (
         "from calibrated airspeed and static pressure",
     ),
     _Rule(
+        "mach",
+        ("calibrated_airspeed", "altitude"),
+        lambda v, h: mach_from_calibrated(v, standard_atmosphere(h).pressure),
+        "from calibrated airspeed and the standard atmosphere's pressure at the altitude",
+    ),
+    _Rule(
         "V",
         ("mach", "temperature"),
         lambda mach, t: mach * speed_of_sound(t),
@@ -71,6 +77,12 @@ _RULES: Sequence[_Rule] = (
         ("qbar", "rho"),
         lambda qbar, rho: _root(_ratio(2.0 * qbar, rho)),
         "from dynamic pressure and density",
+    ),
+    _Rule(
+        "V",
+        ("mach", "altitude"),
+        lambda mach, h: mach * speed_of_sound(standard_atmosphere(h).temperature),
+        "from Mach number and the standard atmosphere's temperature at the altitude",
     ),
     _Rule("qbar", ("rho", "V"), lambda rho, v: 0.5 * rho * v * v, "from density and airspeed"),
     _Rule(

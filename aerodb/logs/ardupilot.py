@@ -44,8 +44,11 @@ _POSITIONS: Final = {"imu": ("INS_POS1",), "gps": ("GPS_POS1", "GPS1_POS")}
 
 
 def is_ardupilot(recording: Recording) -> bool:
-    """Return whether ArduPilot wrote a log: its `format` is ``dataflash``."""
-    return recording.format == "dataflash"
+    """Return whether ArduPilot wrote a log: its `format` is ``dataflash``, or its telemetry names
+    the firmware."""
+    return recording.format == "dataflash" or (
+        recording.format == "mavlink" and recording.metadata.get("sys_name") in _KINDS
+    )
 
 
 def read_ardupilot(recording: Recording) -> LoggedAircraft:

@@ -70,8 +70,14 @@ class MappedLog:
         stamps = self.stamps(topic)
         if stamps is None:
             return None
+        timed = np.isfinite(stamps)
+        if not timed.all() and 2 * timed.sum() > len(timed):
+            what = f"{int((~timed).sum())} samples have no time and are left out"
+            self.damage.append(Damage("time", what, topic))
+        else:
+            timed[:] = True
         try:
-            clean = clean_clock(stamps, f"{self.recording.source}, topic {topic}")
+            clean = clean_clock(stamps[timed], f"{self.recording.source}, topic {topic}")
         except InputError as error:
             self.refused[topic] = error
             self.damage.append(Damage("time", f"{error.what}: the topic is not used", topic))
@@ -79,7 +85,8 @@ class MappedLog:
         if clean.dropped:
             what = f"{clean.dropped} samples left out whose time does not increase"
             self.damage.append(Damage("time", what, topic, clean.start, clean.end))
-        return _Clock(clean.keep, stamps[clean.keep])
+        timed[timed] = clean.keep
+        return _Clock(timed, stamps[timed])
 
     def stamps(self, topic: str) -> Array | None:
         """Return logged times [s] of a topic; None if a table has no time base of its length.

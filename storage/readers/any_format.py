@@ -16,6 +16,7 @@ from aerodb.errors import InputError
 from aerodb.recording import Recording, Topic
 from aerodb.storage.files import write_topics
 from aerodb.storage.readers.foreign_formats import refuse_foreign
+from aerodb.storage.readers.mavlink import is_telemetry, read_tlog
 from aerodb.storage.readers.packed import GZIP, ZIP, read_packed
 from aerodb.storage.writers import write_ulog
 
@@ -75,6 +76,8 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
             return read_dataflash_text(path)
         if head.startswith((ZIP, GZIP)):
             return read_packed(path, lambda log: read_log(log, topics))
+        if is_telemetry(head):
+            return read_tlog(path)
         refuse_foreign(path, head)
         if head.startswith(_ULOG) or path.suffix.lower() in _ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog

@@ -1,10 +1,9 @@
 """Logs and tables of other programs that are not read here: by their first bytes, with the way out.
 
 Sources: rosbag format 2.0 (wiki.ros.org), SQLite's header, ULog encryption of PX4 (docs.px4.io),
-MAVLink telemetry logs (mavlink.io), blackbox (betaflight.com), Excel.
+blackbox (betaflight.com), Excel.
 """
 
-import struct
 from pathlib import Path
 from typing import Final
 
@@ -37,10 +36,6 @@ _MARKS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"MDF     ", "a measurement file (MDF)", "export its channels as CSV or MAT"),
     (b"TDSm", "a LabVIEW measurement (TDMS)", "export it as CSV"),
 )
-#: First byte of a MAVLink message, versions 1 and 2, behind 8 bytes of time.
-_MAVLINK: Final = (0xFE, 0xFD)
-#: Times of telemetry logs: 2000 to 2100 [us].
-_TIMES: Final = (9.4e14, 4.1e15)
 _NAMES: Final = {
     ".bag": _MARKS[0],
     ".db3": _MARKS[1],
@@ -57,20 +52,7 @@ def refuse_foreign(path: Path, head: bytes) -> None:
     head : the first bytes of the file, 64 at least if it has them. Files that are none pass.
     """
     found = next(((what, way) for mark, what, way in _MARKS if head.startswith(mark)), None)
-    if found is None and _is_telemetry(head):
-        found = (
-            "a telemetry log of MAVLink",
-            "use the log on board (.bin, .ulg): telemetry is thinned out; or convert it to CSV:"
-            " mavlogdump.py --format csv --types ATTITUDE,VFR_HUD FLIGHT.tlog",
-        )
     if found is None and path.suffix.lower() in _NAMES:
         found = _NAMES[path.suffix.lower()][1:]
     if found is not None:
         raise InputError(f"{found[0]}: not read", str(path), found[1])
-
-
-def _is_telemetry(head: bytes) -> bool:
-    if len(head) < 9 or head[8] not in _MAVLINK:
-        return False
-    (stamp,) = struct.unpack(">Q", head[:8])
-    return bool(_TIMES[0] < stamp < _TIMES[1])

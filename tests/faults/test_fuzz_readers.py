@@ -21,6 +21,7 @@ from aerodb.storage.writers.ulog import write_ulog
 from aerodb.tasks.workers import parsed_log
 from tests.storage.readers.test_dataflash import written
 from tests.storage.readers.test_dataflash_text import written as written_text
+from tests.storage.readers.test_mavlink import flown
 from tests.storage.readers.test_mcap import write_flight
 from tests.storage.readers.test_packed import zipped
 from tests.storage.readers.test_ulog import example_topics, messages
@@ -193,6 +194,24 @@ def test_a_damaged_text_of_dataflash_is_read_or_refused(
         # A stretch that is taken out joins two lines into one, whose end may be another's.
         assert found > samples - 60 or recording.damage
     assert read > 0.8 * count
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+def test_damaged_telemetry_is_read_or_refused(count: int, tmp_path: Path, change: Change) -> None:
+    """Messages have checksums: a sample that is read is one that was written."""
+    log = flown()
+    data, rng, read = bytes(log.data), np.random.default_rng(10), 0
+    whole = outcome(tmp_path / "a.tlog", data)
+    assert whole is not None
+    written_rolls = set(whole.topics["ATTITUDE"].fields["roll"].tolist())
+    for _ in range(count):
+        recording = outcome(tmp_path / "a.tlog", change(data, rng))
+        if recording is None:
+            continue
+        read += 1
+        if "ATTITUDE" in recording.topics:
+            assert set(recording.topics["ATTITUDE"].fields["roll"].tolist()) <= written_rolls
+    assert read > 0.9 * count
 
 
 @pytest.mark.parametrize("change", [flip, scramble])

@@ -3,7 +3,6 @@ out; what only looks like one is read as before."""
 
 import io
 import sqlite3
-import struct
 import zipfile
 from contextlib import suppress
 from pathlib import Path
@@ -31,16 +30,8 @@ def bag_of_ros_2(folder: Path) -> bytes:
     return (folder / "made.db3").read_bytes()
 
 
-def telemetry(magic: int) -> bytes:
-    """Messages behind their times [us], big-endian, as ground stations write them."""
-    message = bytes([magic, 9, 0, 0, 0, 1, 1, 0, 0, 0]) + bytes(11)
-    return b"".join(struct.pack(">Q", 1710253330000000 + 1000 * k) + message for k in range(9))
-
-
 FILES = {
     "flight.bag": (b"#ROSBAG V2.0\n" + bytes(64), "a bag of ROS 1", "mcap convert"),
-    "flight.tlog": (telemetry(0xFE), "telemetry log of MAVLink", "mavlogdump"),
-    "second.tlog": (telemetry(0xFD), "telemetry log of MAVLink", "mavlogdump"),
     "flight.ulg": (b"ULogEnc\x01" + bytes(64), "encrypted log of PX4", "decrypt"),
     "flight.zip": (archive("logs/a.ulg", "logs/b.ulg"), "holds 2 logs", "unzip"),
     "table.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel", "CSV"),
