@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 5,
-    "conditioning": 9,
+    "conditioning": 10,
     "consistency": 21,
     "coefficients": 4,
     "compare": 4,

@@ -16,6 +16,7 @@ import numpy as np
 from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
+from aerodb.suspicions.changing import changing_suspicions
 from aerodb.suspicions.equation_error import MOTION, EquationError, equation_errors
 from aerodb.suspicions.evidence import (
     CAUSED,
@@ -67,6 +68,8 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     for role, fit in fits.items():
         own = {name: control for name, control in controls.items() if control.role == role}
         listed += _claims(axes[role], fit, own)
+    said = {each.channel for each in listed}
+    listed += [s for s in changing_suspicions(flight, axes, controls) if s.channel not in said]
     said = {each.channel for each in listed}
     listed += [s for s in side_suspicions(flight, vehicle, controls) if s.channel not in said]
     standing = [

@@ -62,14 +62,14 @@ def _surface(role: str, change: Callable[[np.ndarray, float], np.ndarray]) -> Co
     def corrupt(pair: Pair) -> Pair | None:
         if determined(pair.flight, pair.vehicle, role) > 0.2:
             return None
-        names = _of_role(pair, role)
+        names = of_role(pair, role)
         return _channels(pair, {n: change(pair.flight[n], pair.flight.step) for n in names})
 
     return corrupt
 
 
-def _of_role(pair: Pair, role: str) -> list[str]:
-    """The logged channels of a role; none where the surfaces are shared by two roles."""
+def of_role(pair: Pair, role: str) -> list[str]:
+    """Return the logged channels of a role; none where the surfaces are shared by two roles."""
     word = {"pitch": "elevator", "roll": "aileron", "yaw": "rudder"}[role]
     combined = {f"delta_{name}" for name in pair.vehicle.combinations}
     names = [n for n in pair.flight.channels if word in n and n not in combined]

@@ -20,8 +20,9 @@ from aerodb.conditioning.failures import AIR
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.suspicions.failed import FAILED, failed_suspicions
-from tests.campaigns.corrupted import fleet, measured, simulated
-from tests.campaigns.corruptions import Pair
+from aerodb.vehicle import add_combinations
+from tests.campaigns.corrupted import fleet, measured, noticed, simulated
+from tests.campaigns.corruptions import Pair, determined, of_role
 from tests.support.paths import ROOT
 
 #: Values of a channel, the mask of the samples in which it fails, noise of its sensor, step [s].
@@ -81,6 +82,78 @@ KINDS: dict[str, Kind] = {
 }
 
 
+@dataclass
+class Told:
+    """Flights of a kind by what is noticed of them."""
+
+    right: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+
+    @property
+    def cases(self) -> int:
+        return len(self.right) + len(self.left_out) + len(self.silent)
+
+
+#: Surfaces that change from the middle of what they do: the role, and what is logged from then on.
+SURFACES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
+    "elevator reversed": ("pitch", lambda d: -d),
+    "aileron reversed": ("roll", lambda d: -d),
+    "rudder reversed": ("yaw", lambda d: -d),
+    "elevator x .4": ("pitch", lambda d: 0.4 * d),
+    "elevator x 2.5": ("pitch", lambda d: 2.5 * d),
+    "aileron x .4": ("roll", lambda d: 0.4 * d),
+    "rudder x .4": ("yaw", lambda d: 0.4 * d),
+    "elevator held": ("pitch", lambda d: np.full_like(d, d[0])),
+    "aileron held": ("roll", lambda d: np.full_like(d, d[0])),
+    "rudder held": ("yaw", lambda d: np.full_like(d, d[0])),
+}
+
+
+def changed(pair: Pair, kind: str) -> Pair | None:
+    """The flight with the surfaces of a role changed from where half of their motion is over; None
+    where the flight does not tell their effect to a fifth in each half."""
+    role, change = SURFACES[kind]
+    flight = pair.flight
+    names = of_role(pair, role)
+    if not names:
+        return None
+    good = flight.usable(names)
+    effort = np.cumsum(np.where(good, np.gradient(flight[names[0]]), 0.0) ** 2)
+    place = int(np.searchsorted(effort, 0.5 * effort[-1]))
+    for half in (slice(0, place), slice(place, None)):
+        part = replace(
+            flight,
+            time=flight.time[half],
+            channels={name: values[half] for name, values in flight.channels.items()},
+            flags={name: bits[half] for name, bits in flight.flags.items()},
+        )
+        if len(part.time) < 100 or not determined(part, pair.vehicle, role) < 0.2:
+            return None
+    made = {n: np.r_[flight[n][:place], change(flight[n][place:])] for n in names}
+    return replace(pair, flight=add_combinations(flight.with_channels(made), pair.vehicle))
+
+
+def told_of_surfaces(pairs: Sequence[Pair], kind: str) -> Told:
+    """What is noticed at ingest of surfaces that change: the right one, another, or nothing."""
+    found = Told()
+    for pair in pairs:
+        with np.errstate(all="ignore"):
+            made = changed(pair, kind)
+            if made is None:
+                continue
+            said = {each.channel for each in noticed(made)}
+        role = SURFACES[kind][0]
+        word = {"pitch": "elevator", "roll": "aileron", "yaw": "rudder"}[role]
+        stems = {n.removesuffix("_right").removesuffix("_left") for n in of_role(pair, role)}
+        right = any(each.startswith((f"delta_{word}", *stems)) for each in said)
+        (found.right if right else found.left_out if said else found.silent).append(pair.name)
+        if said and not right:
+            found.wrong.append(f"{pair.name}: {', '.join(sorted(said))}")
+    return found
+
+
 def failing(pair: Pair, kind: Kind) -> tuple[Flight, np.ndarray] | None:
     """The flight with the failure, conditioned anew, and where it fails; None where the flight has
     no such channel, or none that moves by ten times its noise meanwhile."""
@@ -109,20 +182,6 @@ def failing(pair: Pair, kind: Kind) -> tuple[Flight, np.ndarray] | None:
         for name, flags in flight.flags.items()
     }
     return flag_unusable(replace(flight, flags=bits).with_channels(made)), where
-
-
-@dataclass
-class Told:
-    """Flights of a kind by what is noticed of them."""
-
-    right: list[str] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
-    silent: list[str] = field(default_factory=list)
-    wrong: list[str] = field(default_factory=list)
-
-    @property
-    def cases(self) -> int:
-        return len(self.right) + len(self.left_out) + len(self.silent)
 
 
 def told(pairs: Sequence[Pair], kind: Kind) -> Told:
@@ -163,6 +222,7 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
     parser.add_argument("--only", help="one kind")
     parser.add_argument("--without-fleet", action="store_true", help="no flights of JSBSim")
+    parser.add_argument("--surfaces", action="store_true", help="surfaces in place of sensors")
     asked = parser.parse_args()
     cache = asked.cache or Path(tempfile.mkdtemp())
     cache.mkdir(parents=True, exist_ok=True)
@@ -172,8 +232,15 @@ def main() -> None:
     alarms = list(false_alarms(pairs))
     print(f"right flights: {len(pairs)}, false alarms: {len(alarms)}", *alarms, sep="\n  ")
     kinds: Mapping[str, Kind] = {asked.only: KINDS[asked.only]} if asked.only else KINDS
-    for name, kind in kinds.items():
-        found = told(pairs, kind)
+    tables = {name: lambda kind=kind: told(pairs, kind) for name, kind in kinds.items()}
+    if asked.surfaces:
+        tables = {name: lambda name=name: told_of_surfaces(pairs, name) for name in SURFACES}
+        for pair in pairs:
+            with np.errstate(all="ignore"):
+                for each in noticed(pair):
+                    print(f"  FALSE ALARM {pair.name}: {each.sentence}")
+    for name, table in tables.items():
+        found = table()
         numbers = (found.cases, found.right, found.left_out, found.silent, found.wrong)
         words = " ".join(f"{n if isinstance(n, int) else len(n):4}" for n in numbers)
         silent = ", ".join(Path(each).stem for each in found.silent)
