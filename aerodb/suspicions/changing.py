@@ -176,8 +176,8 @@ def _stands_still(
         return None
     since = float(axis.thinned(flight.time)[first])
     words = (
-        f"{name} does not change from {since:.1f} s on, and what turns the aircraft about the"
-        f" {axis.role} axis is left unexplained from then on: it was not recorded any more"
+        f"{name} stands still from {since:.1f} s on and was not recorded any more: since then what"
+        f" turns the aircraft about the {axis.role} axis is left unexplained"
     )
     return Suspicion(name, "stuck", words, {"from": since, "ratio": rms_after / rms_before})
 
