@@ -313,12 +313,12 @@ class Vehicle(Strict):
     mass: MassProperties
     surfaces: dict[str, Surface] = {}
     combinations: dict[str, Combination] = {}
-    thrust: Thrust = Thrust()
+    thrust: Thrust = Field(default_factory=Thrust)
     sensors: dict[str, Sensor] = {}
-    accuracy: Accuracy = Accuracy()
-    processing: Processing = Processing()
-    air_data: AirData = AirData()
-    vertical_air: VerticalAir = VerticalAir()
+    accuracy: Accuracy = Field(default_factory=Accuracy)
+    processing: Processing = Field(default_factory=Processing)
+    air_data: AirData = Field(default_factory=AirData)
+    vertical_air: VerticalAir = Field(default_factory=VerticalAir)
     configuration: dict[str, Number] = {}
     measured: dict[str, Measured] = {}
     navigation: dict[SourceName, NavigationSource] = {}
