@@ -156,7 +156,13 @@ def rollback(
         "reason": reason,
     }
     document = session.run(roll_back_flow, parameters, direct=True)
-    _say_move(session, document)
+    if document["moved"]:
+        _say_move(session, document)
+    else:
+        session.say(
+            f"{name} was rolled back for this reason already; give another reason to go back"
+            " further"
+        )
     for why in document["stale"]:
         session.say(f"stale: {why}")
     session.answer(document)

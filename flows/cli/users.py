@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from aerodb.errors import InputError
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 
@@ -18,11 +19,22 @@ Role = Annotated[str, typer.Option(help="read, ingest (and read) or release (and
 
 @app.command()
 def add(context: typer.Context, name: str, role: Role) -> None:
-    """Add a user, or change a role; shows a token that is stored as a hash only.
+    """Add a user, or change a role; shows a token that is stored as a hash only. A user who has the
+    role already keeps the token.
 
     Example: aerodb user add anna --role release
     """
-    _give_token(context.obj, name, role)
+    session: Session = context.obj
+    known = {row.name: row.role for row in session.catalogue().users()}
+    if known.get(name) == role:
+        raise InputError(
+            f"the user has the role {role} already, and a token",
+            f"user {name}",
+            f"aerodb user token {name} gives a new one; the one before then no longer counts",
+        )
+    _give_token(session, name, role)
+    if name in known:
+        session.say("the token before no longer counts")
 
 
 @app.command()

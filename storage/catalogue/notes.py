@@ -18,8 +18,8 @@ class NoteLedger(Ledger):
 
     def add_note(self, version: str, kind: NoteKind, text: str, *, user: str) -> None:
         """Add a comment to a version (its id), or give it a tag or take one away; a tag that is, or
-        is not, there already changes nothing. InputError for an empty comment or a tag that is not
-        allowed; table `version_notes`."""
+        is not, there already changes nothing, nor does the user's comment that is the newest note.
+        InputError for an empty comment or a tag that is not allowed; table `version_notes`."""
         where = f"version {version[:12]}"
         if kind == "comment":
             _words(text, "a comment", where)
@@ -27,17 +27,16 @@ class NoteLedger(Ledger):
             enc.checked(text, enc.VERSION_NAME, "a tag")
             if (text in self.tags_of(self.notes_of([version])[version])) == (kind == "tag"):
                 return
+        note = {"kind": kind, "text": enc.plain_text(text), "user": enc.plain_text(user)}
         with self._database.writing() as connection:
+            newest = self.notes_of([version])[version][-1:]
+            if kind == "comment" and any(
+                note == {"kind": each.kind, "text": each.text, "user": each.user} for each in newest
+            ):
+                return  # a command that was killed after it had written it, and runs again
+            at = enc.time_text(enc.now())
             connection.execute(
-                sa.insert(s.version_notes).values(
-                    {
-                        "version": version,
-                        "kind": kind,
-                        "text": enc.plain_text(text),
-                        "at_utc": enc.time_text(enc.now()),
-                        "user": enc.plain_text(user),
-                    }
-                )
+                sa.insert(s.version_notes).values({"version": version, "at_utc": at, **note})
             )
 
     def notes_of(self, versions: Iterable[str]) -> dict[str, tuple[NoteRow, ...]]:

@@ -33,7 +33,7 @@ from aerodb.storage.catalogue import (
     VersionRow,
     standing_moves,
 )
-from aerodb.storage.encoding import VERSION_NAME, checked
+from aerodb.storage.encoding import VERSION_NAME, checked, plain_text
 from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.suspicions import limits_flight
 from aerodb.tables import AeroDatabase, CheckCase
@@ -150,8 +150,9 @@ def judge_version(
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
     """Undo the last standing move of `name` by a new event; calling it twice undoes two moves.
 
-    Returns a document as `promote` does. Raises InputError if there is no earlier version, and
-    GateRefusal if the earlier version has changed since it was stored.
+    Twice in a row by one user for one reason is one roll-back, whose command was killed and runs
+    again: nothing is moved then. Returns a document as `promote` does. Raises InputError if there
+    is no earlier version, and GateRefusal if the earlier version has changed since it was stored.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -159,6 +160,16 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
     _check_words(name, reason)
     history = catalogue.name_history(vehicle, name)
     standing = standing_moves(history)
+    newest = history[-1] if history else None
+    is_repeated = (
+        newest is not None
+        and (not standing or newest.step != standing[-1].step)
+        and (newest.user, newest.reason) == (plain_text(user()), plain_text(reason))
+    )
+    if newest is not None and is_repeated:
+        target = catalogue.version_of_id(newest.version)
+        document = _document(newest, target, moved=False)
+        return {**document, "stale": list(catalogue.stale(target.id))}
     if len(standing) < 2:
         raise InputError(
             f"'{name}' has no version to go back to",

@@ -230,9 +230,14 @@ def test_rollback_goes_back_step_by_step_and_not_beyond(workspace: Workspace) ->
         promote(second, **place)
         third = provable(catalogue, "third", second)
         promote(third, **place)
-        assert [roll_back(V, **place)["version"] for _ in range(2)] == [second, first]
+        back = roll_back(V, **place)
+        again = roll_back(V, **place)  # the command was killed, and runs again
+        assert (back["version"], back["moved"]) == (second, True)
+        assert (again["version"], again["moved"]) == (second, False)
+        assert again["event"] == back["event"]
+        assert roll_back(V, **{**place, "reason": "further"})["version"] == first
         with pytest.raises(InputError, match="no version to go back to"):
-            roll_back(V, **place)
+            roll_back(V, **{**place, "reason": "beyond"})
         assert promote(second, **place)["previous"] == first
         assert [event.version for event in catalogue.name_history(V)] == [
             first,

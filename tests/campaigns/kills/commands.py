@@ -187,7 +187,7 @@ COMMANDS: Final[dict[str, Command]] = {
         "updated", ("version", "promote", "{candidate}", "--reason", "proved"), once=True
     ),
     "version rollback": Command(
-        "released", ("version", "rollback", "--vehicle", NAME, "--reason", "wrong"), once=True
+        "released", ("version", "rollback", "--vehicle", NAME, "--reason", "wrong")
     ),
     "version export": Command(
         "updated",
@@ -197,7 +197,7 @@ COMMANDS: Final[dict[str, Command]] = {
         "updated", ("version", "tabulate", "candidate", "--over", "alpha=-5deg:10deg:7", "--at", "V=25")
     ),
     "version tag": Command("updated", ("version", "tag", "candidate", "flight-tested")),
-    "version comment": Command("updated", ("version", "comment", "candidate", "agrees"), once=True),
+    "version comment": Command("updated", ("version", "comment", "candidate", "agrees")),
     "version lineage": Command(
         "updated", ("version", "lineage", "candidate", "--prov", "{here}/prov.json")
     ),

@@ -128,6 +128,8 @@ def test_without_users_it_makes_a_token_and_says_it(workspace: Path) -> None:
 
 def test_users_come_with_tokens_that_are_shown_once(workspace: Path) -> None:
     added = json.loads(aerodb(workspace, "--json", "user", "add", "anna", "--role", "read").stdout)
+    twice = aerodb(workspace, "user", "add", "anna", "--role", "read")
+    assert (twice.returncode, "aerodb user token anna" in twice.stderr) == (3, True)
     again = json.loads(aerodb(workspace, "--json", "user", "token", "anna").stdout)
     assert again["role"] == "read"
     (listed,) = json.loads(aerodb(workspace, "--json", "user", "list").stdout)
