@@ -80,6 +80,13 @@ def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
         resource.setrlimit(kind, (most if unlimited else min(most, hard), hard))
 
 
+def environment_memory() -> float:
+    """Return the memory that the environment allows this process and those it starts [bytes], as
+    ``ulimit`` sets it; infinite without a limit."""
+    given = (resource.getrlimit(resource.RLIMIT_AS)[0], resource.getrlimit(resource.RLIMIT_DATA)[1])
+    return min((float(each) for each in given if each != resource.RLIM_INFINITY), default=math.inf)
+
+
 def lift_memory_limit() -> None:
     """Let this process have memory again, so that it can say that it had too little (a MemoryError
     of what `confine` limits)."""

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_alone
-from aerodb.storage.confinement import confined_environment, how_it_ended
+from aerodb.storage.confinement import confined_environment, environment_memory, how_it_ended
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import Actor, acting
@@ -151,6 +151,14 @@ def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | Sto
     """
     if code is None:
         return _ended(job.where)
+    given = environment_memory()
+    if kind == "memory" and given < job.limits.memory:
+        return StoreBusyError(
+            f"{job.what} has at most {given / 1e6:.0f} MB of memory, code included: the environment"
+            " of this process allows no more",
+            job.where,
+            f"raise it (ulimit -v, ulimit -d), then {job.again}; no log is at fault",
+        )
     if kind == "memory":
         ended = f"{job.what} needs more than {job.limits.memory / 1e6:.0f} MB of memory"
     else:

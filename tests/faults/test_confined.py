@@ -3,6 +3,8 @@ a batch or of the inbox takes nothing from the others or from this process."""
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -28,6 +30,7 @@ from aerodb.tasks.steps import check_consistency, look_over, store_log
 from aerodb.tasks.workers import OverLimitError, confined, parsed_log
 from aerodb.tasks.workers.parsing import parsing
 from aerodb.tasks.workers.pool import done
+from tests.support.paths import ROOT
 from tests.support.small_glider import NAME, VEHICLE, channels, write_files, write_parquet
 from tests.support.sweeps import QUICK, kinds, left
 
@@ -349,3 +352,25 @@ def test_flight_whose_process_is_killed_is_rejected_and_the_others_complete(
     assert "the consistency step crashed its process (SIGSEGV)" in checked[1]["reasons"][0]
     assert checked[0]["key"]
     assert checked[2]["key"]
+
+
+_ALLOCATES = """
+import resource, sys
+import numpy as np
+from aerodb.errors import AeroError
+from aerodb.storage.limits import Limits
+from aerodb.tasks.workers.pool import Job, done
+if sys.argv[1] != "0":
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)
+try:
+    done(Job(np.ones, (10**9,), Limits(memory=7 * 10**9), "", "its parsing", "log", needs=()))
+except AeroError as error:
+    print(type(error).__name__)
+"""
+
+
+@pytest.mark.parametrize(("given", "kind"), [(0, "OverLimitError"), (6 * 10**9, "StoreBusyError")])
+def test_a_memory_limit_of_the_environment_is_no_fault_of_the_log(given: int, kind: str) -> None:
+    command = [sys.executable, "-c", _ALLOCATES, str(given)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.stdout == f"{kind}\n", done.stderr
