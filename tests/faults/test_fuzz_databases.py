@@ -14,6 +14,10 @@ from tests.faults.test_fuzz_readers import Change, flip, scramble
 from tests.support import code_files, vortex_lattice
 
 ANGLES = (-2.0, 0.0, 4.0)
+STABILITY = {
+    **{"alpha_trim": "0.05", "C_lift": "0.3", "C_drag": "0.01", "reference": "vehicle"},
+    "elevator": "delta_elevator",
+}
 SWEEP = {**CFD, "reference": "vehicle"}
 
 
@@ -31,6 +35,7 @@ FILES: dict[str, tuple[Callable[[], bytes], dict[str, str]]] = {
     "plane.stab": (lambda: code_files.stab(3.0).encode(), {"ailerons": "delta_aileron"}),
     "plane.polar": (lambda: code_files.polar(ANGLES, (0.0,)).encode(), {"reference": "vehicle"}),
     "xflr5.txt": (lambda: code_files.xflr5(ANGLES).encode(), {"reference": "vehicle"}),
+    "log.txt": (lambda: code_files.xflr5_stability(3.0).encode(), STABILITY),
     "for006.dat": (lambda: code_files.datcom(ANGLES).encode(), {"lateral_axes": "body"}),
     "sweep.csv": (lambda: text("cfd"), SWEEP),
     "sweep.mat": (lambda: mat(**dict(zip(*_transposed(), strict=True))), SWEEP),

@@ -164,6 +164,42 @@ def xflr5(alphas: tuple[float, ...], betas: tuple[float, ...] = (0.0,), comma: b
     return "\n".join(text) + "\n"
 
 
+def xflr5_stability(alpha: float) -> str:
+    """Derivatives in the log of a stability analysis of XFLR5 at an angle in degrees; the control per degree."""
+    by, a = slopes(alpha), np.deg2rad(alpha)
+    ca, sa = np.cos(a), np.sin(a)
+
+    def stable(v: dict[str, float]) -> dict[str, float]:
+        return {
+            "X": v["CX"] * ca + v["CZ"] * sa, "Y": v["CY"], "Z": v["CZ"] * ca - v["CX"] * sa,
+            "L": v["Cl"] * ca + v["Cn"] * sa, "M": v["Cm"], "N": v["Cn"] * ca - v["Cl"] * sa,
+        }  # fmt: skip
+
+    along, about, pitch = stable(by["Alpha"]), stable(by["Beta"]), stable(by["q"])
+    roll = stable({n: by["p"][n] * ca + by["r"][n] * sa for n in lattice.AXES})
+    yaw = stable({n: by["r"][n] * ca - by["p"][n] * sa for n in lattice.AXES})
+    control = {n: np.deg2rad(v) for n, v in stable(by["elevator"]).items()}
+    rows = [
+        ("Xw", "Cxa", along["X"]),
+        ("Xq", "Cxq", pitch["X"]),
+        ("Zw", "CZa", along["Z"]),
+        ("Zq", "CZq", pitch["Z"]),
+    ]
+    rows += [("Mw", "Cma", along["M"]), ("Mq", "Cmq", pitch["M"])]
+    lateral = [
+        (f"{n}{s}", f"C{n if n == 'Y' else n.lower()}{b}", v[n])
+        for n in "YLN"
+        for s, b, v in (("v", "b", about), ("p", "p", roll), ("r", "r", yaw))
+    ]
+    text = ["      Longitudinal derivatives"]
+    text += [f"      {one}  = {9.9:11.5g}         {two}  = {v:13.7g}" for one, two, v in rows]
+    text += ["      Neutral Point position = 0.15 m", "", "      Lateral derivatives"]
+    text += [f"      {one}  = {9.9:11.5g}         {two}  = {v:13.7g}" for one, two, v in lateral]
+    text += ["      Control derivatives", "      Elevator"]
+    text += [f"      {n}de = {9.9:11.5g}         C{n}de = {v:13.7g}" for n, v in control.items()]
+    return "\n".join(text) + "\n"
+
+
 def datcom(alphas: tuple[float, ...], per: str = "DEGREE", unit: str = "M") -> str:
     """Output of Datcom over angles in degrees, lateral derivatives about stability axes; lengths in `unit`."""
     size = {"M": 1.0, "FT": 1 / 0.3048}[unit]

@@ -1,8 +1,8 @@
 """Databases of aerodynamic codes and models of simulators, for those who have no tunnel.
 
-`code_of` tells who wrote a file, `import_code` reads it. `avl`, `vspaero`, `datcom` and `xflr5`
-read what these codes write, `sweep` tables of points (`sweep_tables`). `sitl` and `gazebo` read and
-write models of simulators (`parametric`).
+`code_of` tells who wrote a file, `import_code` reads it. `avl`, `vspaero`, `datcom`, `xflr5` and
+`xflr5_stability` read what these codes write, `sweep` tables of points (`sweep_tables`). `sitl` and
+`gazebo` read and write models of simulators (`parametric`).
 
 `runs` makes a database of totals and derivatives about points, `points` one of a grid. `controls`
 finds the channel and the sign of a control surface. `answers` collects what a file leaves open, and

@@ -18,7 +18,15 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.native import to_document
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, Variable, number, value_of
+from aerodb.tables import (
+    AeroDatabase,
+    ReferenceGeometry,
+    Term,
+    Variable,
+    neutral_point,
+    number,
+    value_of,
+)
 
 #: Angles of attack [rad] over which curves are taken as linear lift and a parabola of drag: those
 #: that wings without stall share.
@@ -154,15 +162,14 @@ def inputs_of(database: AeroDatabase) -> tuple[str, ...]:
 def _at(database: AeroDatabase, given: Mapping[str, Array]) -> dict[str, Array]:
     """Lift and drag in the plane of symmetry, CY and moments, at airspeed 1 m/s."""
     size = len(next(iter(given.values())))
-    point = {n: np.zeros(size) for n in (*database.inputs, "alpha", "beta")}
+    point = {n: np.full(size, x) for n, x in neutral_point(database).items()}
+    point |= {n: np.zeros(size) for n in ("alpha", "beta")}
     lengths = {"p": database.reference.span, "q": database.reference.chord}
     lengths["r"] = database.reference.span
     point |= {n: np.asarray(x, dtype=np.float64) for n, x in given.items()}
     point["V"] = np.ones(size)
     for rate, length in lengths.items():
         point[rate] = point.get(f"{rate}_hat", np.zeros(size)) * 2.0 / length
-    if "flow_attachment" in database.inputs:
-        point["flow_attachment"] = np.ones(size)
     values = database.predict(point).coefficients
     if not all(np.all(np.isfinite(x)) for x in values.values()):
         raise InputError(

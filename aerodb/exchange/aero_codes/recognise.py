@@ -11,6 +11,7 @@ from aerodb.exchange.aero_codes.sitl import import_sitl, is_sitl
 from aerodb.exchange.aero_codes.sweep import import_sweep
 from aerodb.exchange.aero_codes.vspaero import import_polar, import_stab, is_polar, is_stab
 from aerodb.exchange.aero_codes.xflr5 import import_xflr5, is_xflr5
+from aerodb.exchange.aero_codes.xflr5_stability import import_stability, is_stability
 from aerodb.tables import AeroDatabase
 
 Importer = Callable[[Sequence[tuple[str, bytes]], str, Answers], AeroDatabase]
@@ -23,6 +24,7 @@ _CODES: Final[dict[str, tuple[Callable[[str], bool], Importer]]] = {
     "VSPAERO stability": (is_stab, import_stab),
     "VSPAERO polar": (is_polar, import_polar),
     "XFLR5": (is_xflr5, import_xflr5),
+    "XFLR5 stability": (is_stability, import_stability),
     "Datcom": (is_datcom, import_datcom),
 }
 

@@ -95,6 +95,35 @@ def test_polars_of_xflr5_are_read_together_and_gaps_are_refused() -> None:
         imported(texts[0], code_files.xflr5(ALPHAS[:3], (4.0,)), **bound)
 
 
+def test_a_stability_log_of_xflr5_is_turned_to_body_axes() -> None:
+    text = code_files.xflr5_stability(3.0)
+    with pytest.raises(OpenQuestionsError) as caught:
+        imported(text)
+    names = [question.name for question in caught.value.questions]
+    assert names == ["alpha_trim", "C_lift", "C_drag", "elevator", "reference"]
+    still = lattice.at(3.0)
+    trim = code_files.wind(still, 3.0, 0.0)
+    bound = {"alpha_trim": "3 deg", "C_lift": str(trim["CL"]), "C_drag": str(trim["CD"])}
+    bound |= {"elevator": "57.29577951308232*delta_elevator", "reference": "vehicle"}
+    database = imported(text, **bound)
+    for move in ("beta", "p", "q", "r", "elevator"):
+        given, own = MOVES[move]
+        got, before = predicted(database, 3.0, **own), predicted(database, 3.0)
+        other = lattice.at(3.0, **{n: -x for n, x in given.items()})
+        for axis, value in lattice.at(3.0, **given).items():
+            change = 0.5 * (value - other[axis])
+            assert got[axis] - before[axis] == pytest.approx(
+                change, abs=0.01 * abs(change) + 2e-5
+            ), (move, axis)
+    got = predicted(database, 3.2)
+    assert got["CZ"] == pytest.approx(lattice.at(3.2)["CZ"], abs=2e-4)
+    assert got["CX"] == pytest.approx(lattice.at(3.2)["CX"], abs=2e-4)
+    with pytest.raises(InputError, match="no cyb"):
+        imported("\n".join(x for x in text.splitlines() if "CYb" not in x) + "\nCYb =\nXw = 1")
+    with pytest.raises(InputError, match="stands twice"):
+        imported(text + text)
+
+
 @pytest.mark.parametrize("per", ["DEGREE", "RADIAN"])
 @pytest.mark.parametrize("unit", ["M", "FT"])
 def test_datcom_gives_the_whole_aircraft_about_body_axes(per: str, unit: str) -> None:
@@ -166,6 +195,7 @@ def test_codes_are_told_apart() -> None:
         "VSPAERO stability": code_files.stab(3.0),
         "VSPAERO polar": code_files.polar(ALPHAS, (0.0,)),
         "XFLR5": code_files.xflr5(ALPHAS),
+        "XFLR5 stability": code_files.xflr5_stability(3.0),
         "Datcom": code_files.datcom(ALPHAS),
         "AVL": lattice.avl_text(3.0),
     }
