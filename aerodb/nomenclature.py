@@ -274,8 +274,13 @@ def is_surface(name: str) -> bool:
 
 
 def is_command(name: str) -> bool:
-    """Return whether `name` has the form of the command of a rotor, ``command_<name>``."""
-    return _COMMAND.fullmatch(name) is not None
+    """Return whether `name` has the form of the command of a rotor, ``command_<name>``, and is none
+    of the pilot's (``command_roll``).
+
+    >>> is_command("command_1"), is_command("command_roll")
+    (True, False)
+    """
+    return _COMMAND.fullmatch(name) is not None and name not in CHANNELS
 
 
 def channel(name: str) -> Channel:
