@@ -24,6 +24,8 @@ _UNIT: Final = re.compile(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*")
 _BEHIND: Final = re.compile(r"(.*?)\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?")
 _INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
 _SYMBOLS: Final = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
+#: Most columns of a table; a log of ArduPilot or PX4 has some 5,000 signals.
+_MOST_COLUMNS: Final = 20_000
 _NEWLINE: Final = 0x0A
 _COMMENTS: Final = (b"#", b"%")
 _UTF16: Final = (b"\xff\xfe", b"\xfe\xff")
@@ -59,6 +61,7 @@ def read_text(data: bytes, where: str) -> TextTable:
         what = "the file contains no rows of numbers"
         raise InputError(what, where, "check that the log was written to its end")
     lines = data.split(b"\n", SAMPLE)[:SAMPLE]
+    _refuse_wide(lines, where)
     layout = text_layout(lines, where)
     remarks = [_quoted_title(lines, layout)] if layout.titles else []
     body = data[sum(len(line) + 1 for line in lines[: layout.first]) :]
@@ -95,6 +98,15 @@ def _refuse_binary(data: bytes, where: str) -> None:
     if b"\x00" in data or odd > 0.02 * min(len(data), 4096):
         what = f"not a text file: it begins with {data[:8]!r}"
         raise InputError(what, where, "use the suffix of the log's format; save text as UTF-8")
+
+
+def _refuse_wide(lines: list[bytes], where: str) -> None:
+    """Raise InputError for more columns than any log has: time grows with their square."""
+    marks = (b",", b";", b"\t", b"|")
+    widest = max(max(len(line.split()), *map(line.count, marks)) for line in lines)
+    if widest > _MOST_COLUMNS:
+        what = f"more than {_MOST_COLUMNS} columns in a line"
+        raise InputError(what, where, "write one line per sample, and a column per signal")
 
 
 def _quoted_title(lines: list[bytes], layout: Layout) -> str:
