@@ -65,7 +65,7 @@ def _changes(flight: Flight, axis: EquationError, name: str) -> Suspicion | None
     places = [int(np.searchsorted(used, share * used[-1])) for share in SPLITS]
     best, left = _likeliest(axis, name, list(dict.fromkeys(places)))
     wanted = LIKELIER + float(np.log(len(SPLITS)))
-    if 0.5 * float(where.sum()) * np.log(left) < wanted:
+    if not 0.5 * float(where.sum()) * np.log(left) >= wanted:  # nan: no finite moment
         return None
     with_change = {**axis.controls, CHANGED: _later(values, best)}
     if not _is_worth_a_fit(axis, name, with_change):
@@ -120,6 +120,8 @@ def _is_worth_a_fit(axis: EquationError, name: str, controls: Mapping[str, Array
     columns = {**axis.motion, **controls}
     matrix = np.column_stack([values[axis.where] for values in columns.values()])
     moment = axis.moment[axis.where]
+    if not (np.isfinite(matrix).all() and np.isfinite(moment).all()):
+        return False
     solution = np.linalg.lstsq(matrix, moment)[0]
     effects = dict(zip(columns, solution.tolist(), strict=True))
     left = moment - matrix @ solution
