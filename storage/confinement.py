@@ -62,7 +62,7 @@ def confine(limits: Limits, *, for_good: bool = False) -> None:
     Memory [bytes], processor time [s]. The memory counted is what the process may write to
     (RLIMIT_DATA): threads reserve address space that they never use, and stored files are mapped.
     """
-    _limit(resource.RLIMIT_DATA, _written() + limits.memory, for_good)
+    _limit(resource.RLIMIT_DATA, _taken("VmData:") + limits.memory, for_good)
     usage = resource.getrusage(resource.RUSAGE_SELF)
     spent = math.ceil(usage.ru_utime + usage.ru_stime)
     _limit(resource.RLIMIT_CPU, spent + max(int(limits.processor), 1), for_good, grace=5)
@@ -81,10 +81,17 @@ def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
 
 
 def environment_memory() -> float:
-    """Return the memory that the environment allows this process and those it starts [bytes], as
-    ``ulimit`` sets it; infinite without a limit."""
-    given = (resource.getrlimit(resource.RLIMIT_AS)[0], resource.getrlimit(resource.RLIMIT_DATA)[1])
-    return min((float(each) for each in given if each != resource.RLIM_INFINITY), default=math.inf)
+    """Return the memory that the environment (``ulimit``) leaves this process and those that it
+    starts in addition to code [bytes]; infinite without a limit."""
+    space, data = (
+        resource.getrlimit(resource.RLIMIT_AS)[0],
+        resource.getrlimit(resource.RLIMIT_DATA)[1],
+    )
+    left = [(space, "VmSize:"), (data, "VmData:")]
+    return min(
+        (most - _taken(what) for most, what in left if most != resource.RLIM_INFINITY),
+        default=math.inf,
+    )
 
 
 def lift_memory_limit() -> None:
@@ -94,11 +101,12 @@ def lift_memory_limit() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
 
 
-def _written() -> int:
-    """Memory of this process that it may write to [bytes], if the system tells."""
+def _taken(what: str) -> int:
+    """Memory of this process [bytes], if the system tells: all (``VmSize:``), or what it may write
+    to (``VmData:``)."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
-        return 1024 * int(status.partition("VmData:")[2].split(maxsplit=1)[0])
+        return 1024 * int(status.partition(what)[2].split(maxsplit=1)[0])
     except (OSError, IndexError):
         return 2_000_000_000  # what code and libraries take on Linux
 

@@ -34,6 +34,8 @@ from aerodb.tables import CheckCase, failed_check_cases
 Count = Callable[[str, int], None]
 
 _RESTORE: Final = "restore the workspace from a backup: aerodb restore"
+#: SQLSTATE insufficient_privilege of PostgreSQL.
+_NOT_ALLOWED: Final = "42501"
 #: Step of the stored normal equations of flights.
 _NORMAL_EQUATIONS: Final = "gram"
 
@@ -123,7 +125,18 @@ def _database(connection: sa.Connection, count: Count) -> Iterator[WorkspaceProb
     yield from own(connection)
     # A cursor of the server, which a stream of rows has, makes no schema.
     connection.execution_options(yield_per=None, stream_results=False)
-    for what, where in differences(connection):
+    try:
+        found = list(differences(connection))
+    except sa.exc.ProgrammingError as error:
+        if getattr(error.orig, "sqlstate", "") != _NOT_ALLOWED:
+            raise
+        yield _catalogue_problem(
+            "its tables and triggers cannot be compared: its user may make no schema for that",
+            "catalogue",
+            "GRANT CREATE ON DATABASE ... TO that user, then verify again",
+        )
+        found = []
+    for what, where in found:
         yield _catalogue_problem(what, where)
     count("tables", len(s.metadata.tables))
 

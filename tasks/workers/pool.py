@@ -154,8 +154,8 @@ def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | Sto
     given = environment_memory()
     if kind == "memory" and given < job.limits.memory:
         return StoreBusyError(
-            f"{job.what} has at most {given / 1e6:.0f} MB of memory, code included: the environment"
-            " of this process allows no more",
+            f"{job.what} gets {given / 1e6:.0f} MB of memory from the environment of this process,"
+            f" less than the {job.limits.memory / 1e6:.0f} MB of [limits]",
             job.where,
             f"raise it (ulimit -v, ulimit -d), then {job.again}; no log is at fault",
         )

@@ -12,7 +12,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.seal import is_intact, seal_of
 from aerodb.storage.upkeep.audit import Audit
 from tests.support.catalogue_samples import V
-from tests.support.postgresql import by_hand
+from tests.support.postgresql import Server, by_hand, name_in_settings
 
 #: A guard with another body: who takes a role gets another, or a promotion is swallowed.
 _BODY = "CREATE TRIGGER {0}_no_delete BEFORE DELETE ON {0} BEGIN {1}; END"
@@ -117,3 +117,28 @@ def test_a_write_to_a_sealed_file_goes_on(tmp_path: Path) -> None:
             catalogue.add_vehicle(V, "name = 'twin-otter'")
             catalogue.start_run("flow", how="direct")
         assert is_intact(path)
+
+
+def test_a_user_who_may_make_no_schema_is_told(
+    postgresql_server: Server, database: str, tmp_path: Path
+) -> None:
+    url = postgresql_server.url(database)
+    name_in_settings(tmp_path, url)
+    path = tmp_path / "catalogue.sqlite"
+    Catalogue.open(path).close()
+    with closing(by_hand(path)) as raw:
+        raw.execute("DROP ROLE IF EXISTS reader")
+        raw.execute("CREATE ROLE reader LOGIN")
+        raw.execute("GRANT SELECT ON ALL TABLES IN SCHEMA public TO reader")
+        raw.commit()
+    try:
+        name_in_settings(tmp_path, url.replace("//aerodb@", "//reader@"))
+        with Catalogue.open(path, create=False) as catalogue:
+            problems = list(Audit.of(catalogue).problems(lambda *_: None))
+        assert ["GRANT CREATE" in each.remedy for each in problems] == [True]
+    finally:
+        name_in_settings(tmp_path, url)
+        with closing(by_hand(path)) as raw:
+            raw.execute("DROP OWNED BY reader")
+            raw.execute("DROP ROLE reader")
+            raw.commit()
