@@ -116,10 +116,15 @@ def declared_chunk(path: Path) -> None:
     path.write_bytes(data)
 
 
-def wide_csv(path: Path) -> None:
-    """Half a million columns, which take a minute to read."""
-    names = ",".join(f"c{k}" for k in range(500_000))
-    path.write_text(names + "\n" + ",".join(["1"] * 500_000) + "\n")
+def wide_csv(path: Path, columns: int = 500_000, rows: int = 1) -> None:
+    """Half a million columns, which would take a minute to read."""
+    names = ",".join(f"c{k}" for k in range(columns))
+    path.write_text(names + "\n" + (",".join(["1"] * columns) + "\n") * rows)
+
+
+def slow_csv(path: Path) -> None:
+    """As many columns as are read, which takes some ten seconds."""
+    wide_csv(path, 20_000, 60)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +135,8 @@ def wide_csv(path: Path) -> None:
         ("b.mat", growing_mat, "needs more than 300 MB of memory"),
         ("c.mat", nested_mat, ""),
         ("a.mcap", declared_chunk, "no message can be read"),
-        ("a.csv", wide_csv, "stopped after 3 s of processor time"),
+        ("a.csv", wide_csv, "more than 20000 columns"),
+        ("a.csv", slow_csv, "stopped after 3 s of processor time"),
     ],
 )
 def test_what_declares_or_becomes_too_much_is_refused(
