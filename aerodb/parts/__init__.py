@@ -10,6 +10,7 @@ surface         lifting surface of several strips, with control regions of its s
 fuselage        body with area, length and volume
 engine          thrust along a line, with its slipstream by momentum theory
 rotor           thrust, drag and moments of a propeller over its advance ratio
+leg             wheel of the landing gear: spring, damping, rolling and side force
 body            any loads, in axes of the part
 
 `frame` holds place and axes of a part, the velocity there, and how its loads act on the aircraft;

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel
-from aerodb.parts import body, engine, fuselage, rotor, section, surface
+from aerodb.parts import body, engine, fuselage, leg, rotor, section, surface
 from aerodb.parts.entry import Disc, Entry
 from aerodb.parts.frame import MOTION
 from aerodb.parts.writing import Writer
@@ -22,6 +22,7 @@ _WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
     "fuselage": (fuselage.Fuselage, fuselage.write),
     "engine": (engine.Engine, engine.write),
     "rotor": (rotor.Rotor, rotor.write),
+    "leg": (leg.Leg, leg.write),
     "body": (body.Body, body.write),
 }
 KINDS: Final[tuple[str, ...]] = tuple(_WRITERS)
