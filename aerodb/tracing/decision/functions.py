@@ -7,11 +7,12 @@ decided without the flights that they predict. See docs/method/tracing.md, secti
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.special import stdtrit
 
 from aerodb.effects import half_width, played
 from aerodb.support import Array
@@ -336,3 +337,41 @@ class FunctionProblem:
             values = np.linalg.solve(blocks, driven[:, :, None])[:, :, 0]
             gains |= dict(zip(alike, np.einsum("ks,ks->k", values, driven).tolist(), strict=True))
         return sorted(gains.keys() - set(barred), key=lambda k: (-gains[k], k))
+
+
+def bands(
+    problem: FunctionProblem, functions: BasisFunctions, rest: Sequence[int], picked: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Each picked function of one variable at its nodes beside the columns `rest`, with its
+    pointwise 95 % band; zero at the mean over the flights."""
+    active = problem.with_functions(rest, picked)
+    count = len(problem.total)
+    values = problem.solved(problem.flights, active)
+    square = problem.square[:, active][:, :, active]
+    inverse = np.linalg.inv(square.sum(axis=0) + np.diag(count * problem.ridge(active) + TRACE))
+    score = problem.right[:, active] - square @ values
+    between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
+    combined = problem.combined[np.ix_(active, active)]
+    values, between = combined @ values, combined @ between @ combined.T
+    wide = float(stdtrit(count - 1, 0.975))
+    found, first = [], len(rest)
+    for p in picked:
+        group, size = functions.each[p], len(problem.groups[p])
+        part = slice(first, first + size)
+        first += size
+        if len(group.nodes) != size + 1:
+            continue
+        mean = np.mean([own[:, group.columns].mean(axis=0) for own in functions.columns], axis=0)
+        at = np.tril(np.ones((size + 1, size)), -1) - mean
+        error = wide * np.sqrt(np.einsum("nk,kl,nl->n", at, between[part, part], at))
+        level = at @ values[part]
+        found.append(
+            {
+                "variable": group.variables[0],
+                "at": list(group.nodes),
+                "effect": level.tolist(),
+                "low": (level - error).tolist(),
+                "high": (level + error).tolist(),
+            }
+        )
+    return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtri
 
 from aerodb.effects import SURFACE_MOTION, Hypothesis
 from aerodb.support import Array, in_threads
@@ -24,6 +24,7 @@ from aerodb.tracing.decision.functions import (
     WORTH,
     BasisFunctions,
     FunctionProblem,
+    bands,
     functions_of,
     present,
     with_past,
@@ -352,7 +353,7 @@ class _Shapes:
         same = self._drivers(finding) == _channels(variables) and not any(
             present(name) != name for name in variables
         )
-        shape = _shape(axis, variables, fall, p, self._bands(problem, rest, picked))
+        shape = _shape(axis, variables, fall, p, bands(problem, self.functions, rest, picked))
         finding = doubted(
             finding,
             f"an effect of {', '.join(variables)} on {axis} of another shape predicts left-out"
@@ -365,45 +366,6 @@ class _Shapes:
             if abs(middle) > half:
                 return replace(finding, ci95=(middle - half, middle + half))
         return replace(finding, verdict="suspected")
-
-    def _bands(
-        self, problem: FunctionProblem, rest: Sequence[int], picked: Sequence[int]
-    ) -> list[dict[str, Any]]:
-        """Each function of one variable at its nodes, with its pointwise 95 % band; zero at the
-        mean over the flights."""
-        active = problem.with_functions(rest, picked)
-        count = len(problem.total)
-        values = problem.solved(problem.flights, active)
-        square = problem.square[:, active][:, :, active]
-        inverse = np.linalg.inv(square.sum(axis=0) + np.diag(count * problem.ridge(active) + TRACE))
-        score = problem.right[:, active] - square @ values
-        between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
-        combined = problem.combined[np.ix_(active, active)]
-        values, between = combined @ values, combined @ between @ combined.T
-        wide = float(stdtrit(count - 1, 0.975))
-        bands, first = [], len(rest)
-        for p in picked:
-            group, size = self.functions.each[p], len(problem.groups[p])
-            part = slice(first, first + size)
-            first += size
-            if len(group.nodes) != size + 1:
-                continue
-            mean = np.mean(
-                [own[:, group.columns].mean(axis=0) for own in self.functions.columns], axis=0
-            )
-            at = np.tril(np.ones((size + 1, size)), -1) - mean
-            error = wide * np.sqrt(np.einsum("nk,kl,nl->n", at, between[part, part], at))
-            level = at @ values[part]
-            bands.append(
-                {
-                    "variable": group.variables[0],
-                    "at": list(group.nodes),
-                    "effect": level.tolist(),
-                    "low": (level - error).tolist(),
-                    "high": (level + error).tolist(),
-                }
-            )
-        return bands
 
     def _drivers(self, finding: Finding) -> frozenset[str]:
         """Channels that a term depends on."""
