@@ -23,6 +23,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .expand import KINDS, Expansion, expand
+    from .leg import STANDING, contact_points
     from .rotor import command_ranges
     from .section import flap_effectiveness
 

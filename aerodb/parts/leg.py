@@ -28,8 +28,9 @@ from aerodb.errors import InputError
 from aerodb.parts.entry import Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, combination
 from aerodb.parts.writing import Writer
-from aerodb.support import Array
+from aerodb.support import Array, validated
 from aerodb.tables import (
+    AeroDatabase,
     Call,
     Expression,
     Name,
@@ -174,6 +175,18 @@ def _tyre(
     cube = Operation("^", phi, Number(3.0))
     share = Operation("-", phi, times(Number(4.0 / 27.0), cube))
     return x, Negation(times(times(largest, share), load))
+
+
+def contact_points(database: AeroDatabase) -> Array:
+    """Return (k, 3) [m], body axes from the moment reference: where the legs of a database touch
+    the ground unloaded."""
+    points = []
+    for name, part in database.parts.items():
+        if part.get("kind") == "leg":
+            entry = validated(Leg, part, f"[parts.{name}]")
+            x, y, z = entry.position
+            points += [(x, y, z), (x, -y, z)] if entry.mirror else [(x, y, z)]
+    return np.array(points).reshape(-1, 3) - np.array(database.reference.moment_reference)
 
 
 def _product(row: Sequence[Expression], values: Sequence[Expression]) -> Expression:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         with_feedback,
     )
     from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
+    from .ground import Standstill, standstill
     from .inputs import Event, superposed
     from .linear_model import LinearModel, linear_model
     from .manoeuvre import Manoeuvre, parse_manoeuvre

@@ -107,13 +107,14 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     stated = document.get("trim")
     if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
         raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
-    others = ("load_factor", "pull_up", "hover", "glide", "thrust")
+    others = ("load_factor", "pull_up", "hover", "ground", "glide", "thrust")
     _known(stated, (*_TRIM, *others), f"{where}, [trim]")
     values: dict[str, Any] = {
         name: quantity(stated[name], unit) for name, unit in _TRIM.items() if name in stated
     }
     values |= {name: stated[name] for name in ("load_factor", "pull_up") if name in stated}
-    values["hover"] = bool(stated.get("hover", values["V"] == 0.0))
+    values["ground"] = bool(stated.get("ground", False))
+    values["hover"] = bool(stated.get("hover", values["V"] == 0.0 and not values["ground"]))
     glides = bool(stated.get("glide", False))
     condition = Condition(**({"climb": None} if glides else {}) | values)
     duration = quantity(document.get("duration", 20.0), "s")

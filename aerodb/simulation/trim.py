@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 from aerodb.errors import InputError
 from aerodb.physics import GRAVITY
 from aerodb.simulation.engine import FlightModel, Simulation
+from aerodb.simulation.ground import carrying_height
 from aerodb.simulation.parameter_covariance import parameter_covariance
 from aerodb.simulation.trim_problem import (
     AXES,
@@ -157,6 +158,8 @@ def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
         guess["turn_rate"] = GRAVITY * np.tan(condition.bank) / condition.V
     elif condition.turn_rate and "phi" in guess:
         guess["phi"] = float(np.arctan(condition.V * condition.turn_rate / GRAVITY))
+    if "height" in guess:
+        guess["height"] = carrying_height(problem.model.database)
     if "climb" in guess:
         guess["climb"] = -0.1
     if problem.thrust:

@@ -12,6 +12,7 @@ from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import is_surface
 from aerodb.physics import GRAVITY, quaternion_from_euler, to_body
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
+from aerodb.simulation.ground import carrying_height, vertical
 from aerodb.simulation.layout import FEEDBACK, STATE, SURROUNDINGS
 from aerodb.support import Array
 from aerodb.tables import Rate
@@ -46,6 +47,9 @@ class Condition:
     hover : whether bank and pitch attitude are found, with a collective and three mixes of the
         inputs that are free: a vehicle that rotors carry. V may then be 0; with `climb` it is the
         speed along a path straight ahead.
+    ground : whether legs carry it along a level runway at `altitude`: height, bank and pitch
+        attitude are found, at which it neither sinks nor rolls nor pitches. Forces along and across
+        and the yawing moment stay as they are. V may be 0.
     """
 
     V: float
@@ -57,12 +61,13 @@ class Condition:
     load_factor: float | None = None
     pull_up: bool = False
     hover: bool = False
+    ground: bool = False
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if value is not None and not np.isfinite(value):
                 raise InputError(f"{name} is not finite", "trim condition", "give a number")
-        if self.V < 0 or (self.V == 0 and not self.hover):
+        if self.V < 0 or (self.V == 0 and not (self.hover or self.ground)):
             raise InputError(
                 "no airspeed", "trim condition", "give V [m/s] above zero; rotors carry a hover"
             )
@@ -74,6 +79,16 @@ class Condition:
                 "a hover with bank, sideslip, turn, load factor or in a glide",
                 "trim condition",
                 "leave them out: a hover is straight, and its attitude is found",
+            )
+        if self.ground and (
+            self.hover
+            or self.climb != 0.0
+            or any(x is not None for x in (self.bank, self.beta, self.turn_rate, self.load_factor))
+        ):
+            raise InputError(
+                "a start on the ground with hover, climb, bank, sideslip, turn or load factor",
+                "trim condition",
+                "leave them out: it rolls straight ahead, and its attitude is found",
             )
         if self.pull_up and self.load_factor is None:
             raise InputError("a pull-up without load factor", "trim condition", "give it in g")
@@ -138,7 +153,8 @@ class TrimProblem:
         Unknowns are angles and deflections [rad], rates [rad/s], and thrust [N].
         """
         condition, found = self.condition, dict(zip(self.unknowns, z, strict=True))
-        start = self._hovering(found) if condition.hover else self._steady(found, z)
+        free = condition.hover or condition.ground
+        start = self._hovering(found) if free else self._steady(found, z)
         start |= {name: found[name] for name in self.states}
         series = {name: np.full((1, z.shape[1]), value) for name, value in self.inputs.items()}
         for name, control in self.controls.items():
@@ -161,7 +177,7 @@ class TrimProblem:
         )
         return {
             "V": still + condition.V,
-            "altitude": still + condition.altitude,
+            "altitude": condition.altitude + found.get("height", still),
             "alpha": np.arctan2(w, u),
             "beta": np.arctan2(v, np.hypot(u, w)),
             "phi": phi,
@@ -210,6 +226,11 @@ class TrimProblem:
         run = self.flown(z, parameters)
         condition = self.condition
         rows = [run.rates[:6]]
+        if condition.ground:
+            found = dict(zip(self.unknowns, z, strict=True))
+            still = np.zeros(z.shape[1])
+            sinking = vertical(run.rates[:3], found["phi"], found["theta"])
+            rows = [np.array([still, still, sinking, *run.rates[3:5], still])]
         if condition.load_factor is not None and not condition.pull_up:
             rows.append(load_factors(run)[2:] - condition.load_factor)
         extra = self.model.extra_states
@@ -335,6 +356,8 @@ def problem_of(
     if any(low >= high for low, high in limits.values()):
         raise InputError("a lower limit that is not below the upper one", where, "swap them")
     given = dict.fromkeys(model.inputs, 0.0) | dict(inputs)
+    if condition.ground:
+        return _ground_problem(model, condition, given)
     if condition.hover:
         if controls:
             raise InputError(
@@ -393,6 +416,27 @@ def problem_of(
 
 def _states_with_rate(model: FlightModel) -> tuple[str, ...]:
     return tuple(s.name for s in model.total.states if isinstance(s.law, Rate))
+
+
+def _ground_problem(
+    model: FlightModel, condition: Condition, given: dict[str, float]
+) -> TrimProblem:
+    """The problem of a vehicle on its legs, with its inputs as they are given."""
+    carrying_height(model.database)  # it has legs
+    given["ground_altitude"] = condition.altitude
+    states = _states_with_rate(model)
+    unknowns = ("phi", "theta", "height", *states)
+    return TrimProblem(
+        model,
+        condition,
+        given,
+        {},
+        None,
+        unknowns,
+        np.array([BOUNDS.get(name, (-np.inf, np.inf)) for name in unknowns]),
+        np.ones(len(unknowns)),
+        states,
+    )
 
 
 def _hover_problem(

@@ -156,6 +156,7 @@ class FlownManoeuvre(Answer):
     ended: float
     responses: dict[str, list[float]]
     notes: list[str]
+    standstill: dict[str, float] | None = None
 
 
 class CheckCount(Answer):

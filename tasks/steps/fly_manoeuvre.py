@@ -13,6 +13,7 @@ from aerodb.simulation import (
     parse_manoeuvre,
     simulate,
     stabilising_feedback,
+    standstill,
     with_feedback,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
@@ -40,8 +41,8 @@ def fly_manoeuvre(
     """Trim a version (its id), fly a manoeuvre (text of its file), and store the responses.
 
     Returns a document: version, key, manoeuvre, trim (`trim_document`), feedback, moved (input ->
-    least and greatest value), responses (channel -> start, least, greatest), ended [s], notes, and
-    the HTML ``page`` if asked for.
+    least and greatest value), responses (channel -> start, least, greatest), ended [s], notes, of a
+    run that ends so ``standstill`` (time [s], distance [m]), and the HTML ``page`` if asked for.
     """
     access = access_workspace(workspace)
     row = access.catalogue.version_of_id(version)
@@ -104,13 +105,16 @@ def _flown(
     series = {name: np.full(len(time), value) for name, value in trimmed.series.items()}
     series |= {name: series[name] + added for name, added in moved.items()}
     gains: dict[tuple[str, str], float] = {}
-    if stabilise:
+    if stabilise and not stated.condition.ground:
         gains = stabilising_feedback(model, FlightStretch(time, trimmed.start, series, {}, (), {}))
         model = with_feedback(model, gains)
         for _, channel in gains:
             series[f"reference_{channel}"] = np.full(len(time), trimmed.channels[channel])
     run = simulate(model, time, trimmed.start, series)
-    simulated = {name: run.channels[name][:, 0] for name in (*RESPONSES, *moved)}
+    stands = standstill(run, model.database)
+    ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
+    time = time if stands is None else time[: stands.samples]
+    simulated = {name: run.channels[name][: len(time), 0] for name in (*RESPONSES, *moved)}
     document = {
         "version": row.id,
         "manoeuvre": stated.name,
@@ -125,9 +129,15 @@ def _flown(
             for name, values in simulated.items()
             if name in RESPONSES
         },
-        "ended": float(time[run.ended[0] - 1]),
+        "ended": ended,
         "notes": [*trimmed.notes, *run.notes()],
     }
+    if stands is not None:
+        document["standstill"] = {"time": stands.time, "distance": stands.distance}
+        document["notes"].append(
+            f"it stands still at {stands.time:.2f} s, {stands.distance:.1f} m from the start,"
+            " which ends the run"
+        )
     n, names = len(time), list(simulated)
     table = {
         "time": np.tile(time, len(names)),

@@ -72,7 +72,8 @@ class _Flown:
         flown = flown_of(vehicle, self.database, fuel=flight.fuel, given=given)
         self.build, self.model = flown.build, flown.model
         self.inputs = {**flown.masses, **given}
-        self.ground = None if "ground_altitude" in given else self._lower_ground(flight.condition)
+        known = "ground_altitude" in given or flight.condition.ground
+        self.ground = None if known else self._lower_ground(flight.condition)
         if self.ground is not None:
             self.inputs["ground_altitude"] = self.ground
         self.condition = flight.condition

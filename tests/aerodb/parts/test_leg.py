@@ -6,7 +6,7 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.parts.frame import turned
-from aerodb.simulation import Simulation, flight_model, simulate
+from aerodb.simulation import Condition, Simulation, flight_model, simulate, standstill, trim
 from aerodb.tables import AeroDatabase
 from tests.support.three_wheels import (
     DAMPING,
@@ -19,6 +19,10 @@ from tests.support.three_wheels import (
     stopped_in_jsbsim,
 )
 
+STATE = (
+    "phi", "theta", "psi", "p", "q", "r", "velocity_north", "velocity_east", "velocity_down",
+    "height_above_ground",
+)  # fmt: skip
 LEVEL = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)  # m, height at which the springs carry
 
 
@@ -106,10 +110,11 @@ def test_a_ground_roll_is_that_of_jsbsim(mu: float, published: float) -> None:
     """The published distance is of another geometry, which is not printed."""
     pytest.importorskip("jsbsim")
     run = rolled(59.15, 45.0, brake=1.0, mu_brake=mu)
-    stands = int(np.argmax(run.channels["velocity_north"][:, 0] < 0.05))
+    stands = standstill(run, read_native(THREE_WHEELS))
+    assert stands is not None
     time, distance = stopped_in_jsbsim(mu, 59.15, LEVEL)
-    assert run.time[stands] == pytest.approx(time, rel=2e-3)
-    assert run.channels["north"][stands, 0] == pytest.approx(distance, rel=2e-3)
+    assert stands.time == pytest.approx(time, rel=1e-3)
+    assert stands.distance == pytest.approx(distance, rel=1e-3)
     assert distance == pytest.approx(published, rel=5e-3)
     assert run.ended[0] == len(run.time)
 
@@ -151,3 +156,46 @@ def test_a_mistake_is_said_with_its_place(old: str, new: str, place: str) -> Non
     said = f"{raised.value}"
     assert place in said
     assert "parts.nose" in said or "parts.main" in said
+
+
+@pytest.mark.parametrize("brake", [0.0, 1.0])
+def test_a_start_on_the_ground_stays_on_its_springs(brake: float) -> None:
+    """At the legs' loads by statics: the brakes' moment about the centre of gravity is theirs."""
+    model = flight_model(read_native(THREE_WHEELS))
+    found = trim(model, Condition(30.0, 300.0, ground=True), {**MASSES, "brake": brake})
+    run = simulate(model, np.arange(0.0, 1.0, 0.01), found.start, found.series)
+    still = run.channels["height_above_ground"][:, 0]
+    assert np.ptp(still) < 1e-4
+    at = {name: float(run.channels[name][0, 0]) for name in STATE} | {"steering": 0.0}
+    force = by_hand({**at, "brake": brake})
+    attitude = turned(at["phi"], at["theta"], at["psi"])
+    assert (attitude @ force[:3])[2] == pytest.approx(-MASSES["mass"] * 9.80665, rel=1e-6)
+    assert np.abs(force[[3, 4]]).max() < 1e-3
+
+
+def test_a_roll_ends_at_its_standstill() -> None:
+    """Of a constant deceleration: rolling friction alone, from 4 m/s."""
+    model = flight_model(read_native(THREE_WHEELS))
+    found = trim(model, Condition(4.0, 0.0, ground=True), MASSES)
+    run = simulate(model, np.arange(0.0, 15.0, 0.01), found.start, found.series)
+    stands = standstill(run, model.database)
+    assert stands is not None
+    slows = ROLLING * 9.80665
+    assert stands.time == pytest.approx(4.0 / slows, rel=2e-3)
+    assert stands.distance == pytest.approx(4.0**2 / (2.0 * slows), rel=2e-3)
+
+
+def test_what_rests_or_rolls_on_has_no_standstill() -> None:
+    own = read_native(THREE_WHEELS)
+    assert standstill(rolled(0.0, 5.0), own) is None
+    assert standstill(rolled(59.15, 5.0, brake=1.0), own) is None
+
+
+def test_a_start_on_the_ground_needs_legs() -> None:
+    bare = THREE_WHEELS[: THREE_WHEELS.index("[parts.nose]")] + "[derivatives.CX]\n1 = -0.1\n"
+    model = flight_model(read_native(bare.replace("pressure = 100.0\n", "")))
+    with pytest.raises(InputError) as raised:
+        trim(model, Condition(30.0, 0.0, ground=True), MASSES)
+    assert "legs" in raised.value.what
+    with pytest.raises(InputError):
+        Condition(30.0, 0.0, ground=True, bank=0.1)

@@ -1,0 +1,89 @@
+"""On the ground: where legs begin to carry, and the standstill that ends a run."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.parts import STANDING, contact_points
+from aerodb.simulation.engine import Simulation
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+
+#: Speed over the ground [m/s] from which a run counts as moving: one that settles on its springs
+#: does not.
+_MOVING: Final = 1.0
+#: Speed over the ground [m/s] down to which friction is whole.
+_WHOLE: Final = 4.0 * STANDING
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """The end of a ground roll.
+
+    time : since the start [s]. distance : over the ground since the start [m]. samples : those of
+    the run before it.
+    """
+
+    time: float
+    distance: float
+    samples: int
+
+
+def carrying_height(database: AeroDatabase) -> float:
+    """Return a height [m] of the moment reference above ground at which all legs touch it, level.
+
+    Raises InputError for a database without legs.
+    """
+    points = contact_points(database)
+    if not len(points):
+        raise InputError(
+            "it has no legs",
+            f"database {database.name}",
+            'a start on the ground needs parts of kind "leg"',
+        )
+    return float(points[:, 2].min())
+
+
+def vertical(rates: Array, phi: Array, theta: Array) -> Array:
+    """Return the rate (k,) [m/s2] of the velocity down, of rates (3, k) of u, v, w [m/s2] without
+    rotation, at attitudes (k,) [rad]."""
+    u, v, w = rates
+    level = v * np.sin(phi) + w * np.cos(phi)
+    return np.asarray(level * np.cos(theta) - u * np.sin(theta))
+
+
+def standstill(run: Simulation, database: AeroDatabase) -> Standstill | None:
+    """Return when the first of several runs stands still on its legs, after it was moving; None
+    where it does not.
+
+    Its forward speed over the ground falls to `STANDING`, within which friction fades. So the end
+    is that of the deceleration just before (`_WHOLE`), held until the speed is zero.
+    """
+    points = contact_points(database)
+    if not len(points):
+        return None
+    phi, theta, psi, height, north, east, x, y = (
+        run.channels[name][: run.ended[0], 0]
+        for name in (
+            "phi", "theta", "psi", "height_above_ground", "velocity_north", "velocity_east",
+            "north", "east",
+        )
+    )  # fmt: skip
+    down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+    touching = (points @ down > height).any(axis=0)
+    speed = north * np.cos(psi) + east * np.sin(psi)
+    moved = np.maximum.accumulate(speed) > _MOVING
+    ends = touching[1:] & moved[1:] & (speed[:-1] > STANDING) & (speed[1:] <= STANDING)
+    if not ends.any():
+        return None
+    last = int(np.flatnonzero(speed[: int(np.argmax(ends)) + 1] > _WHOLE)[-1])
+    slows = (speed[last] - speed[last + 1]) / (run.time[last + 1] - run.time[last])
+    time = float(run.time[last] + speed[last] / slows)
+    way = np.hypot(np.diff(x[: last + 1]), np.diff(y[: last + 1])).sum()
+    return Standstill(
+        time,
+        float(way + 0.5 * speed[last] ** 2 / slows),
+        int(np.searchsorted(run.time[: len(speed)], time, side="right")),
+    )
