@@ -115,7 +115,7 @@ def _flown(
     ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
     time = time if stands is None else time[: stands.samples]
     simulated = {name: run.channels[name][: len(time), 0] for name in (*RESPONSES, *moved)}
-    document = {
+    document: dict[str, Any] = {
         "version": row.id,
         "manoeuvre": stated.name,
         "trim": trim_document(catalogue, row, steady),
