@@ -423,6 +423,12 @@ def _ground_problem(
 ) -> TrimProblem:
     """The problem of a vehicle on its legs, with its inputs as they are given."""
     carrying_height(model.database)  # it has legs
+    if given.get("ground_altitude", condition.altitude) != condition.altitude:
+        raise InputError(
+            "a ground altitude beside that of a start on the ground",
+            f"trim of {model.database.name}",
+            "leave out ground_altitude: the altitude of the condition is the runway's",
+        )
     given["ground_altitude"] = condition.altitude
     states = _states_with_rate(model)
     unknowns = ("phi", "theta", "height", *states)

@@ -199,3 +199,7 @@ def test_a_start_on_the_ground_needs_legs() -> None:
     assert "legs" in raised.value.what
     with pytest.raises(InputError):
         Condition(30.0, 0.0, ground=True, bank=0.1)
+    wheels = flight_model(read_native(THREE_WHEELS))
+    with pytest.raises(InputError) as raised:
+        trim(wheels, Condition(30.0, 0.0, ground=True), {**MASSES, "ground_altitude": 5.0})
+    assert "ground_altitude" in raised.value.remedy
