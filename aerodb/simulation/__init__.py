@@ -23,6 +23,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .autopilot import Autopilot, ControlDerivatives, control_derivatives
     from .closed_loop import History, fly
+    from .condition import Condition
     from .engine import (
         Actuator,
         FlightModel,
@@ -62,7 +63,6 @@ if TYPE_CHECKING:
     from .sweep import held_sweep, sweep
     from .tolerances import Tolerances, check_responses, parse_tolerances, response_agreement
     from .trim import NoTrimError, Trim, trim
-    from .trim_problem import Condition
     from .turbulence import DrydenGusts
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,8 +9,8 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import CHANNELS
+from aerodb.simulation.condition import Condition
 from aerodb.simulation.inputs import SHAPES, Event
-from aerodb.simulation.trim_problem import Condition
 from aerodb.support import Array
 from aerodb.units import quantity
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import AXES
+from aerodb.simulation.condition import Condition
 from aerodb.simulation.engine import FlightModel, simulate
 from aerodb.simulation.layout import SURROUNDINGS
 from aerodb.simulation.linear_model import linear_model
 from aerodb.simulation.modes import Mode, modes
 from aerodb.simulation.parameter_covariance import parameter_covariance
 from aerodb.simulation.trim import NoTrimError, Trim, differences, trim, varied
-from aerodb.simulation.trim_problem import Condition
 from aerodb.support import Array
 
 _CONDITION = frozenset(field.name for field in fields(Condition)) - {"pull_up"}

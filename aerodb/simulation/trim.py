@@ -13,13 +13,13 @@ from scipy.optimize import least_squares
 
 from aerodb.errors import InputError
 from aerodb.physics import GRAVITY
+from aerodb.simulation.condition import Condition
 from aerodb.simulation.engine import FlightModel, Simulation
 from aerodb.simulation.ground import carrying_height
 from aerodb.simulation.parameter_covariance import parameter_covariance
 from aerodb.simulation.trim_problem import (
     AXES,
     BOUNDS,
-    Condition,
     Control,
     TrimProblem,
     is_force,

@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.simulation.condition import Condition
 from aerodb.simulation.engine import FlightModel, flight_model
 from aerodb.simulation.linear_model import linear_model
 from aerodb.simulation.sweep import SweepPoint, sweep
 from aerodb.simulation.trim import Trim
-from aerodb.simulation.trim_problem import Condition
 from aerodb.tables import AeroDatabase, Increment, parse
 
 #: Points at which the margins are looked at, from the edge of the envelope to its largest step.
