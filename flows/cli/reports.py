@@ -10,7 +10,7 @@ from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.modes_beside import Beside, Flown, Method, beside_flights
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.flows.cli.trimming import steady_flight
+from aerodb.flows.cli.trimming import Thrust, steady_flight
 
 app = typer.Typer(
     name="report",
@@ -85,6 +85,7 @@ def version(
     altitude: Annotated[
         str | None, typer.Option(help="Altitude of the modes beside --flown.", show_default=False)
     ] = None,
+    thrust: Thrust = None,
 ) -> None:
     """Write the report of a version: its lineage, the differences from its parent, and with --flown
     its modes beside those of flights.
@@ -102,7 +103,7 @@ def version(
             raise InputError(
                 "--flown needs the flight of its modes", remedy="give --speed and --altitude"
             )
-        flight = steady_flight(session, row, speed, altitude, None, False, None, None)
+        flight = steady_flight(session, row, speed, altitude, None, False, None, None, thrust)
         parameters["modes"] = beside_flights(session, row, flight, flown, method, beside)
     _write(session, parameters, output, pdf)
 

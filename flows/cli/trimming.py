@@ -133,11 +133,12 @@ def steady_flight(
     glide: bool,
     fuel: str | None,
     given: list[str] | None,
+    thrust: str | None = None,
 ) -> "StatedCondition":
     """A straight steady flight of a version, as its options state it."""
     from aerodb.tasks.view import glides
 
-    stated = _Stated(row.id, speed, altitude, climb, glide, fuel=fuel, given=given)
+    stated = _Stated(row.id, speed, altitude, climb, glide, fuel=fuel, given=given, thrust=thrust)
     return stated.flight(glides(session.catalogue(), row))
 
 

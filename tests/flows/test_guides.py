@@ -32,6 +32,7 @@ GUIDES = (
     "simulators",
     "from-csv-or-mat",
     "parts",
+    "build-up",
     "without-a-tunnel",
 )
 
@@ -59,14 +60,17 @@ def steps(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def run(command: str, folder: Path) -> str:
-    """What a command says; `aerodb` is called in this process, anything else by the shell. Fails
-    where the command does."""
+    """What a command says; `aerodb` is called in this process, anything else by the shell. Behind
+    ` > ` stands a file for its standard output. Fails where the command does."""
     if command.startswith("aerodb "):
+        command, _, file = command.partition(" > ")
         words = [name for word in shlex.split(command)[1:] for name in _expanded(word, folder)]
         result = CliRunner().invoke(app, words)
-        code, said = result.exit_code, result.output
-        assert code == 0, (command, said, result.exception)
-        return said
+        assert result.exit_code == 0, (command, result.output, result.exception)
+        if not file:
+            return result.output
+        (folder / file).write_text(result.stdout, encoding="utf-8")
+        return result.stderr
     path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
     done = subprocess.run(
         command, shell=True, cwd=folder, capture_output=True, text=True, timeout=600, check=False,

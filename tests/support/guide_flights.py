@@ -29,6 +29,7 @@ from aerodb.tables import Number, Term, times
 from aerodb.tables.database import AeroDatabase
 from aerodb.tasks.steps.importing import known_vehicle
 from aerodb.vehicle import Vehicle, parse_vehicle
+from tests.support.guide_build_up import write_build_up_flights
 from tests.support.paths import ROOT
 
 STEP, SECONDS, SPEED, ALPHA, GLIDE, HEIGHT = 0.01, 50.0, 14.0, 0.06, 0.06, 500.0
@@ -353,6 +354,9 @@ def prepare(guide: str, folder: Path) -> None:
         (folder / "my-glider.toml").write_text(vehicle_text, encoding="utf-8")
         database = lattice_of(lattice[2], files[lattice[2]], parse_vehicle(vehicle_text))
         write_database_flights(folder, vehicle_text, database, int(lattice[1]))
+    build_up = re.search(r"<!-- flights of the build-up (\S+), vehicle (\S+) -->", guide)
+    if build_up:
+        write_build_up_flights(folder, files[build_up[2]], files[build_up[1]])
     table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
     if table:
         write_table(folder / table[2], folder / table[1])

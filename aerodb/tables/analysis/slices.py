@@ -2,7 +2,7 @@
 neutral."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -83,7 +83,7 @@ def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
     for axis in AXES:
         for variable, reach in _ranges(before, after, increments).items():
             for _ in range(2):  # over all that is known, then closer where something changes
-                cut = slice_over(before, after, axis, variable, np.linspace(*reach, _POINTS))
+                cut = _cut(before, after, axis, variable, np.linspace(*reach, _POINTS))
                 reach = _closer(cut.at, cut.change)
             change = cut.change
             # A variable that only carries a constant change along says nothing that alpha does not.
@@ -97,13 +97,18 @@ def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
     for cuts in by_axis.values():
         largest = sorted(cuts, key=lambda cut: -float(np.ptp(cut.change)))[:share]
         kept += [cut for cut in cuts if any(cut is each for each in largest)]
-    return kept
+    return [_with_errors_of_parameters(before, after, cut) for cut in kept]
 
 
 def slice_over(
     before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at: Array
 ) -> Slice:
     """Return the slice on a body axis at given values (n,) of a variable [SI]."""
+    return _with_errors_of_parameters(before, after, _cut(before, after, axis, variable, at))
+
+
+def _cut(before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at: Array) -> Slice:
+    """`slice_over` without the errors of parameters, which take two databases for each of them."""
     increments, flown = _new(before, after), _flown(before, after)
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     if not increments:  # speeds at which there are coefficients
@@ -111,7 +116,7 @@ def slice_over(
     held = {name: value for name, value in point.items() if name != variable}
     channels = {**{name: np.full(len(at), value) for name, value in held.items()}, variable: at}
     old, new = (database.predict(channels).coefficients[axis] for database in (before, after))
-    variance = _variance_of_parameters(before, after, axis, channels)
+    variance = np.zeros(len(at))
     inside = np.full(len(at), bool(increments or flown))
     if variable in flown:
         inside &= (flown[variable][0] <= at) & (at <= flown[variable][1])
@@ -142,23 +147,23 @@ def _flown(before: AeroDatabase, after: AeroDatabase) -> dict[str, tuple[float, 
     return found
 
 
-def _variance_of_parameters(
-    before: AeroDatabase, after: AeroDatabase, axis: str, channels: Mapping[str, Array]
-) -> Array:
-    """(n,) variance of a body axis by the errors of the parameters that differ, correlated as
-    stated."""
+def _with_errors_of_parameters(before: AeroDatabase, after: AeroDatabase, cut: Slice) -> Slice:
+    """The slice with the errors of the parameters that differ, correlated as stated."""
     names = changed_parameters(before, after)
-    n = max(len(values) for values in channels.values())
     if not names:
-        return np.zeros(n)
+        return cut
+    n = len(cut.at)
+    held = {name: np.full(n, value) for name, value in cut.held.items()}
+    channels = {**held, cut.variable: cut.at}
     slopes = np.stack(
         [
-            np.broadcast_to(slopes_by_parameter(after, name, channels).get(axis, 0.0), (n,))
+            np.broadcast_to(slopes_by_parameter(after, name, channels).get(cut.axis, 0.0), (n,))
             for name in names
         ]
     )
     covariance = covariance_of({name: after.variables[name].uncertainty for name in names})
-    return np.asarray(np.einsum("in,ij,jn->n", slopes, covariance, slopes))
+    variance = np.einsum("in,ij,jn->n", slopes, covariance, slopes)
+    return replace(cut, error=np.sqrt(cut.error**2 + variance))
 
 
 def acts_on(increment: Increment, axis: str) -> bool:
