@@ -15,7 +15,7 @@ from aerodb.tables import AeroDatabase, with_parameters
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.parts import SENSORS
 
-#: What flies instead of what is written: a third less drag there, tails too steep, controls too weak, and a fuselage without
+#: What flies instead of what is written: 30 % less drag there, tails too steep, controls too weak, and a fuselage without
 #: moments.
 FLOWN = {
     "wing_slope": 5.0, "body_drag": 0.36, "tail_slope": 3.5, "elevator_part": 0.9, "fin_slope": 3.0,
