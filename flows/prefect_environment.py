@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from aerodb.flows.prefect_server import running_server, start_server
+from aerodb.flows.prefect_server import running_secret, running_server, start_server
 from aerodb.flows.processes import end_orphans, owner_of
 from aerodb.storage.locks import note_of
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization
@@ -97,7 +97,7 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
     if served:
         return "server"
     # Its server listens on a port of this machine: only this process knows the token.
-    known = os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
+    known = running_secret() or os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
     secret = known or authorization(secrets.token_urlsafe(32))
     os.environ["PREFECT_API_AUTH_STRING"] = os.environ["PREFECT_SERVER_API_AUTH_STRING"] = secret
     end_orphans(root)

@@ -45,6 +45,8 @@ _END_SECONDS: Final = 5.0
 _FIRST_SECONDS: Final = 300.0
 
 _started: tuple[str, "subprocess.Popen[bytes]", int] | None = None
+#: What the server of this process asks of who calls it.
+_secret = ""
 
 
 def running_server() -> str:
@@ -54,15 +56,21 @@ def running_server() -> str:
     return _started[0]
 
 
+def running_secret() -> str:
+    """Return what this process's server was told to ask of who calls it; empty without either."""
+    return _secret if running_server() else ""
+
+
 def start_server(home: Path) -> str:
     """Start this process's server with its files in `home`, and return its URL at once: requests
     wait until it answers. Its other settings are those of the environment."""
-    global _started
+    global _started, _secret
     database = home / "prefect.db"
     place_database(database)
     known = _CURRENT if _revision(database) == _revision(_template()) != "" else {}
     url, process = _launched({**known, **os.environ})
     _started = (url, process, os.getpid())
+    _secret = os.environ.get("PREFECT_SERVER_API_AUTH_STRING", "")
     atexit.register(_stop, process, os.getpid())
     return url
 

@@ -78,12 +78,6 @@ _RULES: Sequence[_Rule] = (
         lambda qbar, rho: _root(_ratio(2.0 * qbar, rho)),
         "from dynamic pressure and density",
     ),
-    _Rule(
-        "V",
-        ("mach", "altitude"),
-        lambda mach, h: mach * speed_of_sound(standard_atmosphere(h).temperature),
-        "from Mach number and the standard atmosphere's temperature at the altitude",
-    ),
     _Rule("qbar", ("rho", "V"), lambda rho, v: 0.5 * rho * v * v, "from density and airspeed"),
     _Rule(
         "qbar",
@@ -109,6 +103,14 @@ _RULES: Sequence[_Rule] = (
         lambda v, h: v / speed_of_sound(standard_atmosphere(h).temperature),
         "from airspeed and the standard atmosphere's temperature at the altitude",
     ),
+    # Last, and density with it: a measured pressure says more than the standard atmosphere.
+    _Rule(
+        "V",
+        ("mach", "altitude"),
+        lambda mach, h: mach * speed_of_sound(standard_atmosphere(h).temperature),
+        "from Mach number and the standard atmosphere's temperature at the altitude",
+    ),
+    _Rule("qbar", ("rho", "V"), lambda rho, v: 0.5 * rho * v * v, "from density and airspeed"),
 )
 
 

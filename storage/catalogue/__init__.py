@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .database import upgrade
     from .file_identity import StoredFile, measured
     from .flight_pages import RETRACTED, FlightFilter
+    from .former_catalogue import FORMER
     from .ledger import Ledger
     from .location import SETTINGS_FILE, CatalogueLocation, catalogue_location
     from .names import standing_moves

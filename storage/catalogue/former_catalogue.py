@@ -15,13 +15,13 @@ from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk
 
 _LOG: Final = logging.getLogger(__name__)
 #: Beginning of the names of tables that are kept in PostgreSQL.
-_FORMER: Final = "former_"
+FORMER: Final = "former_"
 
 
 def keep_former(connection: sa.Connection, revision: str) -> str:
     """Keep the catalogue of a writing transaction as it is, before its schema changes.
 
-    SQLite: in a file next to it; PostgreSQL: in tables next to its own (`_FORMER`), which a
+    SQLite: in a file next to it; PostgreSQL: in tables next to its own (`FORMER`), which a
     rollback removes. Returns where. Raises StoreError when the disk has no room for the copy:
     nothing changes then.
     """
@@ -29,11 +29,11 @@ def keep_former(connection: sa.Connection, revision: str) -> str:
         return str(_copied_file(Path(str(connection.engine.url.database)), revision))
     quote = connection.dialect.identifier_preparer.quote
     for table in sa.inspect(connection).get_table_names():
-        if not table.startswith(_FORMER):
-            kept = quote(f"{_FORMER}{revision}_{table}")
+        if not table.startswith(FORMER):
+            kept = quote(f"{FORMER}{revision}_{table}")
             connection.exec_driver_sql(f"DROP TABLE IF EXISTS {kept}")
             connection.exec_driver_sql(f"CREATE TABLE {kept} AS TABLE {quote(table)}")
-    return f"its tables {_FORMER}{revision}_*"
+    return f"its tables {FORMER}{revision}_*"
 
 
 def forget_former(kept: str) -> None:

@@ -200,6 +200,11 @@ def test_a_server_that_does_not_answer_is_done_without(
             assert configure_prefect(tmp_path) == "ephemeral"
             assert os.environ["PREFECT_API_URL"] == running_server()
             assert os.environ["PREFECT_HOME"] == str(tmp_path / "prefect")
+            asked = os.environ["PREFECT_API_AUTH_STRING"]
+            for name in ("PREFECT_API_AUTH_STRING", "PREFECT_SERVER_API_AUTH_STRING"):
+                del os.environ[name]
+            assert configure_prefect(tmp_path) == "ephemeral"
+            assert os.environ["PREFECT_API_AUTH_STRING"] == asked, "its server still asks for it"
         finally:
             os.environ.clear()
             os.environ.update(before)

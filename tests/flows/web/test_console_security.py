@@ -229,7 +229,10 @@ def test_promotion_and_roll_back_through_their_pages(
             (made.baseline, "diverges"),
         ]
         assert (
-            client.post("/rollback", data={**back, "seen": made.baseline}).status_code == 422
+            client.post(
+                "/rollback", data={**back, "seen": made.baseline, "reason": "again"}
+            ).status_code
+            == 422
         )  # nothing before
 
 
