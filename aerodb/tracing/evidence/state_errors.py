@@ -100,15 +100,7 @@ def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | 
     intensity = alpha * (1.0 + x) ** 2 / (1.0 + 3.0 * x) * speed**3 / (2.0 * _LENGTH)
     size, time = _SIZE**2 / (_LENGTH * span), np.sqrt(_LENGTH * span) / (_BANDWIDTH * speed)
     density = intensity * size * 4.0 * time / (1.0 + (omega * time) ** 2)
-    if not density.any():
-        return None
-    return replace(
-        noise,
-        offset={"p": 0.0},
-        density={"p": tuple(density.tolist())},
-        pressure_slope=0.0,
-        unsteady={},
-    )
+    return _of_rates(noise, {"p": density})
 
 
 def rotating_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | None:
@@ -123,17 +115,23 @@ def rotating_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise |
     speed = float(np.nanmedian(flight["V"])) if "V" in flight else 0.0
     edges = np.asarray(noise.edges)
     omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
-    density = {} if rolling is None else dict(rolling.density)
+    density = {} if rolling is None else {"p": np.asarray(rolling.density["p"])}
     for rate, angle, width in (("q", "alpha", 4.0), ("r", "beta", 3.0)):
         if angle in noise.density and speed > 0.0:
             filtered = omega**2 / (1.0 + (width * span * omega / (np.pi * speed)) ** 2)
-            density[rate] = tuple((_gusts(noise, angle) * filtered).tolist())
-    if not any(np.any(each) for each in density.values()):
+            density[rate] = _gusts(noise, angle) * filtered
+    return _of_rates(noise, density)
+
+
+def _of_rates(noise: StateNoise, density: Mapping[str, Array]) -> StateNoise | None:
+    """The noise with these rates [(rad/s)^2/Hz] only, without a constant part; None where all are
+    zero."""
+    if not any(each.any() for each in density.values()):
         return None
     return replace(
         noise,
         offset=dict.fromkeys(density, 0.0),
-        density=density,
+        density={rate: tuple(each.tolist()) for rate, each in density.items()},
         pressure_slope=0.0,
         unsteady={},
     )
