@@ -9,6 +9,7 @@ Endpoint and credentials are read from the environment variables of AWS.
 import hashlib
 import os
 import re
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -55,6 +56,13 @@ _WHO: Final = (
 _WHERE: Final = (
     f"create the bucket, or correct [store] url in {FILE}, $AWS_ENDPOINT_URL or $AWS_REGION"
 )
+#: Said of an archived object; the library has no name for this error.
+_ARCHIVED: Final = "object's storage class"
+#: The library reads an object into a buffer of its size. A longer answer of the service, an
+#: error, does not fit there and is lost; what is left is this text.
+_CUT: Final = "flush response stream"
+#: Pause before an object is read again [s]: a service that is too busy answers so as well.
+_PAUSE: Final = 0.2
 _HASH: Final = re.compile(r"(.+)\.([0-9a-f]{64})")
 
 
@@ -156,7 +164,7 @@ class Objects:
     def _checked(self, stream: Any, stored: StoredFile) -> Iterator[bytes]:
         digest = hashlib.sha256()
         with closing(stream), self._faults(stored):
-            while block := stream.read(_BLOCK):
+            while block := _read(stream):
                 digest.update(block)
                 yield block
         if digest.hexdigest() != stored.sha256:
@@ -244,6 +252,19 @@ class Objects:
             yield
 
 
+def _read(stream: Any) -> bytes:
+    """The next block of an object; attempted again when the service answered with an error."""
+    attempt = 1
+    while True:
+        try:
+            return bytes(stream.read(_BLOCK))
+        except OSError as error:
+            if _CUT not in str(error) or attempt == _ATTEMPTS:
+                raise
+        time.sleep(_PAUSE * attempt)
+        attempt += 1
+
+
 @contextmanager
 def translated_object_errors(where: str) -> Iterator[None]:
     """Context manager that raises errors of an S3 service as StoreError with a remedy, those that
@@ -261,6 +282,13 @@ def translated_object_errors(where: str) -> Iterator[None]:
         text = str(error).splitlines()[0]
         named = _NAMED.search(text)
         name, status = (named[1], named[2] or "") if named else ("", "")
+        if _CUT in text:
+            raise StoreError(
+                "the object store refuses access or is too busy: it answers with an error that is"
+                " longer than the object",
+                where,
+                _WHO,
+            ) from error
         if _PASSING.search(name) or status.startswith("5") or "curlCode" in text:
             why = text.rpartition("Details: ")[2][:200]
             remedy = "check the network and the service, then run again"
@@ -269,8 +297,9 @@ def translated_object_errors(where: str) -> Iterator[None]:
             ) from error
         if name == "NO_SUCH_BUCKET":
             raise StoreError("the bucket does not exist", where, _WHERE) from error
-        if _REFUSED.search(name) or status in ("401", "403"):
-            raise StoreError(f"the object store refuses access ({name})", where, _WHO) from error
+        if _REFUSED.search(name) or status in ("401", "403") or _ARCHIVED in text:
+            why = "storage class" if _ARCHIVED in text else name
+            raise StoreError(f"the object store refuses access ({why})", where, _WHO) from error
         raise StoreError(
             f"the object store cannot execute this request: {text[:300]}", where, _WHERE
         ) from error

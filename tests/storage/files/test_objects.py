@@ -158,6 +158,22 @@ def test_who_has_no_right_is_told_what_to_do(
     objects.put(path, PLACE)
 
 
+@pytest.mark.parametrize("size", [7, 300, 5000], ids=lambda n: f"{n} bytes")
+def test_an_archived_object_is_refused_however_small_it_is(
+    objects: Objects, service: ObjectService, tmp_path: Path, size: int
+) -> None:
+    """The answer of the service is longer than a small object, and does not fit its buffer."""
+    (tmp_path / "small").write_bytes(bytes(size))
+    stored = objects.put(tmp_path / "small", "small")
+    where = service.at(objects.url, f"small.{stored.sha256}")
+    service.client.put_object(**where, Body=bytes(size), StorageClass="GLACIER")
+    with pytest.raises(StoreError, match="refuses access") as caught:
+        objects.fetch(stored, tmp_path / "again")
+    assert not isinstance(caught.value, StoreBusyError)
+    assert "archived object" in str(caught.value)
+    assert not (tmp_path / "again").exists()
+
+
 @contextmanager
 def _rights_asked_for(service: ObjectService) -> Iterator[None]:
     """The service asks who its clients are from now on, and knows none."""
