@@ -22,9 +22,11 @@ _ORIGINS: Final = {
 }
 
 
-def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:
+def say_consistency(
+    session: Session, document: Mapping[str, Any], indent: str = "", verbose: bool = True
+) -> None:
     """Print verdict and reasons, the mismatch of each channel before and after, and the
-    corrections."""
+    corrections; without `verbose` their number."""
     session.say(f"{indent}consistency: {document['verdict']}")
     for reason in document["reasons"]:
         session.say(f"{indent}  {reason}")
@@ -46,7 +48,9 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
         ]
         session.table(columns, [[f"{indent}{row[0]}", *row[1:]] for row in rows], numbers=(1, 2, 3))
     applied = [entry for entry in document.get("estimates", []) if entry["applied"]]
-    if applied:
+    if applied and not verbose:
+        session.say(f"{indent}corrected: {len(applied)} errors of sensors")
+    elif applied:
         session.say(
             f"{indent}corrected: {', '.join(_estimate(entry, session.units) for entry in applied)}"
         )

@@ -1,5 +1,6 @@
 """Print conditioning findings of a flight: likely faults, repeats, segments, delays."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +50,16 @@ def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> Non
         session.table(["from [s]", "to [s]", "segment", "why"], rows, numbers=(0, 1))
     if len(segments) > _LISTED:
         session.say(f"and {len(segments) - _LISTED} more segments (--json lists them)")
+
+
+def segments_words(segments: Sequence[Mapping[str, Any]]) -> str:
+    """Return how many segments of each kind a flight has, in the order in which they begin.
+
+    >>> segments_words([{"kind": "pull_up"}, {"kind": "low_g"}, {"kind": "pull_up"}])
+    'pull up 2 times, low g'
+    """
+    counts = Counter(segment["kind"].replace("_", " ") for segment in segments)
+    return ", ".join(f"{kind} {n} times" if n > 1 else kind for kind, n in counts.items())
 
 
 def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:

@@ -13,6 +13,7 @@ from aerodb.flows.cli.findings import (
     say_repeats,
     say_segments,
     say_suspicions,
+    segments_words,
 )
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.ingested import say_comparison, say_ingested
@@ -177,10 +178,13 @@ def show(
     context: typer.Context,
     flight: str,
     vehicle: OfFlight = None,
+    verbose: Verbose = False,
 ) -> None:
-    """Show a flight: its log, its findings, its results, and the versions based on it.
+    """Show a flight: its verdict, what is suspected, its consistency, and the versions based on it.
 
-    Example: aerodb flight show 1a2b3c
+    -v also prints its segments, delays, corrections and stored results.
+
+    Example: aerodb flight show 1a2b3c -v
     """
     from aerodb.tasks.view import flight_details, step_words
     from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -209,15 +213,21 @@ def show(
     say_damage(session, log.damage if log else (), "  damage")
     say_repeats(session, document["repeats"])
     say_suspicions(session, document["suspicions"])
-    say_segments(session, document["segments"])
-    say_delays(session, document["delays"])
+    if verbose:
+        say_segments(session, document["segments"])
+        say_delays(session, document["delays"])
+    elif flown := segments_words(document["segments"]):
+        session.say(f"flown: {flown}")
     if document["consistency"] is not None:
-        say_consistency(session, document["consistency"])
-    results = [
-        [step_words(r["step"]), r["key"][:12], r["created_utc"][:16].replace("T", " ")]
-        for r in document["results"]
-    ]
-    session.table(["step", "key", "made"], results)
+        say_consistency(session, document["consistency"], verbose=verbose)
+    if verbose:
+        results = [
+            [step_words(r["step"]), r["key"][:12], r["created_utc"][:16].replace("T", " ")]
+            for r in document["results"]
+        ]
+        session.table(["step", "key", "made"], results)
+    else:
+        session.say("details: -v")
     session.answer(document)
 
 

@@ -6,14 +6,14 @@ import typer
 
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.flows.cli.references import AsOf, Vehicle, Verbose
 from aerodb.nomenclature import channel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aerodb.storage.catalogue import Catalogue, NameEvent, NoteKind, NoteRow
-    from aerodb.tables import AeroDatabase
+    from aerodb.tables import AeroDatabase, Term
 
 app = typer.Typer(
     name="version",
@@ -21,6 +21,9 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Database versions: list, evaluate, compare, release.",
 )
+
+#: Terms that are listed without -v: what a screen shows below the headline.
+_LISTED = 12
 
 Limit = Annotated[int, typer.Option(min=1, help="Number of entries, newest last.")]
 OneName = Annotated[str | None, typer.Option("--name", help="Moves of this name only.")]
@@ -174,8 +177,10 @@ def show(
     consolidated: Annotated[
         bool, typer.Option("--consolidated", help="With increments folded into tables.")
     ] = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Show a version: terms, tables, increments, and the report it was made with.
+    """Show a version: terms, tables, increments, and the report it was made with. -v lists every
+    term of a long database.
 
     Example: aerodb version show released --consolidated
     """
@@ -206,7 +211,7 @@ def show(
     session.say(
         f"{database.name} ({row.id[:12]}), made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
         f" {len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)}"
-        " increments from flights"
+        f" increment{'' if len(database.increments) == 1 else 's'} from flights"
     )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")
@@ -219,7 +224,10 @@ def show(
     database, folds = _consolidated(session, database) if consolidated else (database, {})
     made = {name: [t for t in database.terms if t.part == name] for name in database.parts}
     own = [term for term in database.terms if not term.part]
-    if own or not database.parts:
+    if len(own) > _LISTED and not verbose:
+        session.table(["axis", "terms", "depend on"], _by_axis(own), (1,))
+        session.say("details: -v")
+    elif own or not database.parts:
         session.table(
             ["axis", "term", "expression"], [[t.axis, t.name, str(t.expression)] for t in own]
         )
@@ -254,6 +262,16 @@ def show(
     for sentence in beyond_words(database.increments, units=session.units):
         session.say(sentence)
     session.answer({**document, **folds})
+
+
+def _by_axis(terms: "Sequence[Term]") -> list[list[str]]:
+    """Return axis, number of terms and what they depend on, a row per axis."""
+    rows = []
+    for axis in dict.fromkeys(term.axis for term in terms):
+        of_axis = [term.expression for term in terms if term.axis == axis]
+        names = dict.fromkeys(name for e in of_axis for name in sorted(e.names))
+        rows.append([axis, str(len(of_axis)), " ".join(names)])
+    return rows
 
 
 def _standing(names: "Sequence[str]", waits: bool, stale: "Sequence[str]") -> str:
