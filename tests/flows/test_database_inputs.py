@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.command import aerodb, asked
 from tests.support.paths import VEHICLES
-from tests.support.small_glider import AREA, CHORD, NAME, VEHICLE, channels, write_csv
+from tests.support.small_glider import AREA, CHORD, DATABASE, NAME, VEHICLE, channels, write_csv
 
 #: The small glider as JSBSim has it: drag of a spoiler that no log holds, lift of alphadot.
 AIRCRAFT = f"""<fdm_config name="g"><metrics><wingarea unit="M2">{AREA}</wingarea>
@@ -214,3 +214,20 @@ def test_an_input_that_does_not_divide_is_proposed_at_zero_as_before(glider):
     document = asked(workspace, *importing)
     assert document["dividing"] == []
     assert document["proposals"]["fcs_brake_norm"][-1] == "fcs/brake-norm=0"
+
+
+def test_a_long_database_is_shown_by_axis_and_whole_when_asked(tmp_path):
+    (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
+    terms = "".join(
+        f'[[terms]]\nname = "t{k}"\naxis = "CZ"\nexpression = "{k}*alpha"\n' for k in range(9)
+    )
+    (tmp_path / "long.toml").write_text(DATABASE + terms, encoding="utf-8")
+    asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    asked(tmp_path / "w", "database", "import", str(tmp_path / "long.toml"), "--vehicle", NAME)
+    short = aerodb(tmp_path / "w", "version", "show", "released").stdout
+    assert ["CZ", "10", "alpha"] in [line.split() for line in short.splitlines()]
+    assert ["Cm", "3", "alpha", "q_hat", "delta_elevator"] in [
+        line.split() for line in short.splitlines()
+    ]
+    assert "8*alpha" not in short
+    assert "8*alpha" in aerodb(tmp_path / "w", "version", "show", "released", "-v").stdout

@@ -111,6 +111,12 @@ def test_a_fault_of_the_sensors_is_said_in_a_plain_sentence(tmp_path: Path, faul
         app, ["--workspace", str(workspace), "flight", "show", outcome["flight"]]
     )
     assert f"suspicion: {outcome['suspicions'][0]['sentence']}" in said.stdout
+    whole = CliRunner().invoke(
+        app, ["--workspace", str(workspace), "flight", "show", outcome["flight"], "-v"]
+    )
+    assert "details: -v" in said.stdout
+    assert all(row in whole.stdout for row in ("from [s]", "step", "conditioning"))
+    assert len(whole.stdout.splitlines()) > len(said.stdout.splitlines())
 
 
 def test_a_sound_flight_raises_no_suspicion_and_repeats_nothing(tmp_path: Path) -> None:
