@@ -16,6 +16,7 @@ from aerodb.tasks.steps import (
     what_is_left,
     which_levels_stay,
     with_bands,
+    with_gate,
     write_update_page,
 )
 from aerodb.tasks.workspace_access import access_workspace
@@ -44,8 +45,8 @@ def close_loop_flow(
     hold_out : as in the update. accept_* : effects to add although their verdict alone does not
     admit them. measured : what was measured outside flight, ``NAME=SIGMA, BY`` each. effects : the
     text of a file of user templates. library : the hash that the library
-    must have, or its beginning. Returns the loop's document with ``label`` and ``page``, the file
-    of its report; ``candidate`` is None if nothing was added.
+    must have, or its beginning. Returns the loop's document with ``label``, ``gate`` and ``page``,
+    the file of its report; ``candidate`` is None if nothing was added.
     """
     where = {"workspace": workspace, "run": run}
     accept = Accept(
@@ -94,4 +95,5 @@ def close_loop_flow(
         **where,
         accept=accept,
     )
+    document = steps(with_gate, document, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

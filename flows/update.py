@@ -13,6 +13,7 @@ from aerodb.tasks.steps import (
     publish_candidate,
     untraced_reason,
     validate,
+    with_gate,
     write_update_page,
 )
 from aerodb.tasks.workspace_access import access_workspace
@@ -36,7 +37,7 @@ def update_flow(
 
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
     None for the default rule. method : by which to estimate (`aerodb.identification.METHODS`).
-    Returns the update's document with ``label`` and ``page``, the file of its report.
+    Returns the update's document with ``label``, ``gate`` and ``page``, the file of its report.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
@@ -67,4 +68,5 @@ def update_flow(
     }
     rivals = steps(find_sensor_rivals, plan, library, update, untraced, **where)
     document = steps(publish_candidate, plan, update, proof, beyond, rivals, untraced, **where)
+    document = steps(with_gate, document, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -70,7 +70,9 @@ def decision(
 def _verdict(document: Mapping[str, Any]) -> str:
     refused = _refusals(document)
     if document["candidate"]:
-        ready = "the gate will refuse it as it is" if refused else "it waits for the gate"
+        ready = "it waits for the gate" if document.get("gate") is None else "the gate passes it"
+        if refused:
+            ready = "the gate will refuse it as it is"
         if "library" not in document:
             if parameters := document.get("parameters", ()):
                 count = _count(len(parameters), "parameter")
@@ -238,16 +240,21 @@ def _share(share: float | None) -> str:
 
 
 def _refusals(document: Mapping[str, Any]) -> list[str]:
-    """What the gate will refuse, in sentences, as far as this document knows."""
+    """Why the gate refuses it, in sentences; as far as the document knows, where nobody asked."""
+    if (gate := document.get("gate")) is not None:
+        return [reason for check in gate["checks"] for reason in check["reasons"]]
     return [sentence for kind, sentence in remarks_of(document) if kind == REFUSED]
 
 
 def _gate(document: Mapping[str, Any]) -> str:
     refused = _refusals(document)
-    if not refused:
-        return "nothing known here stands against it"
+    gate = document.get("gate")
+    if gate is None and not refused:
+        return "not asked yet"
+    if gate is not None and not refused:
+        return f"all {len(gate['checks'])} checks pass" if gate["checks"] else "it is released"
     more = f"; {len(refused) - 1} more" if len(refused) > 1 else ""
-    return f"{refused[0].rstrip('.')}{more}"
+    return f"{'' if gate is None else 'refuses: '}{refused[0].rstrip('.')}{more}"
 
 
 def _left(document: Mapping[str, Any], rest: str) -> str:

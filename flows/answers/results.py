@@ -3,6 +3,7 @@
 from typing import Any
 
 from aerodb.flows.answers.common import Answer, Theil
+from aerodb.flows.answers.versions import Gate
 
 
 class AxisUpdate(Answer):
@@ -34,7 +35,8 @@ class RemarkData(Answer):
 
 
 class Update(Answer):
-    """What `update` and `close-loop` answer; `candidate` is null where nothing was added."""
+    """What `update` and `close-loop` answer; `candidate` is null where nothing was added, as is
+    `gate`, what the gate says of the candidate."""
 
     vehicle: str
     baseline: str
@@ -48,6 +50,7 @@ class Update(Answer):
     next_flight: list[str]
     remarks: list[str]
     remark_data: list[RemarkData]
+    gate: Gate | None
 
 
 class MethodEstimate(Answer):

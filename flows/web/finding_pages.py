@@ -19,7 +19,7 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import Finding, answers
 from aerodb.report import decision, error_rows, meaning
-from aerodb.tasks.steps import options_of_result
+from aerodb.tasks.steps import options_of_result, with_gate
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
@@ -60,13 +60,14 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
     labels = labels_of(access, document)
     label = labels.get(document["candidate"] or "", "")
     meant = reference_of(access, reference, vehicle)
+    judged = with_gate(document, workspace=str(access.workspace.root), run="")
     given = options_of_result(access.catalogue, meant)
     return page_of(
         request,
         "finding.html",
         f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
         found=document,
-        decision=decision({**document, "label": label}, given=given),
+        decision=decision({**judged, "label": label}, given=given),
         errors=error_rows(document),
         labels=labels,
         reference=meant,

@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from .notes import dismiss, note_version
     from .notify import deliver, tell
     from .publish import publish_candidate, publish_loop
-    from .release import judge_version, promote, roll_back
+    from .release import judge_version, promote, roll_back, with_gate
     from .report import flight_page, lineage_of, update_page, version_page, write_update_page
     from .runs import mark_ended
     from .store import trim_cache

@@ -147,6 +147,17 @@ def judge_version(
     }
 
 
+def with_gate(document: dict[str, Any], *, workspace: str, run: str) -> dict[str, Any]:
+    """Return the document of an update or a closed loop with ``gate``: what the gate says now of
+    its candidate (`judge_version`; nothing is flown), None where nothing was added.
+
+    It is asked anew each time and not stored: another release changes the answer.
+    """
+    version = document["candidate"]
+    gate = judge_version(version, workspace=workspace, run=run, fly=False) if version else None
+    return {**document, "gate": gate}
+
+
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
     """Undo the last standing move of `name` by a new event; calling it twice undoes two moves.
 

@@ -23,7 +23,7 @@ from aerodb.tasks.steps.conditioning import load_conditioning, suspicions_of
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.steps.loop_options import options_of_result
-from aerodb.tasks.steps.release import judge_version
+from aerodb.tasks.steps.release import judge_version, with_gate
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
@@ -93,7 +93,7 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
     from aerodb.report import UpdateStory, update_report
 
     access = access_workspace(workspace)
-    document = _document(access, reference)
+    document = with_gate(_document(access, reference), workspace=workspace, run=run)
     ids = [id for id in (document["baseline"], document["candidate"]) if id]
     rows = access.catalogue.versions_by_id(ids)
     roles = document["flights"]

@@ -19,6 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from aerodb.signals import rms
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps.loop_flights import StoredFlights
+from aerodb.tasks.workspace_access import access_workspace
 from tests.campaigns.fleet import CONDITIONS, Airframe, airframe
 from tests.campaigns.instruments import CELLS
 from tests.campaigns.misstated import MISSTATED
@@ -122,7 +126,40 @@ def run_planted(
                 if loop.candidate is not None and held:
                     after = lacks(craft, loop.candidate, planted.axis, held)
                     line["removed"] = 1.0 - after / before
+                    three = (wrong, loop.candidate, craft.database())
+                    line["errors"] = errors_of(loop, craft, three, planted.axis)
             yield line
+
+
+def errors_of(
+    loop: Loop, craft: Airframe, databases: Sequence[AeroDatabase], axis: str
+) -> list[float]:
+    """rms on a body axis that databases leave of a loop's held-out flights as they were measured.
+
+    The whole database leaves what no correction can remove: there the errors of sensors and vehicle
+    data are on top, which `lacks` does not know.
+    """
+    assert loop.found is not None
+    access = access_workspace(str(loop.folder / "workspace"))
+    source = StoredFlights(access, craft.vehicle, "campaign")
+    left = []
+    for database in databases:
+        flights = [source.comparison(f, database) for f in loop.found["flights"]["held_out"]]
+        left.append(rms(np.concatenate([f.residual(axis)[f.usable[axis]] for f in flights])))
+    return left
+
+
+def excess_removed(errors: Sequence[float]) -> float | None:
+    """Share of the excess over what the whole database leaves that is gone: of errors before, after
+    and of the whole database (`errors_of`). None where there was no excess.
+
+    >>> excess_removed([5.0, 3.0, 3.0]), excess_removed([3.0, 3.0, 3.0])
+    (1.0, None)
+    """
+    before, after, whole = errors
+    if before <= whole:
+        return None
+    return 1.0 - float(np.sqrt(max(after**2 - whole**2, 0.0) / (before**2 - whole**2)))
 
 
 def measured_wrongly(craft: Airframe, seed: int) -> Callable[[dict[str, Any]], dict[str, Any]]:

@@ -13,6 +13,7 @@ from tests.campaigns.fleet import airframe
 from tests.campaigns.planted import measured_text
 from tests.campaigns.runs import asked, prepared
 from tests.support.build_up import T38, with_named_numbers
+from tests.support.command import aerodb
 
 pytestmark = pytest.mark.campaign
 
@@ -68,6 +69,17 @@ def test_a_version_tells_of_its_parameters(workspace: Path, closed: dict[str, An
     assert power["flown"]["alpha"][0] < power["flown"]["alpha"][1]
     before = asked(workspace, "version", "lineage", "v0002", "--node", "elevator_power", *VEHICLE)
     assert (before["parameter"]["value"], before["parameter"]["flights"]) == (-0.15, [])
+
+
+def test_the_loop_says_what_the_gate_then_refuses(workspace: Path, closed: dict[str, Any]) -> None:
+    """The database that it corrects was never released, of which the loop itself knows nothing."""
+    reasons = [reason for check in closed["gate"]["checks"] for reason in check["reasons"]]
+    assert any("made on v0002, but v0001 is released" in reason for reason in reasons)
+    assert "the gate will refuse it as it is" in decision(closed).verdict
+    asked_for = ("version", "promote", closed["label"], *VEHICLE, "--reason", "closed")
+    refused = aerodb(workspace, *asked_for)
+    assert refused.returncode == 4
+    assert all(reason in refused.stderr for reason in reasons)
 
 
 def test_other_simulators_get_them(workspace: Path, closed: dict[str, Any], tmp_path: Path) -> None:

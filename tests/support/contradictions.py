@@ -32,7 +32,9 @@ def contradictions(document: Mapping[str, Any], given: tuple[str, ...] = ()) -> 
     never("nothing is missing" in told.verdict and bool(far), "missing or not")
     never("every axis at its noise floor" in left and bool(far), "at the floor or not")
     never("every axis at its noise floor" in left and any(row["times_floor"] is None for row in rows), "a floor or none")  # fmt: skip
-    never("refuse" in told.verdict and "nothing known here" in lines.get("gate", ""), "gate")
+    gate = lines.get("gate", "")
+    never("refuse" in told.verdict and ("checks pass" in gate or "not asked" in gate), "gate")
+    never("gate passes" in told.verdict and "checks pass" not in gate, "gate")
     counted = sum(int(n) for n in re.findall(r"(\d+) (?:suspicion|confirmed|errors? of sensors)", told.verdict))  # fmt: skip
     never(bool(counted) and counted != len(findings), "the number of findings")
     changes = re.search(r"has (\d+) change", told.verdict)

@@ -68,6 +68,33 @@ def test_what_a_flight_is_only_suspected_of_is_said_at_release(
     )
 
 
+DEMANDS = ["", f"[vehicles.{NAME}.gate]\nheld_out = 9\n"]
+
+
+@pytest.mark.parametrize("demand", DEMANDS, ids=["as it is", "nine flights"])
+def test_the_headline_says_what_promote_then_does(
+    demand: str, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    """Whatever the gate refuses, also what the update itself knows nothing of: here more flights
+    than there are."""
+    workspace, _ = shared.updated(tmp_path / "w")
+    (workspace.root / "settings.toml").write_text(demand, encoding="utf-8")
+    model = str(shared.logs[0].parent / "model.toml")
+    options = ("--vehicle", NAME, "--model", model, "--direct", "--json")
+    done = aerodb(workspace.root, "update", *options)
+    assert done.returncode == 0, done.stderr
+    gate = json.loads(done.stdout)["gate"]
+    asked_for = ("version", "promote", "candidate", "--reason", "as the headline says")
+    moved = aerodb(workspace.root, *asked_for)
+    assert gate["passed"] == (moved.returncode == 0), moved.stderr
+    refused = [reason for check in gate["checks"] for reason in check["reasons"]]
+    assert ("the gate passes it" in done.stderr) != bool(refused)
+    assert ("the gate will refuse it as it is" in done.stderr) == bool(refused)
+    assert bool(demand) <= any("the settings require 9" in reason for reason in refused)
+    for reason in refused:
+        assert reason in moved.stderr
+
+
 def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
     workspace, folder = flown
     before = asked(workspace, "version", "history")[-1]["at_utc"]

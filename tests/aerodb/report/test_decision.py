@@ -41,7 +41,12 @@ def test_a_version_says_change_proof_gate_and_next_command() -> None:
     assert lines["proved"] == (
         "on 2 flights not used: error of CX 0.02 -> 0.005 (126 % -> 32 % of what was flown)",
     )
-    assert lines["gate"] == ("nothing known here stands against it",)
+    assert lines["gate"] == ("not asked yet",)
+    document["gate"] = {"checks": [{"reasons": []}, {"reasons": []}]}
+    assert told(document)["gate"] == ("all 2 checks pass",)
+    assert "has 1 change; the gate passes it (" in decision(document).verdict
+    document["gate"] = {"checks": []}
+    assert told(document)["gate"] == ("it is released",)
     assert lines["left"][0].startswith("Cm ")
     assert lines["next"][0].startswith(f"aerodb version gate {document['label']} --vehicle")
 
@@ -56,6 +61,8 @@ def test_what_became_worse_and_what_the_gate_refuses_is_in_the_lines() -> None:
     assert lines["proved"][0].endswith("; worse: CZ")
     assert lines["gate"] == ("The gate will refuse this version: CZ_alpha changes its sign",)
     assert "the gate will refuse it as it is" in decision(document).verdict
+    document["gate"] = {"checks": [{"reasons": ["Cm is worse"]}, {"reasons": ["no check cases"]}]}
+    assert told(document)["gate"] == ("refuses: Cm is worse; 1 more",)
 
 
 def test_suspicions_propose_the_command_that_tries_them() -> None:
@@ -130,6 +137,8 @@ def results() -> list[tuple[str, dict[str, Any]]]:
                     ]
                 if enter:
                     document = published(document, *(f.axis[0] for f in enter))
+                    reasons = ["CX is worse"] if kind == "rises" else []
+                    document["gate"] = {"checks": [{"reasons": reasons}]}
                 made.append((f"{verdicts} {entered} {kind} {floor}", document))
     return made
 
