@@ -1,36 +1,59 @@
 """Errors of sensors that explain what declared increments would change.
 
 A declared increment takes whatever its columns can: a surface whose zero is off, a vane with a
-wrong scale. The closed loop asks every sensor whether it explains the residual better than the
-aerodynamics does; so does an update before its candidate may be released.
+wrong scale, a centre of gravity elsewhere. What counts is what the update *changes* along its
+flights, and what the axes that it leaves alone say of the same error: docs/method/updates.md,
+section "Gate".
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.stats import t as student
 
-from aerodb.effects import Hypothesis
-from aerodb.loop.accept import Accept
+from aerodb.effects import FlightView, Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.rounds import run_loop
+from aerodb.signals import rms
+from aerodb.support import CLAIM, DIFFERENCE, Array, in_threads
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import Finding
 
 #: Least effect of a sensor's error on an axis, as a part of what the increments change there, with
 #: which it is a rival of theirs.
 _LEAST: Final = 0.1
+#: Share of the mean square of a change from which a sensor's error explains all of it
+#: (dimensionless): an increment with noise has as much left.
+_EXPLAINS: Final = 0.9
+#: Least share of the mean square of a change that an error takes away which other axes show
+#: (dimensionless): less is not what the update changes.
+_TAKES: Final = 0.2
+#: Rms of a change, as a part of the residual that is left, which no flight tells from none
+#: (dimensionless): a few thousand coloured samples know a mean to a tenth of their scatter.
+_UNSEEN: Final = 0.1
+#: Part of the size of an error by which its effect on one axis may differ from that on another
+#: (dimensionless): columns are tangents, right for small errors.
+_TANGENT: Final = 0.25
+#: Believable errors of what nobody measured, in believable ranges of the library (dimensionless):
+#: a rigging of 5 deg is seen in flight, and the library believes 3.4 deg.
+_UNMEASURED: Final = 2.0
+#: Length of the stretches whose scores are independent of each other [s]: several periods of the
+#: short-period motion.
+_STRETCH: Final = 5.0
+#: Rms change, as a part of the rms residual of an axis, up to which an axis is left alone: rounding.
+_CHANGED: Final = 1e-3
 
 
 @dataclass(frozen=True)
 class SensorRival:
-    """The error of a sensor that the closed loop finds where increments are declared.
+    """The error of a sensor, a surface or the vehicle data that explains what increments change.
 
     Parameters
     ----------
-    hypothesis, parameter, unit, value, ci95, because : of the finding, SI.
+    hypothesis, parameter, unit : of the library, SI. value, ci95 : its size and interval, SI.
+    because : what would be wrong, and what shows it.
     shares : axis -> rms effect of the error on the prediction, as a part of the rms that the
         increments change there.
     """
@@ -51,57 +74,245 @@ def sensor_rivals(
     candidate: AeroDatabase,
     library: Library,
 ) -> tuple[SensorRival, ...]:
-    """Return the errors of sensors that the loop finds on these flights (ids) compared with
-    `baseline`, in SI units, as far as they act on what `candidate` changes. Raises InputError where
-    a flight lacks what is needed."""
-    loop = run_loop(source, flights, baseline, library, Accept())
-    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    rivals = []
-    for finding in loop.findings:
-        if finding.verdict == "sensor":
-            shares = _shares(
-                source, flights, (baseline, candidate), known[finding.hypothesis], finding, library
-            )
-            if shares:
-                rivals.append(_rival(finding, shares))
-    return tuple(rivals)
+    """Return the errors of sensors, surfaces and vehicle data that explain what `candidate` changes
+    of `baseline` along these flights (ids), in SI units.
+
+    Either one believable size explains the whole change, and the axes that do not change do not
+    contradict it; or these axes show an error that is a part of the change. Raises InputError where
+    a flight lacks what is needed.
+    """
+
+    def seen(flight: str) -> _Seen:
+        bandwidth = library.settings.bandwidth
+        before = source.view(flight, baseline, bandwidth)
+        return _seen(before, source.view(flight, candidate, bandwidth))
+
+    change = _Change(in_threads(seen, [*flights]))
+    sensors = (each for each in library.hypotheses if each.kind == "sensor")
+    found = [each for sensor in sensors if (each := _explains(change, sensor)) is not None]
+    return tuple(
+        SensorRival(
+            each.hypothesis.id,
+            each.hypothesis.parameter,
+            each.hypothesis.unit,
+            each.size,
+            (each.size - each.half, each.size + each.half),
+            each.hypothesis.because,
+            _shares(change, each.columns, each.size),
+        )
+        for each in _best(change, found)
+    )
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One flight: its view beside the baseline; axis -> usable samples (m,), what the update
+    changes (m,), and what it leaves of the residual (m,)."""
+
+    view: FlightView
+    rows: Mapping[str, Array]
+    changed: Mapping[str, Array]
+    left: Mapping[str, Array]
+
+
+def _seen(before: FlightView, after: FlightView) -> _Seen:
+    rows, changed, left = {}, {}, {}
+    for axis, usable in before.usable.items():
+        rows[axis] = np.flatnonzero(usable & after.usable.get(axis, usable))
+        predicted = (view.comparison.predicted[axis][rows[axis]] for view in (before, after))
+        old, new = predicted
+        changed[axis] = new - old
+        left[axis] = before.comparison.measured[axis][rows[axis]] - new
+    return _Seen(before, rows, changed, left)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What the axes that an update leaves alone show of an error: its size and standard error (SI),
+    and the degrees of freedom of the latter; an infinite error where they show nothing."""
+
+    size: float
+    error: float
+    freedom: int
+
+    def excludes(self, size: float, rate: float) -> bool:
+        """Whether the error is not of this size (SI), at a rate of false alarms."""
+        most = float(student.isf(0.5 * rate, max(self.freedom, 1)))
+        return abs(self.size - size) > most * self.error + _TANGENT * abs(size)
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What an update changes along all flights."""
+
+    flights: Sequence[_Seen]
+
+    @cached_property
+    def floors(self) -> dict[str, float]:
+        """Axis -> rms of the residual that is left about each flight's mean, a dimensionless
+        scalar; the weight of an axis is its inverse square."""
+        axes = dict.fromkeys(axis for each in self.flights for axis in each.left)
+        centred = {
+            axis: [_about_mean(each.left[axis]) for each in self.flights if axis in each.left]
+            for axis in axes
+        }
+        return {axis: rms(np.concatenate(parts)) for axis, parts in centred.items()}
+
+    @cached_property
+    def axes(self) -> frozenset[str]:
+        """The axes that change."""
+        return frozenset(
+            axis
+            for axis, floor in self.floors.items()
+            if floor > 0.0
+            and rms(np.concatenate([f.changed[axis] for f in self.flights if axis in f.changed]))
+            > _CHANGED * floor
+        )
+
+    def beside(
+        self, columns: Sequence[Mapping[str, Array]], axis: str
+    ) -> tuple[float, float, float, int]:
+        """Products on an axis: column with itself, with the change, change with itself, samples."""
+        pairs = [
+            (column.get(axis, np.zeros(0)), each.changed[axis])
+            for each, column in zip(self.flights, columns, strict=True)
+            if axis in each.changed
+        ]
+        return (
+            sum(float(c @ c) for c, _ in pairs),
+            sum(float(c @ d) for c, d in pairs if len(c)),
+            sum(float(d @ d) for _, d in pairs),
+            sum(len(d) for _, d in pairs),
+        )
+
+    def errors(self, columns: Sequence[Mapping[str, Array]], size: float) -> Array:
+        """Square errors per stretch (k,), in floors, of an error of this size (SI) alone."""
+        totals: dict[float, float] = {}
+        for number, (each, column) in enumerate(zip(self.flights, columns, strict=True)):
+            for axis, floor in self.floors.items():
+                if not len(each.rows.get(axis, ())) or floor == 0.0:
+                    continue
+                c = size * column[axis] if axis in column else 0.0
+                left = (each.left[axis] + each.changed[axis] - c) / floor
+                left = left if axis in self.axes else _about_mean(left)
+                stretch = each.view.time[each.rows[axis]] // _STRETCH + 1e6 * number
+                names, which = np.unique(stretch, return_inverse=True)
+                for name, value in zip(names, np.bincount(which, left**2), strict=True):
+                    totals[name] = totals.get(name, 0.0) + float(value)
+        return np.array([totals[name] for name in sorted(totals)])
+
+    def shown(self, columns: Sequence[Mapping[str, Array]]) -> _Shown:
+        """What the other axes show, by what varies in each flight; errors follow from the scores of
+        stretches (Liang & Zeger, Biometrika 73, 1986)."""
+        parts: list[tuple[Array, Array, Array]] = []
+        for number, (each, column) in enumerate(zip(self.flights, columns, strict=True)):
+            for axis, floor in self.floors.items():
+                if axis in self.axes or axis not in column or not len(each.rows[axis]):
+                    continue
+                stretch = each.view.time[each.rows[axis]] // _STRETCH + 1e6 * number
+                c, y = (_about_mean(values) / floor for values in (column[axis], each.left[axis]))
+                parts.append((c, y, stretch))
+        square = sum(float(c @ c) for c, _, _ in parts)
+        if square <= 0.0:
+            return _Shown(0.0, np.inf, 1)
+        size = sum(float(c @ y) for c, y, _ in parts) / square
+        scores = np.concatenate([c * (y - size * c) for c, y, _ in parts])
+        _, which = np.unique(np.concatenate([s for *_, s in parts]), return_inverse=True)
+        score = np.bincount(which, scores)
+        freedom = max(len(score) - 1, 1)
+        error = np.sqrt(float(score @ score) * len(score) / freedom) / square
+        return _Shown(size, float(error) if len(score) > 1 else np.inf, freedom)
+
+
+def _about_mean(values: Array) -> Array:
+    return values - values.mean() if len(values) else values
+
+
+@dataclass(frozen=True)
+class _Explains:
+    """An error that explains a change: its columns per flight, its size and half interval (SI)."""
+
+    hypothesis: Hypothesis
+    columns: Sequence[Mapping[str, Array]]
+    size: float
+    half: float
+
+
+def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
+    """The error of a hypothesis, if it explains the change."""
+    columns = []
+    for each in change.flights:
+        if not each.view.has(hypothesis.needs):
+            return None
+        made = hypothesis.columns(each.view)
+        columns.append({a: made[a][rows] for a, rows in each.rows.items() if a in made})
+    pairs = {axis: change.beside(columns, axis) for axis in sorted(change.axes)}
+    weights = {axis: change.floors[axis] ** -2 for axis in pairs}
+    cc, cd, dd = (
+        sum(weights[axis] * float(products[k]) for axis, products in pairs.items())
+        for k in range(3)
+    )
+    if cc <= 0.0 or dd <= 0.0 or not np.isfinite(cc + dd):
+        return None
+    shown, size = change.shown(columns), cd / cc
+    whole = (
+        _believable(hypothesis, size)
+        and all(
+            size * (size * c - 2.0 * x) + d
+            <= (1.0 - _EXPLAINS) * d + n * (_UNSEEN * change.floors[axis]) ** 2
+            for axis, (c, x, d, n) in pairs.items()
+        )
+        and not shown.excludes(size, DIFFERENCE)
+    )
+    part = (
+        np.isfinite(shown.error)
+        and shown.excludes(0.0, CLAIM)
+        and _believable(hypothesis, shown.size)
+        and 2.0 * shown.size * cd - shown.size**2 * cc >= _TAKES * dd
+    )
+    if not whole and not part:
+        return None
+    error = shown.error if np.isfinite(shown.error) else abs(size)
+    half = float(student.isf(0.025, shown.freedom)) * error
+    return _Explains(hypothesis, columns, size if whole else shown.size, half)
+
+
+def _best(change: _Change, found: Sequence[_Explains]) -> list[_Explains]:
+    """Those that leave no larger error than the best of them, stretch after stretch."""
+    if len(found) < 2:
+        return list(found)
+    errors = [change.errors(each.columns, each.size) for each in found]
+    best = min(errors, key=lambda each: float(each.sum()))
+    most = float(student.isf(0.5 * DIFFERENCE, max(len(best) - 1, 1)))
+    kept = []
+    for each, own in zip(found, errors, strict=True):
+        more = own - best
+        if more.mean() <= most * more.std(ddof=1) / np.sqrt(len(more)) or own is best:
+            kept.append(each)
+    return kept
+
+
+def _believable(hypothesis: Hypothesis, size: float) -> bool:
+    """Whether an error may be of this size (SI); what was measured may be off as far as stated."""
+    factor = 1.0 if hypothesis.known_by else _UNMEASURED
+    low, high = (factor * end for end in hypothesis.plausible)
+    return low <= size <= high
 
 
 def _shares(
-    source: FlightSource,
-    flights: Sequence[str],
-    databases: tuple[AeroDatabase, AeroDatabase],
-    hypothesis: Hypothesis,
-    finding: Finding,
-    library: Library,
+    change: _Change, columns: Sequence[Mapping[str, Array]], value: float
 ) -> dict[str, float]:
     """Axis -> share (`SensorRival.shares`), where it is at least `_LEAST`."""
-    powers: dict[str, tuple[float, float]] = {}
-    for id in flights:
-        before, after = (
-            source.view(id, database, library.settings.bandwidth) for database in databases
-        )
-        for axis, column in hypothesis.columns(before).items():
-            good = before.comparison.usable[axis] & after.comparison.usable[axis]
-            changed = (
-                after.comparison.predicted[axis][good] - before.comparison.predicted[axis][good]
-            )
-            own, whole = powers.get(axis, (0.0, 0.0))
-            powers[axis] = (
-                own + float(np.sum((finding.value * column[good]) ** 2)),
-                whole + float(np.sum(changed**2)),
-            )
-    shares = {axis: float(np.sqrt(own / whole)) for axis, (own, whole) in powers.items() if whole}
-    return {axis: share for axis, share in shares.items() if share >= _LEAST}
-
-
-def _rival(finding: Finding, shares: dict[str, float]) -> SensorRival:
-    return SensorRival(
-        finding.hypothesis,
-        finding.parameter,
-        finding.unit,
-        finding.value,
-        finding.ci95,
-        finding.because,
-        shares,
-    )
+    shares = {}
+    for axis in change.floors:
+        if axis not in change.axes:
+            continue
+        pairs = [
+            (column[axis], each.changed[axis])
+            for each, column in zip(change.flights, columns, strict=True)
+            if axis in column
+        ]
+        own, whole = (rms(np.concatenate(parts)) for parts in zip(*pairs, strict=True))
+        if own * abs(value) >= _LEAST * whole:
+            shares[axis] = own * abs(value) / whole
+    return shares
