@@ -11,12 +11,10 @@ from aerodb.tasks.steps import (
     freeze_library,
     plan_update,
     publish_candidate,
-    untraced_reason,
     validate,
     with_gate,
     write_update_page,
 )
-from aerodb.tasks.workspace_access import access_workspace
 
 
 @requires("ingest")
@@ -54,19 +52,7 @@ def update_flow(
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)
     library = steps(freeze_library, plan, **where)
-    reasons = steps.map(
-        untraced_reason,
-        plan.hold_out.identified,
-        **where,
-        library=library,
-        database=access_workspace(workspace).database(baseline),
-    )
-    untraced = {
-        flight: reason
-        for flight, reason in zip(plan.hold_out.identified, reasons, strict=True)
-        if reason
-    }
-    rivals = steps(find_sensor_rivals, plan, library, update, untraced, **where)
-    document = steps(publish_candidate, plan, update, proof, beyond, rivals, untraced, **where)
+    rivals = steps(find_sensor_rivals, plan, library, update, **where)
+    document = steps(publish_candidate, plan, update, proof, beyond, rivals, **where)
     document = steps(with_gate, document, **where)
     return {**document, "page": steps(write_update_page, document, **where)}

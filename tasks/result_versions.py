@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 9,
-    "update": 13,
+    "update": 14,
     "gram": 14,
     "close_loop": 44,
 }

@@ -20,7 +20,8 @@ The way through:
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
 `estimate` the regression and `parameters` that of parameters of the database, `considered` and
 `constraints` what widens and holds estimates, `validation` hold-out and errors, `beyond` flights
-outside the envelope, `derivatives` what changes inside it, `gate` the release checks.
+outside the envelope, `derivatives` what changes inside it, `gate` the release checks,
+`acceptable` those that a person may overrule.
 """
 
 from typing import TYPE_CHECKING
@@ -28,6 +29,15 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .acceptable import (
+        CONTRADICTIONS,
+        SENSORS,
+        judge_aliases,
+        judge_contradictions,
+        judge_rivals,
+        judge_shapes,
+        open_shapes,
+    )
     from .beyond import Beyond, Excursion, beyond_envelopes, with_extrapolated_slopes
     from .chosen_knots import with_chosen_knots
     from .considered import ConsiderParameter
@@ -41,20 +51,14 @@ if TYPE_CHECKING:
     from .estimate import AxisUpdate, Update, estimate_increments, keep_slope_signs
     from .gate import (
         AT_LEAST,
-        CONTRADICTIONS,
         FILE_CHECKS,
         GateCheck,
         GateVerdict,
         Measure,
         Standing,
-        judge_aliases,
-        judge_contradictions,
         judge_import,
         judge_release,
-        judge_rivals,
-        judge_shapes,
         notes_on_release,
-        open_shapes,
         sign_reasons,
     )
     from .held_out import NEAR_FLOOR, UNCHANGED, held_out_error

@@ -4,7 +4,7 @@ All checks are always made, so that a refusal lists everything that is wrong. Th
 what it is given: reading from stores and recording the verdict belong to its callers.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -16,8 +16,6 @@ from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_
 
 #: Fraction of an error below which a change is rounding.
 _ROUNDING: Final = 1e-9
-#: Under what name a person accepts flights that contradict their vehicle.
-CONTRADICTIONS: Final = "contradictions"
 #: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
 #: Under this word a person accepts an import whose file fails its own check cases.
@@ -214,123 +212,6 @@ def judge_import(
                 (FILE_CHECKS,) if reasons else (),
             ),
         )
-    )
-
-
-def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str]) -> GateCheck:
-    """Return the gate's check of the errors of sensors that explain what an update changes.
-
-    rivals : ``rivals`` of its report (docs/reference/contract.md). accepted : their ids that a
-    person accepts, with a reason. Each that is not accepted is a reason to refuse the release.
-    """
-    left = [rival for rival in rivals if rival["hypothesis"] not in accepted]
-    return GateCheck(
-        "no error of a sensor explains what changes",
-        tuple(
-            f"{rival['hypothesis']} explains {', '.join(rival['shares'])} better than declared"
-            f" increments do (if they are right: --accept {rival['hypothesis']}, and the --reason)"
-            for rival in left
-        ),
-        "sensors",
-        (Measure("errors of sensors", len(left), 0),),
-        tuple(rival["hypothesis"] for rival in left),
-    )
-
-
-def judge_aliases(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
-    """Return the gate's check of estimates that the flights cannot tell apart: their sum is known,
-    and each of them may be anything.
-
-    report : of the version (docs/reference/contract.md). accepted : ``alias@AXIS`` of the axes
-    where a person accepts that, with a reason.
-    """
-    left = [
-        (entry["axis"], group)
-        for entry in report.get("increments", ())
-        for group in entry.get("aliases", ())
-        if f"alias@{entry['axis']}" not in accepted
-    ]
-    return GateCheck(
-        "no estimates that cannot be told apart",
-        tuple(
-            f"{axis}: {' and '.join(group)} moved together, and these flights tell only"
-            f" what they do together (if that is enough: --accept alias@{axis}, and the"
-            " --reason)"
-            for axis, group in left
-        ),
-        "aliases",
-        (Measure("groups of estimates", len(left), 0),),
-        tuple(dict.fromkeys(f"alias@{axis}" for axis, _ in left)),
-    )
-
-
-def open_shapes(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return id -> why a version must not be released with it: an addition whose own function
-    other functions of the flights' variables beat, or what has no name on an axis of an addition.
-
-    report : of the version (docs/reference/contract.md).
-    """
-    findings, added = report.get("findings", ()), set(report.get("added", ()))
-    entered = [each for each in findings if each["hypothesis"] in added]
-    said = {
-        each["hypothesis"]: (
-            f"{each['hypothesis']} has another shape: an effect of"
-            f" {', '.join(each['shape']['variables'])} on {each['shape']['axis']} predicts left-out"
-            " flights better"
-        )
-        for each in entered
-        if each.get("shape") and each["verdict"] != "confirmed"
-    }
-    for each in findings:
-        beside = [own["hypothesis"] for own in entered if set(own["axis"]) & set(each["axis"])]
-        if each["verdict"] == "unnamed" and beside:
-            said[each["hypothesis"]] = (
-                f"an effect on {', '.join(each['axis'])} has no name, and {', '.join(beside)} may"
-                " stand in for it"
-            )
-    return said
-
-
-def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCheck:
-    """Return the gate's check of shapes (`open_shapes`).
-
-    accepted : ids that a person accepts, with a reason.
-    """
-    left = {id: said for id, said in open_shapes(report).items() if id not in accepted}
-    return GateCheck(
-        "what was added has its shape, and nothing on its axis is without a name",
-        tuple(
-            f"{sentence} (if it is right: --accept {id}, and the --reason)"
-            for id, sentence in left.items()
-        ),
-        "shapes",
-        (Measure("open shapes", len(left), 0),),
-        tuple(left),
-    )
-
-
-def judge_contradictions(found: Sequence[str], accepted: Collection[str]) -> GateCheck:
-    """Return the gate's check of flights that contradict their vehicle or the released version.
-
-    found : sentences about flights that identified the version. accepted : what a person accepts,
-    with a reason; `CONTRADICTIONS` means all of them. Sentences that remain refuse the release.
-    """
-    name = "no flight contradicts its vehicle or the released version"
-    if not found or CONTRADICTIONS in accepted:
-        return GateCheck(
-            name, (), "contradictions", (Measure("flights", len(found), None if found else 0),)
-        )
-    more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-    words = (
-        f"{'; '.join(found[:_LISTED])}{more} (if the flights are right: --accept {CONTRADICTIONS},"
-        " and the --reason)"
-    )
-    return GateCheck(
-        name,
-        (words,),
-        "contradictions",
-        (Measure("flights", len(found), 0),),
-        (CONTRADICTIONS,),
     )
 
 

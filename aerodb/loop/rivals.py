@@ -12,7 +12,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.stats import t as student
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from aerodb.effects import FlightView, Hypothesis
 from aerodb.loop.flight_source import FlightSource
@@ -42,7 +43,8 @@ _UNMEASURED: Final = 2.0
 #: Length of the stretches whose scores are independent of each other [s]: several periods of the
 #: short-period motion.
 _STRETCH: Final = 5.0
-#: Rms change, as a part of the rms residual of an axis, up to which an axis is left alone: rounding.
+#: Rms change, as a part of the rms residual of an axis, up to which an axis is left alone
+#: (dimensionless): rounding.
 _CHANGED: Final = 1e-3
 
 
@@ -110,7 +112,7 @@ class _Seen:
     changes (m,), and what it leaves of the residual (m,)."""
 
     view: FlightView
-    rows: Mapping[str, Array]
+    rows: Mapping[str, NDArray[np.intp]]
     changed: Mapping[str, Array]
     left: Mapping[str, Array]
 
@@ -137,7 +139,7 @@ class _Shown:
 
     def excludes(self, size: float, rate: float) -> bool:
         """Whether the error is not of this size (SI), at a rate of false alarms."""
-        most = float(student.isf(0.5 * rate, max(self.freedom, 1)))
+        most = float(stdtrit(max(self.freedom, 1), 1.0 - 0.5 * rate))
         return abs(self.size - size) > most * self.error + _TANGENT * abs(size)
 
 
@@ -150,13 +152,18 @@ class _Change:
     @cached_property
     def floors(self) -> dict[str, float]:
         """Axis -> rms of the residual that is left about each flight's mean, a dimensionless
-        scalar; the weight of an axis is its inverse square."""
+        scalar; the weight of an axis is its inverse square. None of an axis without residual."""
         axes = dict.fromkeys(axis for each in self.flights for axis in each.left)
         centred = {
             axis: [_about_mean(each.left[axis]) for each in self.flights if axis in each.left]
             for axis in axes
         }
-        return {axis: rms(np.concatenate(parts)) for axis, parts in centred.items()}
+        sizes = {
+            axis: rms(joined)
+            for axis, parts in centred.items()
+            if len(joined := np.concatenate(parts))
+        }
+        return {axis: size for axis, size in sizes.items() if size > 0.0}
 
     @cached_property
     def axes(self) -> frozenset[str]:
@@ -164,8 +171,7 @@ class _Change:
         return frozenset(
             axis
             for axis, floor in self.floors.items()
-            if floor > 0.0
-            and rms(np.concatenate([f.changed[axis] for f in self.flights if axis in f.changed]))
+            if rms(np.concatenate([f.changed[axis] for f in self.flights if axis in f.changed]))
             > _CHANGED * floor
         )
 
@@ -190,7 +196,7 @@ class _Change:
         totals: dict[float, float] = {}
         for number, (each, column) in enumerate(zip(self.flights, columns, strict=True)):
             for axis, floor in self.floors.items():
-                if not len(each.rows.get(axis, ())) or floor == 0.0:
+                if not len(each.rows.get(axis, ())):
                     continue
                 c = size * column[axis] if axis in column else 0.0
                 left = (each.left[axis] + each.changed[axis] - c) / floor
@@ -207,7 +213,7 @@ class _Change:
         parts: list[tuple[Array, Array, Array]] = []
         for number, (each, column) in enumerate(zip(self.flights, columns, strict=True)):
             for axis, floor in self.floors.items():
-                if axis in self.axes or axis not in column or not len(each.rows[axis]):
+                if axis in self.axes or not len(column.get(axis, ())):
                     continue
                 stretch = each.view.time[each.rows[axis]] // _STRETCH + 1e6 * number
                 c, y = (_about_mean(values) / floor for values in (column[axis], each.left[axis]))
@@ -273,7 +279,7 @@ def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
     if not whole and not part:
         return None
     error = shown.error if np.isfinite(shown.error) else abs(size)
-    half = float(student.isf(0.025, shown.freedom)) * error
+    half = float(stdtrit(shown.freedom, 1.0 - 0.025)) * error
     return _Explains(hypothesis, columns, size if whole else shown.size, half)
 
 
@@ -283,7 +289,7 @@ def _best(change: _Change, found: Sequence[_Explains]) -> list[_Explains]:
         return list(found)
     errors = [change.errors(each.columns, each.size) for each in found]
     best = min(errors, key=lambda each: float(each.sum()))
-    most = float(student.isf(0.5 * DIFFERENCE, max(len(best) - 1, 1)))
+    most = float(stdtrit(max(len(best) - 1, 1), 1.0 - 0.5 * DIFFERENCE))
     kept = []
     for each, own in zip(found, errors, strict=True):
         more = own - best

@@ -96,7 +96,8 @@ _WORDS: Final[Mapping[str, str]] = {
 }
 #: ``effect@axis``, ``effect@axis+axis:subject``.
 _HYPOTHESIS: Final = re.compile(
-    r"(?<![\w@])(?P<effect>[a-z][a-z0-9_]*)@(?P<axes>all|C[A-Za-z_]+(?:\+C[A-Za-z_]+)*)"
+    r"(?<![\w@])(?<!--accept )(?P<effect>[a-z][a-z0-9_]*)"
+    r"@(?P<axes>all|C[A-Za-z_]+(?:\+C[A-Za-z_]+)*)"
     r"(?::(?P<subject>shape \d+|-?[A-Za-z0-9_]+(?:[.-][A-Za-z0-9_]+)*))?"
 )
 #: A channel in a sentence; not the key of a setting, nor a part of a parameter's name.
@@ -129,10 +130,13 @@ def effect_words(finding: Mapping[str, Any]) -> str:
 
 
 def in_words(sentence: str) -> str:
-    """A sentence of a document with names for the ids of hypotheses in it.
+    """A sentence of a document with names for the ids of hypotheses in it; what is to be typed
+    stays.
 
     >>> in_words("it cannot be told from cross_rate@CY:r, beta_scale@all")
     'it cannot be told from the slope of CY with yaw rate, the scale of sideslip'
+    >>> in_words("mend beta_scale@all, or --accept beta_scale@all")
+    'mend the scale of sideslip, or --accept beta_scale@all'
     """
     named = _HYPOTHESIS.sub(
         lambda found: the(_phrase(*found.group("effect", "axes", "subject"))), sentence

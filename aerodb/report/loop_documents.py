@@ -130,22 +130,29 @@ def stall_remarks(stalls: Sequence[StallWindow], labels: Mapping[str, str]) -> l
 
 
 def rival_remarks(rivals: Sequence[SensorRival]) -> list[Remark]:
-    """Return a remark (`REFUSED`) on each error of a sensor that the loop finds where increments
-    are declared; shares are dimensionless."""
+    """Return a remark (`REFUSED`) on each error of a sensor that explains what declared increments
+    change; shares are dimensionless."""
     return [
         Remark(
             REFUSED,
             (rival.hypothesis,),
             {axis: (share, "1") for axis, share in rival.shares.items()},
-            f"{rival.hypothesis} may be in what was declared: {rival.because}. Its effect is "
+            f"{rival.hypothesis} may be in what was declared: {rival.because}, by"
+            f" {_size(rival.value, rival.unit)}. Its effect is "
             + ", ".join(
                 f"{share:.0%} of the change on {axis}" for axis, share in rival.shares.items()
             )
-            + ". Mend the sensor (correct it in the vehicle file, or recalibrate), or promote with"
-            f" --accept {rival.hypothesis}",
+            + ". Mend it, or state under [measured] of the vehicle file how well it is known;"
+            f" or promote with --accept {rival.hypothesis} (all of them: --accept sensors)",
         )
         for rival in rivals
     ]
+
+
+def _size(value: float, unit: str) -> str:
+    """The size of an error (SI) as people write it."""
+    factor, shown = (100.0, "%") if unit == "1" else for_people(unit, SI)
+    return f"{factor * value:.2g} {shown}"
 
 
 def _of_level(level: UnexplainedLevel) -> str:
@@ -157,9 +164,8 @@ def _of_level(level: UnexplainedLevel) -> str:
     if not level.rivals:
         return f"{what} No believable error of a sensor leaves it: see its zero term."
     needed = [
-        f"{hypothesis_words(rival.hypothesis)} ({factor * rival.value:.2g} {unit})"
+        f"{hypothesis_words(rival.hypothesis)} ({_size(rival.value, rival.unit)})"
         for rival in level.rivals
-        for factor, unit in [(100.0, "%") if rival.unit == "1" else for_people(rival.unit, SI)]
     ]
     varies = [hypothesis_words(rival.hypothesis) for rival in level.rivals if rival.varies]
     also = (

@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from .runs import mark_ended
     from .store import trim_cache
     from .tabulate import tabulate_version
-    from .trace import find_sensor_rivals, freeze_library, trace_flight, untraced_reason
+    from .trace import find_sensor_rivals, freeze_library, trace_flight
     from .update import estimate, plan_update, validate
     from .validate_responses import (
         known_responses,

@@ -48,15 +48,12 @@ def publish_candidate(
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
     rivals: tuple[SensorRival, ...],
-    untraced: Mapping[str, str],
     *,
     workspace: str,
     run: str,
 ) -> dict[str, Any]:
     """Store an update's candidate with its validation, point ``candidate`` at it, and return the
     document (docs/reference/contract.md, section "update and close-loop"), in SI units.
-
-    untraced : flight (its id) -> why no error of a sensor was looked for in it.
     """
     access = access_workspace(workspace)
     document = update_document(
@@ -75,16 +72,10 @@ def publish_candidate(
     if changed := parameter_changes(baseline, update.candidate):
         document["parameters"] = changed
     signs = (*sign_reasons(baseline, update.candidate), *refused)
-    labels = access.catalogue.flight_labels([*(each.flight for each in beyond), *untraced])
+    labels = access.catalogue.flight_labels([*(each.flight for each in beyond)])
     inputs = input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run)
     remarks = [
         *beyond_remarks(beyond, labels),
-        *(
-            said(
-                f"No error of a sensor was looked for in {labels.get(flight, flight[:12])}: {why}."
-            )
-            for flight, why in untraced.items()
-        ),
         *map(said, (*_without_thrust(access, plan), *inputs)),
         *(Remark(REFUSED, text=reason) for reason in signs),
         *rival_remarks(rivals),

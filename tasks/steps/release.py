@@ -11,6 +11,7 @@ from aerodb.increments import (
     AT_LEAST,
     CONTRADICTIONS,
     FILE_CHECKS,
+    SENSORS,
     GateCheck,
     GateVerdict,
     Measure,
@@ -55,9 +56,9 @@ def promote(
     """Point `name` at a version (its id); ``released`` only through the gate.
 
     accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
-    (``alpha_scale@all``), estimates that cannot be told apart (``alias@Cm``), findings whose shape
-    is open (``unnamed@CZ``) and ``contradictions`` of flights, for which the gate would refuse;
-    they are stored with the reason.
+    (``alpha_scale@all``, all of them ``sensors``), estimates that cannot be told apart
+    (``alias@Cm``), findings whose shape is open (``unnamed@CZ``) and ``contradictions`` of flights,
+    for which the gate would refuse; they are stored with the reason.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks, notes (what was not
     held out, what is only suspected), derivatives. Raises GateRefusal with every reason, also if
@@ -252,7 +253,7 @@ def _gate(
     derivatives = judge_derivatives(listed, gate.largest_change, accept)
     rivals = documents.report.get("rivals", [])
     known = {f"{each['axis']}_{each['variable']}" for each in listed or ()}
-    known |= {rival["hypothesis"] for rival in rivals} | {CONTRADICTIONS}
+    known |= {rival["hypothesis"] for rival in rivals} | {CONTRADICTIONS, SENSORS}
     known |= {f"alias@{entry['axis']}" for entry in documents.report.get("increments", ())}
     unknown = set(accept) - known - open_shapes(documents.report).keys()
     if unknown:

@@ -1,8 +1,7 @@
 """Tracing: the frozen library of a campaign, and the stored normal equations of each flight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from aerodb.errors import InputError
 from aerodb.increments import Update
 from aerodb.loop import Library, SensorRival, sensor_rivals
 from aerodb.loop import freeze_library as frozen_library
@@ -36,39 +35,14 @@ def freeze_library(
 
 
 def find_sensor_rivals(
-    plan: UpdatePlan,
-    library: Library,
-    update: Update,
-    untraced: Mapping[str, str],
-    *,
-    workspace: str,
-    run: str,
+    plan: UpdatePlan, library: Library, update: Update, *, workspace: str, run: str
 ) -> tuple[SensorRival, ...]:
     """Return the errors of sensors that explain what a declared update changes
-    (`aerodb.loop.sensor_rivals`), in SI units; none without a traced flight.
-
-    untraced : flight (its id) -> why it cannot be traced (`untraced_reason`). Raises InputError
-    where another flight lacks what is needed.
-    """
-    flights = [flight for flight in plan.hold_out.identified if flight not in untraced]
-    if not flights:
-        return ()
+    (`aerodb.loop.sensor_rivals`), in SI units. Raises InputError where a flight lacks what is
+    needed."""
     source = flights_of(workspace, plan.vehicle, run)
     baseline = access_workspace(workspace).database(plan.baseline)
-    return sensor_rivals(source, flights, baseline, update.candidate, library)
-
-
-def untraced_reason(
-    flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
-) -> str:
-    """Return why a flight (its id) cannot be traced on a database, empty where it was: an update
-    estimates from flights that are too short to trace. Matrices are stored as by `trace_flight`;
-    raises UnknownNameError for an unknown id."""
-    try:
-        trace_flight(flight, workspace=workspace, run=run, library=library, database=database)
-    except InputError as error:
-        return error.what
-    return ""
+    return sensor_rivals(source, plan.hold_out.identified, baseline, update.candidate, library)
 
 
 def trace_flight(

@@ -14,6 +14,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -195,7 +196,11 @@ def right(
         )  # fmt: skip
         found = asked_gate(workspace, craft.vehicle, model_text(RIGHT[kind]), version)
         before = errors(wrong, craft.database(), clean)
-        yield {"set": f"right, {name}", "kind": kind, **_judged(found, workspace, craft, before, clean)}
+        yield {
+            "set": f"right, {name}",
+            "kind": kind,
+            **_judged(found, workspace, craft, before, clean),
+        }
 
 
 def harmful(
@@ -264,7 +269,9 @@ def table(lines: Sequence[Mapping[str, Any]]) -> str:
         for kind in (*dict.fromkeys(line["kind"] for line in part), ""):
             own = [line for line in part if line["kind"] == kind or not kind]
             count = sum(line["released"] != wanted for line in own)
-            why = sorted({label for line in own if not line["released"] for label in line["failed"]})
+            why = sorted(
+                {label for line in own if not line["released"] for label in line["failed"]}
+            )
             low, high = bounds(count, len(own))
             word = "refused" if wanted else "released"
             rows.append(
@@ -291,9 +298,9 @@ def main() -> None:
             craft = airframe(name)
             rights = [kind for kind in given.kinds if kind in RIGHT]
             harms = [kind for kind in given.kinds if kind in HARMFUL]
-            for line in (
-                *right(craft, given.folder, given.seed, not given.unstated, rights),
-                *harmful(craft, given.folder, given.seed, harms),
+            for line in chain(
+                right(craft, given.folder, given.seed, not given.unstated, rights),
+                harmful(craft, given.folder, given.seed, harms),
             ):
                 with place.open("a") as file:
                     file.write(json.dumps({**line, "seed": given.seed}) + "\n")

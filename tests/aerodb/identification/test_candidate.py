@@ -7,8 +7,8 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.estimation import Fit, ParameterEstimate
 from aerodb.identification.candidate import with_fitted_estimates
+from aerodb.increments.acceptable import judge_aliases
 from aerodb.increments.estimate import Update, estimate_increments
-from aerodb.increments.gate import judge_aliases
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut
 from aerodb.report.document import update_document

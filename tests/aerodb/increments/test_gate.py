@@ -8,14 +8,9 @@ import numpy as np
 import pytest
 
 from aerodb.exchange.native import database_content_sha256, read_native
+from aerodb.increments.acceptable import judge_shapes
 from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.gate import (
-    GateVerdict,
-    Standing,
-    judge_release,
-    judge_shapes,
-    notes_on_release,
-)
+from aerodb.increments.gate import GateVerdict, Standing, judge_release, notes_on_release
 from aerodb.increments.held_out import held_out_error
 from aerodb.increments.validation import repeatability
 from aerodb.tables.analysis.check_cases import CheckCase, failed_check_cases, make_check_cases
