@@ -25,20 +25,20 @@ from aerodb.tables import AeroDatabase
 #: Least effect of a sensor's error on an axis, as a part of what the increments change there, with
 #: which it is a rival of theirs.
 _LEAST: Final = 0.1
-#: Share of the mean square of a change from which a sensor's error explains all of it
-#: (dimensionless): an increment with noise has as much left.
+#: Share of a change's mean square from which an error explains all of it (dimensionless).
+#: An increment with noise leaves as much.
 _EXPLAINS: Final = 0.9
-#: Least share of the mean square of a change that an error takes away which other axes show
-#: (dimensionless): less is not what the update changes.
+#: Least share of a change's mean square that an error shown by other axes takes (dimensionless).
+#: Less is not what the update changes.
 _TAKES: Final = 0.2
-#: Rms of a change, as a part of the residual that is left, which no flight tells from none
-#: (dimensionless): a few thousand coloured samples know a mean to a tenth of their scatter.
+#: Rms of a change, in rms of the residual, that no flight tells from none (dimensionless).
+#: A few thousand coloured samples know a mean to a tenth of their scatter.
 _UNSEEN: Final = 0.1
-#: Part of the size of an error by which its effect on one axis may differ from that on another
-#: (dimensionless): columns are tangents, right for small errors.
+#: Part of an error's size by which axes may disagree about it (dimensionless).
+#: Columns are tangents, right for small errors.
 _TANGENT: Final = 0.25
-#: Believable errors of what nobody measured, in believable ranges of the library (dimensionless):
-#: a rigging of 5 deg is seen in flight, and the library believes 3.4 deg.
+#: Believable errors of what nobody measured, in the library's ranges (dimensionless).
+#: A rigging of 5 deg is seen in flight, and the library believes 3.4 deg.
 _UNMEASURED: Final = 2.0
 #: Length of the stretches whose scores are independent of each other [s]: several periods of the
 #: short-period motion.
