@@ -5,6 +5,7 @@ from typing import Any
 
 from aerodb.flows.run import Steps, requires
 from aerodb.tasks.steps import (
+    beside_all_free,
     compare_with_version,
     estimate,
     find_sensor_rivals,
@@ -29,13 +30,16 @@ def update_flow(
     model: str,
     hold_out: list[str] | None = None,
     method: str = "regression",
+    all_free: bool = False,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) on version `baseline` (its
     id).
 
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
     None for the default rule. method : by which to estimate (`aerodb.identification.METHODS`).
-    Returns the update's document with ``label``, ``gate`` and ``page``, the file of its report.
+    all_free : whether to compare with an update that frees all terms of the baseline
+    (`beside_all_free`). Returns the update's document with ``label``, ``gate`` and ``page``, the
+    file of its report, and that comparison as ``held_or_free``.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
@@ -51,8 +55,10 @@ def update_flow(
     )
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)
+    variants = steps(beside_all_free, plan, proof, **where) if all_free else None
     library = steps(freeze_library, plan, **where)
     rivals = steps(find_sensor_rivals, plan, library, update, **where)
     document = steps(publish_candidate, plan, update, proof, beyond, rivals, **where)
     document = steps(with_gate, document, **where)
-    return {**document, "page": steps(write_update_page, document, **where)}
+    compared_with = {} if variants is None else {"held_or_free": variants}
+    return {**document, "page": steps(write_update_page, document, **where), **compared_with}

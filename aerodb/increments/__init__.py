@@ -14,7 +14,8 @@ The way through:
    of what predicts them (`Beyond`, `with_extrapolated_slopes`).
 7. `derivative_changes` gives what the update changes of the derivatives inside the data
    (`DerivativeChange`).
-8. `judge_release`, `judge_derivatives`, `judge_rivals`, `judge_shapes` and
+8. `held_or_free` says whether the terms of the database should be freed beside the declared ones.
+9. `judge_release`, `judge_derivatives`, `judge_rivals`, `judge_shapes` and
    `judge_contradictions` decide whether a version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
         notes_on_release,
         sign_reasons,
     )
+    from .held_or_free import HeldOrFree, held_or_free, with_all_terms_free
     from .held_out import NEAR_FLOOR, UNCHANGED, held_out_error
     from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
     from .parameters import ParameterSamples, check_parameters_of, parameter_samples

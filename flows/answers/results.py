@@ -1,6 +1,6 @@
 """Answers of updates, loops and estimates, and of versions flown over flights. SI units."""
 
-from typing import Any
+from typing import Any, Literal
 
 from aerodb.flows.answers.common import Answer, Theil
 from aerodb.flows.answers.versions import Gate
@@ -34,6 +34,16 @@ class RemarkData(Answer):
     text: str
 
 
+class HeldOrFree(Answer):
+    """What `update --all-free` says: held-out errors by axis, the terms that were free, the variant
+    to keep, and why."""
+
+    axes: dict[str, dict[str, float]]
+    terms: dict[str, list[str]]
+    keep: Literal["held", "free"]
+    because: str
+
+
 class Update(Answer):
     """What `update` and `close-loop` answer; `candidate` is null where nothing was added, as is
     `gate`, what the gate says of the candidate."""
@@ -51,6 +61,7 @@ class Update(Answer):
     remarks: list[str]
     remark_data: list[RemarkData]
     gate: Gate | None
+    held_or_free: HeldOrFree | None = None
 
 
 class MethodEstimate(Answer):

@@ -35,6 +35,14 @@ def update(
         str | None,
         typer.Option(help=f"Method by which to estimate: {METHODS}; default: regression."),
     ] = None,
+    all_free: Annotated[
+        bool,
+        typer.Option(
+            "--all-free",
+            help="Free all terms of the database on the declared axes as well, compare both on"
+            " held-out flights, and say which to keep. The candidate has the declared terms only.",
+        ),
+    ] = False,
     direct: Direct = False,
     verbose: Verbose = False,
 ) -> None:
@@ -76,9 +84,12 @@ def update(
         "model": text,
         "hold_out": held,
         **({} if method is None else {"method": method}),
+        **({"all_free": True} if all_free else {}),
     }
     document = session.run(update_flow, parameters, direct)
     print_update(session, document, verbose)
+    if all_free:
+        say_held_or_free(session, document["held_or_free"])
     session.answer(document)
 
 
@@ -167,6 +178,28 @@ def print_update(session: Session, document: dict[str, Any], verbose: bool) -> N
     say_derivatives(session, document.get("derivatives", []))
     for sentence in document["remarks"]:
         session.say(f"- {in_words(sentence)}")
+
+
+def say_held_or_free(session: Session, found: dict[str, Any]) -> None:
+    """Print the held-out errors with the terms of the database held and free, and which to keep."""
+    session.say()
+    session.say("error on held-out flights, with the terms of the database held and free:")
+    session.table(
+        ["axis", "before", "held", "all free"],
+        [
+            [axis, *(_number(errors[name]) for name in ("before", "held", "free"))]
+            for axis, errors in found["axes"].items()
+        ],
+        numbers=(1, 2, 3),
+    )
+    advice = {
+        "held": "Keep the terms of the database",
+        "free": "Free them: declare these terms in the model file, and update again",
+    }
+    session.say(f"{advice[found['keep']]}. {found['because']}.")
+    if found["keep"] == "free":
+        for axis, terms in found["terms"].items():
+            session.say(f"  {axis}: {', '.join(terms)}")
 
 
 #: Columns of the label on the left of the five lines.

@@ -17,7 +17,9 @@ from aerodb.increments import (
     ModelFile,
     Update,
     choose_hold_out,
+    held_or_free,
     parse_model_file,
+    with_all_terms_free,
 )
 from aerodb.loop import ByMethod, estimate_declared, validate_declared
 from aerodb.remarks import UNUSABLE, Remark, sentences
@@ -222,6 +224,35 @@ def validate(
         access.database(plan.baseline),
         _by_method(access, plan, run),
     )
+
+
+def beside_all_free(
+    plan: UpdatePlan, proof: Sequence[AxisValidation], *, workspace: str, run: str
+) -> dict[str, Any]:
+    """Update with all terms of the baseline freed beside the plan's, and compare with `proof`,
+    which has them held; nothing is stored.
+
+    Returns a document: axes (axis -> held-out rms before, held, free; dimensionless), terms (axis
+    -> what was free), keep (``held`` or ``free``), because. Raises InputError where no flight is
+    held out, and where a term of the baseline is no number times a regressor.
+    """
+    access = access_workspace(workspace)
+    source = StoredFlights(access, plan.vehicle, run)
+    database = access.database(plan.baseline)
+    model = with_all_terms_free(parse_model_file(plan.model), database)
+    by_method = _by_method(access, plan, run)
+    update = estimate_declared(source, plan.hold_out.identified, model, database, by_method)
+    other, _ = validate_declared(source, plan.hold_out, update, model, database, by_method)
+    found = held_or_free([each.axis for each in model.increment], proof, other)
+    return {
+        "axes": {
+            axis: dict(zip(("before", "held", "free"), errors, strict=True))
+            for axis, errors in found.errors.items()
+        },
+        "terms": {each.axis: list(each.terms) for each in model.increment},
+        "keep": found.keep,
+        "because": found.because,
+    }
 
 
 def _by_method(access: WorkspaceAccess, plan: UpdatePlan, run: str) -> ByMethod | None:

@@ -1,6 +1,7 @@
 """Six separate surfaces by command: logs of legs as tables, a locked surface that the loop names, a
 healthy aircraft that it leaves alone, and its product of inertia by nonlinear refinement."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -81,3 +82,20 @@ def test_new_terms_and_the_product_of_inertia_by_command(tmp_path: Path) -> None
     refused = aerodb(workspace, "update", *VEHICLE, "--baseline", "v0001", "--model", str(model))
     assert refused.returncode == 3
     assert "an update changes a database, not Ixz" in refused.stderr
+
+
+def test_new_terms_alone_or_with_all_free_by_command(tmp_path: Path) -> None:
+    """The database is right but for the new terms: freeing the rest gains nothing on two held-out legs."""
+    workspace = ingested(tmp_path, 6, None, new=False)
+    model = tmp_path / "model.toml"
+    model.write_text(NEW)
+    given = (*VEHICLE, "--baseline", "v0001", "--model", str(model), "--all-free", "--direct")
+    told = aerodb(workspace, "update", *given).stdout
+    assert "4 to find, 2 to check" in told
+    assert "Keep the terms of the database. All terms free predict " in told
+    errors, variants = told.split("with the terms of the database held and free:")
+    for axis in ("CY", "Cl", "Cn"):
+        (outcome,) = re.findall(rf"^{axis} +(\S+) +(\S+)", errors, re.MULTILINE)
+        (found,) = re.findall(rf"^{axis} +(\S+) +(\S+) +(\S+)", variants, re.MULTILINE)
+        assert found[:2] == outcome, axis
+        assert float(found[1]) < float(found[0]), axis

@@ -62,7 +62,7 @@ def write_build_up_flights(folder: Path, vehicle_text: str, database_text: str) 
         raise ValueError(f"the build-up has no {sorted(lacking)}")
     truth, vehicle = with_parameters(written, FLOWN), parse_vehicle(vehicle_text)
     return [
-        _write(folder / f"flight-{k + 1}.csv", _measured(truth, vehicle, k, *each))
+        write_table(folder / f"flight-{k + 1}.csv", _measured(truth, vehicle, k, *each))
         for k, each in enumerate(FLIGHTS)
     ]
 
@@ -107,7 +107,7 @@ def _measured(
     }
 
 
-def _write(path: Path, table: dict[str, Array]) -> Path:
+def write_table(path: Path, table: dict[str, Array]) -> Path:
     units = dict.fromkeys("uvw", "m/s") | {"throttle": "-"}
     header = ",".join(f"{name} [{units.get(name) or channel(name).unit}]" for name in table)
     np.savetxt(path, np.column_stack(list(table.values())), "%.8g", ",", header=header, comments="")

@@ -357,6 +357,10 @@ def prepare(guide: str, folder: Path) -> None:
     build_up = re.search(r"<!-- flights of the build-up (\S+), vehicle (\S+) -->", guide)
     if build_up:
         write_build_up_flights(folder, files[build_up[2]], files[build_up[1]])
+    if "<!-- flights of JSBSim's c172p -->" in guide:
+        from tests.support.guide_light_aircraft import write_light_aircraft_flights
+
+        write_light_aircraft_flights(folder)
     table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
     if table:
         write_table(folder / table[2], folder / table[1])
