@@ -291,7 +291,13 @@ def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
     terms = []
     for regressor, value in entries.items():
         tree = _parsed(regressor, f"[derivatives.{axis}]")
-        if isinstance(tree, Number) and tree.value == 1.0:
+        if isinstance(tree, Number) and tree.value != 1.0:
+            raise InputError(
+                f"the key '{regressor}' would multiply {value:g} by {tree.value:g}",
+                f"[derivatives.{axis}]",
+                'the constant has the key "1"',
+            )
+        if isinstance(tree, Number):
             terms.append(Term(f"{axis}_0", axis, number(value)))
         else:
             suffix = re.sub(r"\W+", "_", regressor).strip("_")

@@ -154,6 +154,8 @@ def test_derivatives_on_unknown_names_and_empty_files_are_refused() -> None:
         read_native(REFERENCE + "[derivatives.CZ]\nalpah = 1.0")
     with pytest.raises(InputError, match="did you mean 'Cm'"):
         read_native(REFERENCE + "[derivatives.CM]\nalpha = 1.0")
+    with pytest.raises(InputError, match="the key '0' would multiply"):
+        read_native(REFERENCE + "[derivatives.CZ]\n0 = 0.3")
     with pytest.raises(InputError, match="neither terms nor derivatives"):
         read_native(REFERENCE)
     with pytest.raises(InputError):
