@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 9,
     "update": 14,
     "gram": 14,
-    "close_loop": 44,
+    "close_loop": 45,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

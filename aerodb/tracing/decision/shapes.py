@@ -8,6 +8,7 @@ that are chosen and fitted without the flight that they predict. docs/method/tra
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
@@ -39,6 +40,9 @@ FEWEST_SHAPED: Final = 4
 #: of a sensor's gain that a function must reach to stand beside it; `LOST` where the sensor gains
 #: on no other axis.
 _NEARLY: Final = 0.8
+#: Terms whose shapes a term may stand for together, as a combination of what both miss: of 20 such
+#: terms in noise, one at a time finds 6, two 14, and neither is wrong about 60 right terms.
+_PARTNERS: Final = 2
 #: Part of what an increment model explains that a wrong sensor must explain to be mended first.
 _MOST: Final = 0.5
 
@@ -160,16 +164,19 @@ class _Shapes:
         return next(filter(None, (self._leaning(finding, axis) for axis in on)), finding)
 
     def _leaning(self, finding: Finding, axis: str) -> Finding | None:
-        """The finding as suspected where it is needed only beside the shape of another term.
+        """The finding as suspected where it is needed only beside the shape of another term, or
+        beside those of two, of which it is a combination.
 
-        In the place of that term stand functions of other variables than the finding's own, which
-        predict as well; given them, the finding gains little. None where it leans on no other term.
+        In their place stand functions of other variables than the finding's own, which predict as
+        well; given them, the finding gains little. None where it leans on no other term.
         """
         problem, named = self._problem(axis), self._named(axis)
         own = named.index(finding.hypothesis)
         before = problem.left_out(problem.flights, range(len(named)))
-        for other in (k for k in range(len(named)) if k != own):
-            rest = [k for k in range(len(named)) if k != other]
+        others = [k for k in range(len(named)) if k != own]
+        groups = (group for n in range(1, _PARTNERS + 1) for group in combinations(others, n))
+        for partners in groups:
+            rest = [k for k in range(len(named)) if k not in partners]
             picked = problem.chosen(problem.flights, rest)
             variables = self.functions.variables(picked)
             apart = self._drivers(finding).isdisjoint(_channels(variables))
@@ -177,15 +184,16 @@ class _Shapes:
             if not picked or not apart or float(after.sum()) < float(before.sum()):
                 continue
             beside = [k for k in rest if k != own]
-            alone = self._gain(problem, own, [*beside, other], ())
+            alone = self._gain(problem, own, [*beside, *partners], ())
             if not self._kept(problem, own, beside, picked, alone):
                 shape = _shape(axis, variables, *self._fall(problem, after, before), [])
+                names = [named[k] for k in partners]
                 return doubted(
                     finding,
-                    f"a function of {', '.join(variables)} in the place of {named[other]} predicts"
-                    f" {axis} of left-out flights as well, and leaves it nothing",
+                    f"a function of {', '.join(variables)} in the place of {' and '.join(names)}"
+                    f" predicts {axis} of left-out flights as well, and leaves it nothing",
                     verdict="suspected",
-                    shape=shape | {"of": named[other]},
+                    shape=shape | {"of": names[0], **({"with": names[1]} if names[1:] else {})},
                 )
         return None
 

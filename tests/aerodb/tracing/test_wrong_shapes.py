@@ -149,6 +149,46 @@ def test_a_term_that_leans_on_the_shape_of_another_is_suspected() -> None:
     assert "elevator@CZ" not in checked(lambda rate, elevator, past: past)
 
 
+def test_a_term_that_leans_on_the_shapes_of_two_others_is_suspected() -> None:
+    """Flap and elevator act with a kink that their terms lack. The brake, which was moved as a
+    combination of both kinks, stands for them. Where it acts itself, moved so or independently, it
+    stands beside the right shapes and beside the wrong ones."""
+
+    def checked(base: int, kinked: bool, acts: bool, follows: bool = True) -> list[Finding]:
+        flights, step, size = [], 0.04, 1500
+        for seed in range(6):
+            rng = np.random.default_rng([seed, base])
+            moved = (wandering(rng, size, 0.95) for _ in range(3))
+            flap, elevator, own = (each / each.std() for each in moved)
+            kinks = np.abs(flap) + np.abs(elevator)
+            brake = kinks + 0.3 * own if follows else own
+            measured = flap + elevator + 0.5 * kinks * kinked + 0.5 * brake * acts
+            measured = measured + 0.5 * measured.std() * wandering(rng, size, 0.9)
+            surfaces = {"flap": flap, "elevator": elevator, "speedbrake": brake}
+            evidence = Evidence(
+                f"f{seed}", step, {"CZ": measured}, {"CZ": np.ones(size, dtype=bool)},
+                {f"{name}@CZ": {"CZ": values} for name, values in surfaces.items()},
+            )  # fmt: skip
+            shown = {f"delta_{name}": values for name, values in surfaces.items()}
+            flights.append(FlightResidual(evidence, shown))
+        library = [
+            replace(term(n, "CZ"), subject="", increment=(("CZ", parse(f"delta_{n}")),))
+            for n in ("flap", "elevator", "speedbrake")
+        ]
+        findings = [
+            replace(FINDING, hypothesis=h.id, effect=h.effect, axis=("CZ",)) for h in library
+        ]
+        return [*with_checked_shapes(flights, findings, library, SETTINGS)]
+
+    stands = [checked(base, True, False)[2] for base in range(30, 40)]
+    leaning = [f.shape for f in stands if f.verdict == "suspected" and f.shape and "of" in f.shape]
+    assert len(leaning) >= 6
+    assert any("with" in shape for shape in leaning)
+    for base in range(30, 36):
+        assert {f.verdict for f in checked(base, False, True)} == {"confirmed"}
+        assert not checked(base, True, True, follows=False)[2].shape
+
+
 def test_a_term_whose_estimates_scatter_differs_between_flights() -> None:
     errors = np.array([0.1, 0.2, 0.1, 0.3, 0.2, 0.1])
 
