@@ -40,8 +40,8 @@ FEWEST_SHAPED: Final = 4
 #: of a sensor's gain that a function must reach to stand beside it; `LOST` where the sensor gains
 #: on no other axis.
 _NEARLY: Final = 0.8
-#: Terms whose shapes a term may stand for together, as a combination of what both miss: of 20 such
-#: terms in noise, one at a time finds 6, two 14, and neither is wrong about 60 right terms.
+#: Terms whose shapes a term may stand for together, as a combination of what both miss. Of 20 such
+#: terms in noise, one at a time finds 6, two 14; neither is wrong about 60 right terms.
 _PARTNERS: Final = 2
 #: Part of what an increment model explains that a wrong sensor must explain to be mended first.
 _MOST: Final = 0.5
