@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 5,
-    "conditioning": 10,
+    "conditioning": 11,
     "consistency": 21,
     "coefficients": 4,
     "compare": 4,

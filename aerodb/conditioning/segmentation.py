@@ -73,6 +73,10 @@ class Segment:
 #: Share of the usual command of rotors above which they carry the aircraft: half the speed lifts a
 #: quarter of the weight.
 CARRYING: Final = 0.5
+#: Speed [m/s] below which a vehicle that rotors carry hovers: a tenth of what induces its thrust.
+HOVER_SPEED: Final = 1.0
+#: Shortest hover [s]: about what a multicopter needs to stop.
+HOVER_TIME: Final = 2.0
 #: Why hover is a segment of its own.
 HOVER: Final = "rotors carry the aircraft, by the modes of its autopilot"
 #: Kinds that are no manoeuvres.
@@ -91,6 +95,7 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
     flight = _with_ground(flight)
     view = _View(flight)
     parts = [*ground_and_air(flight), *configurations(flight), *_failed(flight)]
+    parts += _standing(flight)
     surfaces = _surfaces(view)
     manoeuvres = [*_inputs(view, surfaces), *_responses(view, surfaces)]
     parts += manoeuvres
@@ -197,6 +202,19 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         for a, b in runs(up)
     ]
     return tuple(sorted(parts, key=lambda segment: segment.start))
+
+
+def _standing(flight: Flight) -> list[Segment]:
+    """Where rotors whose commands are logged carry the aircraft and it hardly moves: hover, which
+    counts like any other flight of what has no wing."""
+    if "V" not in flight or not any(is_command(name) for name in flight.channels):
+        return []
+    slow = _carried(flight) & (bridge(flight["V"]) < HOVER_SPEED) & ~flagged(flight, "hover")
+    reason = f"rotors carry it at less than {HOVER_SPEED:g} m/s"
+    return [
+        Segment("hover", float(flight.time[a]), float(flight.time[b]), reason)
+        for a, b in runs(slow, round(HOVER_TIME / flight.step))
+    ]
 
 
 def _carried(flight: Flight) -> Mask:

@@ -40,7 +40,13 @@ from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.remarks import MISPLACED, NEVER_AIRBORNE, Remark, of_error
 from aerodb.support import Array
-from aerodb.vehicle import Vehicle
+from aerodb.vehicle import (
+    FLOW,
+    Vehicle,
+    lacks_airspeed,
+    with_flow_over_ground,
+    without_flow_over_ground,
+)
 
 
 @dataclass(frozen=True)
@@ -82,14 +88,27 @@ def make_consistent(
     vehicle : sensor positions, priors and accuracy limits.
     calibration : prior of the sensor parameters; None: the priors of the vehicle file.
     """
+    measured = without_flow_over_ground(flight, vehicle)
     try:
         with failing_alone("the reconstruction", f"flight {flight.id[:12]}"):
-            return _checked(flight, vehicle, calibration)
+            return _flowing(_checked(measured, vehicle, calibration), flight, vehicle)
     except CalculationError as error:
         verdict = Verdict("rejected", (of_error(error),), ())
         return Consistent(flight, {}, (), unreadable_document(error), verdict)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
+
+
+def _flowing(made: Consistent, flight: Flight, vehicle: Vehicle) -> Consistent:
+    """The result with the flow of a vehicle that rotors carry, from its corrected attitude."""
+    if not lacks_airspeed(flight, vehicle):
+        return made
+    corrected = replace(flight, channels={**flight.channels, **made.flight.channels})
+    moved = with_flow_over_ground(replace(corrected, notes=made.flight.notes), vehicle)
+    if "rho" in moved:
+        moved = moved.with_channels({"qbar": 0.5 * moved["rho"] * moved["V"] ** 2})
+    changed = (*made.changed, *(name for name in (*FLOW, "qbar") if name in moved))
+    return replace(made, flight=moved, changed=tuple(dict.fromkeys(changed)))
 
 
 def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) -> Consistent:

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from .mapping import choose_mapping, map_recording
     from .mapping_draft import draft_mapping
     from .mapping_file import Mapping, parse_mapping
+    from .rotor_draft import draft_rotorcraft
+    from .rotors import FoundRotors, learnt_of
     from .signals import (
         Formula,
         Signal,

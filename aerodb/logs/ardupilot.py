@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface, stretches_of
+from aerodb.logs.rotors import FoundRotors, ardupilot_rotors
 from aerodb.recording import Recording
 
 #: First word of the firmware's name -> kind of vehicle.
@@ -67,9 +68,10 @@ def read_ardupilot(recording: Recording) -> LoggedAircraft:
         for surface in _FUNCTIONS.get(int(known.get(f"SERVO{k}_FUNCTION", -1)), ())
     }
     names = [name for name in ("aileron", "elevator", "rudder") if name in moved]
+    kind = _kind(recording, known)
     firmware = str(recording.metadata.get("ver_sw", ""))
     return LoggedAircraft(
-        kind=_kind(recording, known),
+        kind=kind,
         surfaces=tuple(LoggedSurface(name, -1, True) for name in names),
         combinations=(),
         airspeeds={
@@ -80,6 +82,7 @@ def read_ardupilot(recording: Recording) -> LoggedAircraft:
         },
         points=_points(known),
         notes=(firmware,) if firmware else (),
+        rotors=ardupilot_rotors(recording, known) if kind == "multicopter" else FoundRotors(),
     )
 
 

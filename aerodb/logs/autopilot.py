@@ -8,11 +8,12 @@ otherwise.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
+from aerodb.logs.rotors import FoundRotors, rotors_of
 from aerodb.recording import Recording
 from aerodb.signals import runs
 
@@ -46,13 +47,15 @@ _TYPES: Final = {
     29: "dodecarotor",
     35: "decarotor",
 }
-#: Kinds without a wing: nothing here describes what their rotors do.
-WINGLESS: Final = frozenset(
+#: Kinds that fixed rotors carry.
+_CARRIED: Final = frozenset(
     [
         *("multicopter", "quadrotor", "hexarotor", "octorotor", "tricopter", "dodecarotor"),
-        *("decarotor", "helicopter", "rover", "boat", "submarine"),
+        "decarotor",
     ]
 )
+#: Kinds without a wing.
+WINGLESS: Final = _CARRIED | {"helicopter", "rover", "boat", "submarine"}
 #: CA_SV_CS*_TYPE -> surface, axis of its torque, and the sign of the torque of a deflection that is
 #: positive here; 0: the torque does not say.
 _SURFACES: Final = {
@@ -104,7 +107,7 @@ class LoggedAircraft:
 
     kind : in words; '' where it does not say. airspeeds : STALL, MIN, TRIM, MAX [m/s].
     combinations : name, kind, right and left surface. points : imu and gps -> position from the CG
-    [m], body axes. notes : further parameters, one sentence each.
+    [m], body axes. notes : further parameters, one sentence each. rotors : of one without a wing.
     """
 
     kind: str
@@ -113,6 +116,12 @@ class LoggedAircraft:
     airspeeds: Mapping[str, float]
     points: Mapping[str, tuple[float, float, float]]
     notes: tuple[str, ...]
+    rotors: FoundRotors = field(default_factory=FoundRotors)
+
+    @property
+    def described(self) -> bool:
+        """Whether wings or logged rotors may be described; True also where the log does not say."""
+        return self.has_wing or self.rotors.logged
 
     @property
     def has_wing(self) -> bool:
@@ -120,9 +129,14 @@ class LoggedAircraft:
         return self.kind not in WINGLESS
 
 
-def wingless_sentence(kind: str) -> str:
-    """Return what it means that a log is of an aircraft without wings."""
-    return f"the log is of a {kind}: without a wing there is no database to compare it with"
+def wingless_sentence(aircraft: LoggedAircraft) -> str:
+    """Return what it means that a log is of an aircraft without wings whose rotors it does not
+    tell."""
+    if aircraft.rotors.rotors:
+        still = [each.name for each in aircraft.rotors.rotors if not each.topic]
+        which = f"rotor {', '.join(still[:3])}{' and more' if len(still) > 3 else ''}"
+        return f"the log is of a {aircraft.kind}: no command of {which} is logged that ever moves"
+    return f"the log is of a {aircraft.kind}: it tells neither wing nor rotors to describe"
 
 
 def hover_sentence(kind: str, hover: Sequence[tuple[float, float]] = ()) -> str:
@@ -215,6 +229,7 @@ def read_px4(recording: Recording) -> LoggedAircraft:
         },
         points=_points(known),
         notes=_notes(known),
+        rotors=rotors_of(recording, known) if _kind(known) in _CARRIED else FoundRotors(),
     )
 
 

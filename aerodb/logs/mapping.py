@@ -17,10 +17,16 @@ from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
 from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
 from aerodb.logs.time_grid import LoggedSignal, common_grid, on_grid
-from aerodb.nomenclature import channel
+from aerodb.nomenclature import channel, is_command
 from aerodb.recording import Recording
 from aerodb.support import Array
-from aerodb.vehicle import LogSource, Vehicle, add_combinations, air_data_at_cg
+from aerodb.vehicle import (
+    LogSource,
+    Vehicle,
+    add_combinations,
+    air_data_at_cg,
+    with_flow_over_ground,
+)
 
 __all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recording", "parse_mapping"]
 
@@ -118,6 +124,11 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
             entries[f"delta_{name}"] = ChannelMapping(
                 name=f"delta_{name}", sources=(place,), command=True
             )
+    calibrated = {f"delta_{name}": surface for name, surface in vehicle.surfaces.items()}
+    for name, rotor in vehicle.rotors.items():
+        place = Source(topic=rotor.log.topic, field=rotor.log.field, unit="1")
+        entries[f"command_{name}"] = ChannelMapping(name=f"command_{name}", sources=(place,))
+        calibrated[f"command_{name}"] = rotor.calibration
     for name, logged in _named_by_vehicle(vehicle).items():
         sources = (Source(topic=logged.topic, field=logged.field, unit=logged.unit or None),)
         entries[name] = ChannelMapping(name=name, sources=sources)
@@ -136,7 +147,7 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
                 entry.name,
                 located.topic,
                 located.values,
-                vehicle.surfaces[label] if entry.command else None,
+                calibrated.get(entry.name) if entry.command or is_command(entry.name) else None,
                 located.estimated,
             )
         elif entry.name in (*_RATES, *_ACCELERATIONS):
@@ -221,11 +232,13 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
     )
     flight = add_combinations(replace(flight, notes=notes), vehicle)
     flight = with_fuel_mass(flight, vehicle)
-    flight = flag_captive(complete_air_data(air_data_at_cg(flight, vehicle)))
+    flight = with_flow_over_ground(air_data_at_cg(flight, vehicle), vehicle)
+    flight = flag_captive(complete_air_data(flight))
     known = [
         *(entry.name for entry in mapping.channel),
         *(name for derived in mapping.derived for name in derived.channels),
         *(f"delta_{name}" for name in vehicle.surfaces),
+        *(f"command_{name}" for name in vehicle.rotors),
         *_named_by_vehicle(vehicle),
         *EXPECTED,
     ]

@@ -51,8 +51,11 @@ def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputErro
     what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
     remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
     kind = read_autopilot(recording)
-    if not kind.has_wing:
-        what += f"; {wingless_sentence(kind.kind)}"
+    if not kind.described:
+        what += f"; {wingless_sentence(kind)}"
+    elif kind.rotors.logged:
+        what += f"; the log is of a {kind.kind}, whose rotors the vehicle file does not name"
+        remedy = "aerodb vehicle init NAME --from LOG writes [rotors] for it, and a database"
     elif "qbar" not in flight and "V" in flight:
         remedy += "; airspeed needs an air density: map it, or static pressure, or an altitude"
     elif "qbar" not in flight:

@@ -40,6 +40,8 @@ def lift_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     known = known_masses(flight, vehicle)
     if not names or "qbar" not in flight or "mass" not in known:
         return ()
+    if vehicle.reference.pressure is not None:
+        return ()  # no wing carries it
     needed = [*names, "qbar", *(["alpha"] if "alpha" in flight else [])]
     where = flying(flight, needed) & np.isfinite(known["mass"]) & (flight["qbar"] > 0.0)
     if int(where.sum()) < FEWEST:

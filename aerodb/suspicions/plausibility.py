@@ -159,10 +159,15 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
 
 
 def _too_large(flight: Flight) -> list[Suspicion]:
-    """Return angles that exceed a right angle in a tenth of the record or more: degrees."""
+    """Return measured angles that exceed a right angle in a tenth of the record or more:
+    degrees."""
     suspicions = []
     for name in ("alpha", "beta", "theta"):
-        if name in flight and (good := flight.usable([name])).any():
+        if (
+            name in flight
+            and name not in flight.estimated
+            and (good := flight.usable([name])).any()
+        ):
             size = float(np.quantile(np.abs(flight[name][good]), 0.9))
             if size > LARGEST_ANGLE:
                 words = f"{name} reaches {size:.3g} rad: it is in degrees, declared as radians"

@@ -6,9 +6,11 @@
 2. `add_combinations`, `with_mass_channels`, `mass_channels` and `cg_positions` give the channels of
    a flight that follow from the file.
 3. `flow_angles` turns the pressures of a five-hole probe into angles; `air_data_at_cg` moves air
-   data from the probe to the CG.
+   data from the probe to the CG; `with_flow_over_ground` stands for air data of a vehicle that
+   rotors carry.
 
-Modules: `description` (the file), `on_flights`, `template`, `five_hole` and `probe`.
+Modules: `description` (the file), `on_flights`, `template`, `five_hole`, `probe` and
+`rotorcraft`.
 """
 
 from typing import TYPE_CHECKING
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
         MASS_CHANNELS,
         Accuracy,
         AirData,
+        LoggedRotor,
         LogSource,
         MassProperties,
         Reference,
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
     from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
     from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
-    from .template import placeholders, vehicle_template
+    from .rotorcraft import FLOW, lacks_airspeed, with_flow_over_ground, without_flow_over_ground
+    from .template import UNKNOWN_INERTIA, placeholders, vehicle_template
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -141,6 +141,33 @@ class Surface(Strict):
         return self
 
 
+class LoggedRotor(Strict):
+    """Where the command or the speed of a rotor is logged, for its channel ``command_<name>``.
+
+    range : logged values that are commands of 0 and 1 [unit of the log], such as the pulses
+    [1100, 1900] or revolutions per minute [0, 9000]. lag [s] : of a first-order lag from the
+    command to the speed. reversible : whether it turns backwards, down to a command of -1.
+    """
+
+    log: LogSource
+    range: tuple[Number, Number] = (0.0, 1.0)
+    lag: Seconds = 0.0
+    reversible: bool = False
+
+    @model_validator(mode="after")
+    def _ranged(self) -> Self:
+        if self.range[0] == self.range[1]:
+            raise ValueError("range must be two different logged values")
+        return self
+
+    @property
+    def calibration(self) -> Surface:
+        """From what is logged to the command: scale and offset are scalars, without unit."""
+        scale = 1.0 / (self.range[1] - self.range[0])
+        limits = (-1.0 if self.reversible else 0.0, 1.0)
+        return Surface(limits=limits, scale=scale, offset=-scale * self.range[0], lag=self.lag)
+
+
 class Fuel(Strict):
     """Fuel on board, for logs without the channel ``fuel_mass``.
 
@@ -313,6 +340,7 @@ class Vehicle(Strict):
     mass: MassProperties
     surfaces: dict[str, Surface] = {}
     combinations: dict[str, Combination] = {}
+    rotors: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]*$")], LoggedRotor] = {}
     thrust: Thrust = Field(default_factory=Thrust)
     sensors: dict[str, Sensor] = {}
     accuracy: Accuracy = Field(default_factory=Accuracy)

@@ -1,5 +1,7 @@
 """The commented vehicle file that a user fills in, and what of it is left."""
 
+from typing import Final
+
 from aerodb.vehicle.description import Vehicle
 
 
@@ -21,7 +23,13 @@ def placeholders(vehicle: Vehicle) -> tuple[str, ...]:
         found.append("mass = 5 kg")
     if inertia:
         found.append("Ixx, Iyy, Izz = 0.4, 0.5, 0.8 kg m2")
+    if (mass.Ixx, mass.Iyy, mass.Izz) == UNKNOWN_INERTIA:
+        found.append("Ixx, Iyy, Izz = 0.01, 0.01, 0.02 kg m2")
     return tuple(found)
+
+
+#: Inertia [kg m2] about x, y, z of a multicopter that nothing tells.
+UNKNOWN_INERTIA: Final = (0.01, 0.01, 0.02)
 
 
 def vehicle_template(name: str) -> str:

@@ -37,24 +37,32 @@ def init(
 
     session: Session = context.obj
     checked(name, VEHICLE_NAME, "the name of a vehicle")  # before it becomes that of a file
-    path = Path(f"{name}.toml")
-    if path.exists():
-        raise InputError(
-            "the file exists already", str(path), "move it away, or choose another name"
-        )
-    text, filled = (
-        (vehicle_template(name), {}) if source is None else _from_log(session, name, source)
+    path, second = Path(f"{name}.toml"), Path(f"{name}-rotors.toml")
+    text, database, filled = (
+        (vehicle_template(name), "", {}) if source is None else _from_log(session, name, source)
     )
+    for each in (path, second) if database else (path,):
+        if each.exists():
+            raise InputError(
+                "the file exists already", str(each), "move it away, or choose another name"
+            )
     path.write_text(text, encoding="utf-8")
-    if filled:
+    if database:
+        second.write_text(database, encoding="utf-8")
+        filled["database"] = str(second)
+        session.say(f"{filled['airframe']}: {filled['rotors']} rotors")
+    elif filled:
         session.say(f"{filled['airframe'] or 'airframe unknown'}: {', '.join(filled['surfaces'])}")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
+    if database:
+        session.say(f"wrote {second}; then: aerodb database import {second} --vehicle {name}")
     session.answer({"file": str(path), **filled})
 
 
-def _from_log(session: Session, name: str, source: Path) -> tuple[str, dict[str, Any]]:
-    """The text of a vehicle file from a log, and what was found in it."""
-    from aerodb.logs import draft_vehicle, read_autopilot
+def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict[str, Any]]:
+    """The text of a vehicle file from a log, that of a database of its rotors ('' for one with
+    wings), and what was found in it."""
+    from aerodb.logs import draft_rotorcraft, draft_vehicle, read_autopilot, wingless_sentence
     from aerodb.storage.workspace_settings import load_settings
     from aerodb.tasks.workers import parsed_log
 
@@ -66,11 +74,12 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, dict[str,
         parsed_log(source, Path(folder) / "topics", limits) as parsed,
     ):
         autopilot = read_autopilot(parsed.recording)
-        if not autopilot.has_wing:
+        if not autopilot.described:
             raise InputError(
-                f"the log is of a {autopilot.kind}, which has no wing that a database describes",
+                wingless_sentence(autopilot),
                 str(source),
-                "use the log of an aircraft with wings; or write the file without --from",
+                "use a log with parameters and commands of its rotors (actuator_motors,"
+                " actuator_outputs, esc_status, RCOU); or write the file without --from",
             )
         if not (autopilot.kind or autopilot.surfaces):
             raise InputError(
@@ -83,7 +92,10 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, dict[str,
             "surfaces": [surface.name for surface in autopilot.surfaces],
             "airspeeds": dict(autopilot.airspeeds),
         }
-        return draft_vehicle(name, parsed.recording, autopilot), filled
+        if autopilot.has_wing:
+            return draft_vehicle(name, parsed.recording, autopilot), "", filled
+        vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot.rotors)
+        return vehicle, database, {**filled, "rotors": len(autopilot.rotors.rotors)}
 
 
 @app.command()

@@ -23,6 +23,7 @@ from aerodb.logs import (
     mapped_clock_suspicions,
     no_axis,
     numeric_fields,
+    read_autopilot,
     stated_units,
     with_mapped_clock,
     zero_channels,
@@ -35,7 +36,7 @@ from aerodb.storage.files import open_recording
 from aerodb.support import Array
 from aerodb.suspicions import air_suspicions, examine, start_suspicions
 from aerodb.tasks.workers import confined
-from aerodb.vehicle import parse_vehicle
+from aerodb.vehicle import LoggedRotor, LogSource, Vehicle, parse_vehicle
 
 #: Topics of a PX4 log with what its servos are told.
 SERVOS: Final = ("actuator_servos", "actuator_outputs")
@@ -106,7 +107,7 @@ def _found(recording: Recording, mapping: Mapping) -> tuple[dict[str, Any], Flig
     """Return the document of `look_over`, and the flight. Of a log that cannot become a flight,
     only time stamps are checked."""
     try:
-        flight = flag_unusable(map_recording(recording, mapping, parse_vehicle(_ANY)))
+        flight = flag_unusable(map_recording(recording, mapping, _vehicle(recording)))
         unusable = no_axis(recording, mapping, flight)
     except InputError as error:
         if isinstance(error.__cause__, MemoryError):
@@ -130,6 +131,18 @@ def _found(recording: Recording, mapping: Mapping) -> tuple[dict[str, Any], Flig
         "outlook": unmeasured_angles_outlook(flight),
     }
     return document, flight
+
+
+def _vehicle(recording: Recording) -> Vehicle:
+    """Enough of a vehicle to map a log, with the rotors that the log tells."""
+    rotors = {
+        rotor.name: LoggedRotor(
+            log=LogSource(topic=rotor.topic, field=rotor.field), range=(rotor.low, rotor.high)
+        )
+        for rotor in read_autopilot(recording).rotors.rotors
+        if rotor.topic
+    }
+    return parse_vehicle(_ANY).model_copy(update={"rotors": rotors})
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from aerodb.conditioning import STATES
 from aerodb.errors import InputError
 from aerodb.logs import (
     Formula,
+    FoundRotors,
     airspeed_remedy,
     channels_found,
     choose_mapping,
@@ -23,6 +24,7 @@ from aerodb.logs import (
     empty_channels,
     hover_sentence,
     hover_times,
+    learnt_of,
     not_possible,
     parse_formula,
     read_autopilot,
@@ -119,6 +121,7 @@ def _looked_into(
         summary: dict[str, Any] = {
             "mapping": None,
             **{name: [] for name in ("channels", "missing", "zero", "empty", "sensors")},
+            "rotors": None,
             "prevents": [refusal],
             "usable": False,
             "because": [refusal],
@@ -141,7 +144,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
     present, missing = channels_found(recording, chosen)
     zero, empty = zero_channels(recording, chosen), empty_channels(recording, chosen)
     autopilot = read_autopilot(recording)
-    wingless = [] if autopilot.has_wing else [wingless_sentence(autopilot.kind)]
+    wingless = [] if autopilot.described else [wingless_sentence(autopilot)]
     expected = [name for name, each in findings["outlook"].items() if each["expected"]]
     outputs = [len(recording.topics[name].fields) for name in SERVOS if name in recording.topics]
     servos = max(outputs, default=0)
@@ -150,7 +153,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         for name in (*missing, *empty, *(zero if chosen.zero_is_missing else ()))
         if name not in findings["computed"]
         and name not in expected
-        and not (servos and is_surface(name))
+        and not ((servos or autopilot.rotors.logged) and is_surface(name))
     ]
     absent = [name for name in missing if name not in findings["computed"]]
     grounded = bool(findings["segments"]) and not _flown(findings["segments"])
@@ -166,6 +169,7 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "mapping": chosen.name,
         "channels": present,
         "airframe": autopilot.kind or None,
+        "rotors": _rotors(autopilot.rotors),
         "hover": hover_sentence(autopilot.kind, hover_times(recording)),
         "sensors": list(sensor_choices(recording, chosen)),
         "missing": missing,
@@ -185,6 +189,29 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "servo_outputs": servos,
         "usable": not unusable,
         "because": [*unusable, *([] if wingless else airspeed_remedy(absent))],
+    }
+
+
+def _rotors(found: FoundRotors) -> dict[str, Any] | None:
+    """Return what a log tells of its rotors, and what can be learnt from it; None without any."""
+    if not found.rotors:
+        return None
+    return {
+        "rotors": [
+            {
+                "name": each.name,
+                "position": list(each.position),
+                "turns": each.turns,
+                "topic": each.topic,
+                "field": each.field,
+                "usual": each.usual if each.topic else None,
+                "fastest": each.fastest or None,
+            }
+            for each in found.rotors
+        ],
+        "placed": found.placed,
+        "frame": found.frame,
+        **dict(zip(("learnt", "not_learnt"), learnt_of(found), strict=True)),
     }
 
 
@@ -283,6 +310,7 @@ def inspection_lines(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     there is nothing to say. document : of ``aerodb log inspect``, with a mapping."""
     surfaces = [name for name in document["channels"] if is_surface(name)]
     unused = {*surfaces, *document["zero"], *document["empty"]}
+    winged = document["rotors"] is None
     moved = [name for name in surfaces if name not in (*document["zero"], *document["empty"])]
     return [
         ("reconstructed", "; ".join(_angles(document["outlook"]))),
@@ -291,13 +319,28 @@ def inspection_lines(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("computed", " ".join(document["computed"])),
         ("all zero", " ".join(document["zero"])),
         ("no number", " ".join(document["empty"])),
-        ("surfaces", _surfaces(moved, document["servo_outputs"])),
+        *_told_by_rotors(document["rotors"]),
+        ("surfaces", _surfaces(moved, document["servo_outputs"]) if winged else ""),
         ("hover", document["hover"]),
         ("manoeuvres", _manoeuvres(document["segments"])),
         ("suspicions", "; ".join(each["sentence"] for each in document["suspicions"][:_FEW])),
         ("not read", "; ".join(document["not_read"])),
         ("read as", "; ".join([*document["read_as"], *document["sensors"]])),
         ("damage", _counted(Counter(e["kind"].replace("_", " ") for e in document["damage"]))),
+    ]
+
+
+def _told_by_rotors(rotors: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    if rotors is None:
+        return []
+    told = [each for each in rotors["rotors"] if each["topic"]]
+    places = "by parameters" if rotors["placed"] else f"of a {rotors['frame']}, not stated"
+    words = [f"{len(rotors['rotors'])}, places {places}"]
+    words += [f"told by {told[0]['topic']}, usually {told[0]['usual']:.2f}"] if told else []
+    return [
+        ("rotors", "; ".join(words)),
+        ("learnt", "; ".join(rotors["learnt"])),
+        ("not told apart", "; ".join(rotors["not_learnt"])),
     ]
 
 

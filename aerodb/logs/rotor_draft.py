@@ -1,0 +1,260 @@
+"""Drafts of a vehicle file and a database for a multicopter, from its log.
+
+Mass, diameter and speed of rotors are in few logs. What is not known is one with what it cannot be
+told from: with a mass of 1 kg all loads are per kg, with a diameter of 1 m and commands in place of
+revolutions the coefficients hold diameter and speed. The drafts say so beside each number.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.logs.rotors import FoundRotor, FoundRotors
+from aerodb.recording import Recording, Topic
+from aerodb.signals import band_passed, first_order_lag, smooth, uniform_grid
+from aerodb.support import Array
+from aerodb.vehicle import UNKNOWN_INERTIA
+
+_GRAVITY: Final = 9.80665
+#: Density [kg/m3] for the first thrust: an update corrects the thrust.
+_DENSITY: Final = 1.2
+#: Band [Hz] in which turns answer to rotors: below, wind and trim; above, noise of gyros.
+_BAND: Final = (0.3, 8.0)
+#: Rate [Hz] of the samples that are compared, and fewest seconds of them.
+_RATE, _LEAST = 100.0, 10.0
+#: Lags [s] of rotors that are tried: none to the slowest of large propellers.
+_LAGS: Final = np.round(np.arange(0.0, 0.2001, 0.005), 4)
+#: Least correlation of turning with the rotors' moments for an inertia to be told from it.
+_FOLLOWS: Final = 0.7
+
+
+@dataclass(frozen=True)
+class LearntInertia:
+    """What turns say: inertia over mass about x and y [m2], `lag` of the rotors [s], and the
+    correlation with the rotors' moments; nan where it does not follow."""
+
+    Ixx: float
+    Iyy: float
+    lag: float
+    correlation: tuple[float, float]
+
+    @property
+    def known(self) -> bool:
+        """Whether both inertias are told."""
+        return bool(np.isfinite([self.Ixx, self.Iyy]).all())
+
+
+def learnt_inertia(recording: Recording, found: FoundRotors) -> LearntInertia:
+    """Return inertia over mass (scalars) as angular acceleration and specific force tell it.
+
+    The thrust of all rotors is the specific force along z. So the moments of their shares per kg
+    are known by their places. Least squares of them and of the rate on the angular acceleration,
+    between .3 and 8 Hz, give the inertia over mass. The lag is that of the best correlation.
+    """
+    nothing = LearntInertia(np.nan, np.nan, np.nan, (np.nan, np.nan))
+    if not (found.logged and found.placed):
+        return nothing
+    rates = _first(recording, ("vehicle_angular_velocity", "xyz[{}]"), ("IMU", "Gyr{}"))
+    force = _first(recording, ("vehicle_acceleration", "xyz[{}]"), ("IMU", "Acc{}"))
+    if rates is None or force is None:
+        return nothing
+    start = max(rates[0].time[0], force[0].time[0])
+    end = min(rates[0].time[-1], force[0].time[-1])
+    if not end - start > _LEAST:
+        return nothing
+    grid = uniform_grid(float(start), float(end), 1.0 / _RATE)
+    speeds = np.array([_share(recording.topics[r.topic], r, grid) for r in found.rotors])
+    flying = speeds.mean(axis=0) > 0.5 * np.quantile(speeds.mean(axis=0), 0.95)
+    if flying.sum() < _LEAST * _RATE:
+        return nothing
+    strength = np.array([rotor.strength for rotor in found.rotors])
+    places = np.array([rotor.position for rotor in found.rotors])
+    p, q = (_on(rates[0], rates[1].format(_named(rates[1], axis)), grid) for axis in range(2))
+    az = _on(force[0], force[1].format(_named(force[1], 2)), grid)
+    damped = [band_passed(rate, 1.0 / _RATE, *_BAND)[flying] for rate in (p, q)]
+    turning = [smooth(rate, 1.0 / _RATE, _BAND[1]).rate for rate in (p, q)]
+    turning = [band_passed(rate, 1.0 / _RATE, *_BAND)[flying] for rate in turning]
+    best = nothing
+    for lag in _LAGS:
+        share = np.array([first_order_lag(each, 1.0 / _RATE, lag) for each in speeds]) ** 2
+        share = strength[:, None] * share
+        lift = -np.median(az[flying]) / np.median(share.sum(axis=0)[flying])
+        moments = (-places[:, 1] @ share * lift, places[:, 0] @ share * lift)
+        told = [
+            _told(band_passed(moment, 1.0 / _RATE, *_BAND)[flying], *turn)
+            for moment, *turn in zip(moments, damped, turning, strict=True)
+        ]
+        correlation = (told[0][1], told[1][1])
+        if not np.isfinite(best.lag) or sum(correlation) > sum(best.correlation):
+            best = LearntInertia(told[0][0], told[1][0], float(lag), correlation)
+    return best if min(best.correlation) > _FOLLOWS else nothing
+
+
+def _told(moment: Array, rate: Array, turn: Array) -> tuple[float, float]:
+    """Inertia over mass, and correlation of what moments per kg and the rate, which damps, make of
+    the angular acceleration (n,) with it."""
+    columns = np.column_stack([moment, rate])
+    share = np.linalg.lstsq(columns, turn, rcond=None)[0]
+    made = columns @ share
+    size = np.sqrt(float(made @ made) * float(turn @ turn))
+    return (1.0 / share[0] if share[0] > 0.0 else np.nan), float(made @ turn) / max(size, 1e-12)
+
+
+def _first(recording: Recording, *places: tuple[str, str]) -> tuple[Topic, str] | None:
+    for topic, fields in places:
+        found = recording.topics.get(topic)
+        if found is not None and fields.format(_named(fields, 0)) in found.fields:
+            return found, fields
+    return None
+
+
+def _named(fields: str, axis: int) -> str:
+    return str(axis) if "[" in fields else "XYZ"[axis]
+
+
+def _on(topic: Topic, name: str, grid: Array) -> Array:
+    return np.interp(grid, topic.time, np.asarray(topic.fields[name], dtype=np.float64))
+
+
+def _share(topic: Topic, rotor: FoundRotor, grid: Array) -> Array:
+    """Command (n,) of a rotor, held until the next."""
+    values = (np.asarray(topic.fields[rotor.field], dtype=np.float64) - rotor.low) / (
+        rotor.high - rotor.low
+    )
+    good = np.isfinite(values)
+    held = np.searchsorted(topic.time[good], grid, side="right") - 1
+    return np.clip(values[good][np.maximum(held, 0)], 0.0, 1.0)
+
+
+def draft_rotorcraft(name: str, recording: Recording, found: FoundRotors) -> tuple[str, str]:
+    """Return the text of a vehicle file and of a database for the multicopter of a log.
+
+    Names that start with `rotor_` and `frame_` are parameters; lengths [m], loads [N, N m] over the
+    mass that the vehicle file states. found : rotors whose commands or speeds are logged.
+    """
+    places = np.array([rotor.position for rotor in found.rotors])
+    span = 2.0 * float(np.max(np.hypot(places[:, 0], places[:, 1])))
+    span = max(round(span, 3), 0.01)
+    pressure = float(f"{_GRAVITY / span**2:.3g}")
+    learnt = learnt_inertia(recording, found)
+    return (
+        _vehicle(name, found, span, pressure, learnt),
+        _database(name, found, span, pressure),
+    )
+
+
+def _reference(span: float, pressure: float) -> str:
+    return (
+        f"[reference]\narea = {span**2:.4g}\nchord = {span:g}\nspan = {span:g}\n"
+        f'pressure = "{pressure:g} Pa"       # of 1 kg: CZ is -1 in hover\n'
+    )
+
+
+_VEHICLE: Final = """\
+name = "{name}"
+
+{reference}
+[points]
+moment_reference = [0.0, 0.0, 0.0]
+imu = "cg"
+
+[mass]
+source = "constant"
+mass = "1 kg"          # weigh it, and scale the inertia: until then loads are per kg
+cg = [0.0, 0.0, 0.0]
+Ixx = {Ixx:g}           # kg m2: {why}
+Iyy = {Iyy:g}
+Izz = {Izz:g}
+Ixz = 0.0
+
+# Logged values that are commands of 0 and 1, and the lag from command to speed.
+"""
+
+
+def _vehicle(
+    name: str, found: FoundRotors, span: float, pressure: float, learnt: LearntInertia
+) -> str:
+    x, y, z = UNKNOWN_INERTIA
+    why = "a placeholder"
+    if learnt.known:
+        x, y = (float(f"{value:.3g}") for value in (learnt.Ixx, learnt.Iyy))
+        z, why = float(f"{x + y:.3g}"), "of 1 kg, x and y by turns in the log, z their sum"
+    text = _VEHICLE.format(
+        name=name, reference=_reference(span, pressure), Ixx=x, Iyy=y, Izz=z, why=why
+    )
+    for rotor in found.rotors:
+        text += (
+            f'[rotors.{rotor.name}]\nlog = {{ topic = "{rotor.topic}", field = "{rotor.field}" }}\n'
+        )
+        if (rotor.low, rotor.high) != (0.0, 1.0):
+            text += f"range = [{rotor.low:g}, {rotor.high:g}]\n"
+        if learnt.known and learnt.lag:
+            text += f'lag = "{learnt.lag:g} s"\n'
+    return text
+
+
+_DATABASE: Final = """\
+# Each parameter holds what flights do not tell apart from it. With a mass of 1 kg all are per kg.
+# D is the diameter of a rotor{speed}.
+name = "{name}"
+{reference}moment_reference = [0.0, 0.0, 0.0]
+
+[parameters]
+"""
+
+
+def _database(name: str, found: FoundRotors, span: float, pressure: float) -> str:
+    speeds = all(rotor.fastest for rotor in found.rotors)
+    once, twice = ("", "") if speeds else (" n_max", " n_max^2")
+    usual = float(np.mean([r.usual * (r.fastest or 1.0) for r in found.rotors]))
+    thrust = _GRAVITY / (len(found.rotors) * _DENSITY * usual**2)
+    drag = thrust * float(np.mean([rotor.moment_ratio for rotor in found.rotors]))
+    text = _DATABASE.format(
+        name=name,
+        reference=_reference(span, pressure),
+        speed="" if speeds else ", n_max its speed at full command in rev/s",
+    )
+    for key, value, what in (
+        ("rotor_cT0", thrust, f"thrust: c_T0 D^4{twice}"),
+        ("rotor_cT1", 0.0, f"loss of thrust by the flow along the axis: c_T1 D^3{once}"),
+        ("rotor_cQ", drag, f"drag moment: c_Q D^5{twice}"),
+        ("rotor_drag", 0.0, f"drag across the axis: c_D{once}"),
+        ("frame_x", 0.0, "drag area of the frame along x"),
+        ("frame_y", 0.0, "drag area of the frame along y"),
+        ("frame_z", 0.0, "drag area of the frame along z"),
+    ):
+        bounds = f", bounds = [0.0, {5.0 * value:.3g}]" if value else ""
+        text += f'{key} = {{ value = {value:.4g}{bounds}, description = "{what}" }}\n'
+    for rotor in found.rotors:
+        text += (
+            f"strength_{rotor.name} = {{ value = {rotor.strength:g}, bounds = [0.0, 2.0],"
+            f' description = "thrust of rotor {rotor.name} over that of a sound one" }}\n'
+        )
+    if not found.placed:
+        text += f"\n# Places and turning are those of a {found.frame}: measure them.\n"
+    return text + "\n" + "".join(_part(rotor, found) for rotor in found.rotors) + _FRAME
+
+
+def _part(rotor: FoundRotor, found: FoundRotors) -> str:
+    command = f"command_{rotor.name}"
+    if found.thrust_factor > 0.0 and rotor.topic == "actuator_motors":
+        f = found.thrust_factor
+        a = (1.0 - f) / (2.0 * f)
+        command = f"sqrt({a * a:g} + {command}/{f:g}) - {a:g}"
+    speed = f"{rotor.fastest:g}*{command}" if rotor.fastest else command
+    x, y, z = rotor.position
+    axis = "" if rotor.axis == (0.0, 0.0, -1.0) else f"axis = {list(rotor.axis)}\n"
+    return (
+        f'[parts.rotor_{rotor.name}]\nkind = "rotor"\nposition = [{x:g}, {y:g}, {z:g}]\n{axis}'
+        f'turns = {rotor.turns}\ndiameter = 1.0\nspeed = "{speed}"\n'
+        f'thrust = ["strength_{rotor.name}*rotor_cT0", "rotor_cT1"]\n'
+        f'torque = "rotor_cQ"\ndrag = "rotor_drag"\n\n'
+    )
+
+
+_FRAME = '[parts.frame]\nkind = "body"\nposition = [0.0, 0.0, 0.0]\n' + "".join(
+    f'[[parts.frame.load]]\naxis = "F{axis.upper()}"\n'
+    f'expression = "-0.5*rho*frame_{axis}*{own}*abs({own})"\n'
+    for axis, own in zip("xyz", "uvw", strict=True)
+)

@@ -1,0 +1,115 @@
+"""A multicopter's log of PX4, from file to report by the commands of the guide.
+
+The log is written by equations of its own (`tests.support.multicopter_flight`), and knows neither
+mass, diameter nor speed of its rotors.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.vehicle import parse_vehicle
+from tests.support.command import aerodb, asked
+from tests.support.multicopter_flight import (
+    CT0,
+    DIAMETER,
+    FASTEST,
+    INERTIA,
+    MASS,
+    MOTOR,
+    ROTOR_DRAG,
+    ROTORS,
+    fly,
+    parameters,
+    write_px4,
+)
+
+MODEL = (
+    'parameters = ["rotor_cT0", "rotor_cT1", "rotor_cQ", "rotor_drag",'
+    ' "frame_x", "frame_y", "frame_z"]\nown_constants = false\n'
+)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a vehicle, its database and one flight, all made from `quad.ulg`."""
+    folder = tmp_path_factory.mktemp("px4")
+    write_px4(folder / "quad.ulg", fly([11], 30.0, gusts=0.1))
+    for words in (
+        ("vehicle", "init", "quad", "--from", "quad.ulg"),
+        ("vehicle", "add", "quad.toml"),
+        ("database", "import", "quad-rotors.toml", "--vehicle", "quad"),
+        ("flight", "ingest", "quad.ulg", "--vehicle", "quad"),
+    ):
+        done = aerodb(folder / "workspace", *words, folder=folder)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_the_drafts_hold_the_autopilots_own_rotors(flown: Path) -> None:
+    vehicle = parse_vehicle((flown / "quad.toml").read_text())
+    assert [each.log.field for each in vehicle.rotors.values()] == [
+        f"control[{k}]" for k in range(4)
+    ]
+    assert vehicle.rotors["1"].lag == pytest.approx(MOTOR, abs=0.0101)
+    inertia = np.array([vehicle.mass.Ixx, vehicle.mass.Iyy]) / (INERTIA[:2] / MASS)
+    assert np.all(np.abs(inertia - 1.0) < 0.15)
+    text = (flown / "quad-rotors.toml").read_text()
+    for x, y, z, _ in ROTORS:
+        assert f"position = [{x:g}, {y:g}, {z:g}]" in text
+
+
+def test_what_the_flight_tells_is_the_lumped_truth(flown: Path) -> None:
+    (flown / "model.toml").write_text(MODEL)
+    answer = asked(
+        flown / "workspace", "estimate", "--vehicle", "quad", "--model", str(flown / "model.toml")
+    )
+    found = {each["parameter"]: each["estimates"]["regression"] for each in answer["parameters"]}
+    thrust = CT0 * DIAMETER**4 * FASTEST**2 / MASS
+    assert found["rotor_cT0"]["value"] == pytest.approx(thrust, rel=0.02)
+    drag = ROTOR_DRAG * FASTEST / MASS
+    assert found["rotor_drag"]["value"] == pytest.approx(drag, abs=0.01)
+
+
+def test_the_flight_is_good_and_its_report_is_written(flown: Path) -> None:
+    shown = asked(flown / "workspace", "flight", "show", "quad.ulg")
+    assert shown["verdict"] == "good"
+    assert shown["axes"]["CZ"]["of_flown"] < 1.0
+    done = aerodb(
+        flown / "workspace", "flight", "report", "quad.ulg", "--output", "page.html", folder=flown
+    )
+    assert done.returncode == 0, done.stderr
+    assert "command of rotor 1" in (flown / "page.html").read_text()
+
+
+def test_inspection_says_what_is_learnt_and_what_is_not_told_apart(flown: Path) -> None:
+    found = asked(flown / "workspace", "log", "inspect", str(flown / "quad.ulg"))
+    assert (found["usable"], found["airframe"]) == (True, "quadrotor")
+    assert len(found["rotors"]["rotors"]) == 4
+    assert "mass from thrust" in found["rotors"]["not_learnt"]
+    assert "speed from thrust" in found["rotors"]["not_learnt"]
+    assert not found["suspicions"]
+
+
+def test_motors_that_never_turn_are_said(tmp_path: Path) -> None:
+    flight = fly([12], 12.0)
+    flight.commands[:, 2] = 0.0
+    write_px4(tmp_path / "still.ulg", flight)
+    done = aerodb(tmp_path / "w", "vehicle", "init", "quad", "--from", "still.ulg", folder=tmp_path)
+    assert (done.returncode, "rotor 3" in done.stderr) == (3, True)
+
+
+def test_pulses_of_former_releases_are_commands_by_their_range(tmp_path: Path) -> None:
+    known = parameters()
+    for name in [name for name in known if name.startswith("CA_")]:
+        del known[name]
+    write_px4(
+        tmp_path / "old.ulg", fly([13], 12.0), known={**known, "PWM_MIN": 1075, "PWM_MAX": 1950},
+        pulses=(1075.0, 1950.0),
+    )  # fmt: skip
+    done = aerodb(tmp_path / "w", "vehicle", "init", "quad", "--from", "old.ulg", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    vehicle = parse_vehicle((tmp_path / "quad.toml").read_text())
+    assert vehicle.rotors["4"].range == (1075.0, 1950.0)
+    assert "those of a quad x: measure them" in (tmp_path / "quad-rotors.toml").read_text()
