@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .estimate import AxisUpdate, Update, estimate_increments, keep_slope_signs
     from .gate import (
         AT_LEAST,
+        CONTENT,
         FILE_CHECKS,
         GateCheck,
         GateVerdict,

@@ -4,7 +4,7 @@ All checks are always made, so that a refusal lists everything that is wrong. Th
 what it is given: reading from stores and recording the verdict belong to its callers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -20,6 +20,8 @@ _ROUNDING: Final = 1e-9
 _LISTED: Final = 4
 #: Under this word a person accepts an import whose file fails its own check cases.
 FILE_CHECKS: Final = "file_checks"
+#: Under this word a person accepts an import with what no aircraft has.
+CONTENT: Final = "content"
 
 
 #: Verdicts of findings that leave open what it is, in words.
@@ -183,21 +185,23 @@ def judge_import(
     imported: AeroDatabase,
     check_cases: Sequence[CheckCase],
     file_checks: Mapping[str, Any] | None,
-    accepted: bool = False,
+    accepted: Collection[str] = (),
+    unusual: Sequence[str] = (),
 ) -> GateVerdict:
     """Judge whether an imported database may become ``released``: as the first one, or in place of
     another import from which nothing was flown yet, or whose successors were rolled back.
 
     check_cases : those stored with the version. file_checks : what came of those of its file
     (`aerodb.exchange.check_file`, as JSON); None where it was imported before they were looked at.
-    accepted : whether a person accepts that they fail.
+    accepted : what a person accepts, with a reason: `FILE_CHECKS` that fail, and `CONTENT` that no
+    aircraft has. unusual : sentences on the latter (`aerodb.tables.unusual_content`).
     """
     found = file_checks or {}
     reasons = tuple(
         f"{found['failed']} numbers of the file's own check cases differ: {first}"
         f" (if its tables are right: --accept {FILE_CHECKS}, and the --reason)"
         for first in found.get("failures", ())[:1]
-        if not accepted
+        if FILE_CHECKS not in accepted
     )
     return GateVerdict(
         (
@@ -208,8 +212,19 @@ def judge_import(
                 "the file's own check cases",
                 reasons,
                 "file's cases",
-                (Measure("numbers that differ", found.get("failed", 0), None if accepted else 0),),
+                (Measure("numbers that differ", found.get("failed", 0), 0 if reasons else None),),
                 (FILE_CHECKS,) if reasons else (),
+            ),
+            GateCheck(
+                "it holds nothing that no aircraft has",
+                tuple(
+                    f"{sentence} (if it is right: --accept {CONTENT}, and the --reason)"
+                    for sentence in unusual
+                    if CONTENT not in accepted
+                ),
+                "content",
+                (Measure("unusual properties", len(unusual), None if CONTENT in accepted else 0),),
+                (CONTENT,) if unusual and CONTENT not in accepted else (),
             ),
         )
     )

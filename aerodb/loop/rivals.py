@@ -37,7 +37,7 @@ _UNSEEN: Final = 0.1
 #: Part of an error's size by which axes may disagree about it (dimensionless).
 #: Columns are tangents, right for small errors.
 _TANGENT: Final = 0.25
-#: Believable errors of what nobody measured, in the library's ranges (dimensionless).
+#: Believable zero of a surface that nobody measured, in the library's range (dimensionless).
 #: A rigging of 5 deg is seen in flight, and the library believes 3.4 deg.
 _UNMEASURED: Final = 2.0
 #: Length of the stretches whose scores are independent of each other [s]: several periods of the
@@ -300,7 +300,8 @@ def _best(change: _Change, found: Sequence[_Explains]) -> list[_Explains]:
 
 def _believable(hypothesis: Hypothesis, size: float) -> bool:
     """Whether an error may be of this size (SI); what was measured may be off as far as stated."""
-    factor = 1.0 if hypothesis.known_by else _UNMEASURED
+    is_rigging = hypothesis.effect == "surface_bias" and not hypothesis.known_by
+    factor = _UNMEASURED if is_rigging else 1.0
     low, high = (factor * end for end in hypothesis.plausible)
     return low <= size <= high
 

@@ -73,6 +73,7 @@ if TYPE_CHECKING:
         table_grids,
         tabulate,
         unstated_inputs,
+        unusual_content,
         vary,
         with_estimated_parameters,
         with_parameter_covariance,

@@ -169,6 +169,13 @@ def _say_checks(session: Session, document: dict[str, Any]) -> None:
 
 def _say_values(session: Session, document: dict[str, Any]) -> None:
     """Warn of coefficients that have no value anywhere."""
+    for sentence in document["unusual"]:
+        session.say(f"WARNING: {sentence}")
+    if document["unusual"] and not document["released"]:
+        session.say(
+            f"not released. Import the mended file; or, if it is right: aerodb version promote"
+            f" {document['label']} --name released --accept content --reason TEXT"
+        )
     if document["without_values"]:
         names = ", ".join(document["without_values"])
         session.say(

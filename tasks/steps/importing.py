@@ -29,7 +29,13 @@ from aerodb.exchange import (
 )
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import files_beside
-from aerodb.tables import AeroDatabase, ReferenceGeometry, curves, lacking_effects
+from aerodb.tables import (
+    AeroDatabase,
+    ReferenceGeometry,
+    curves,
+    lacking_effects,
+    unusual_content,
+)
 from aerodb.tasks.result_versions import JSBSIM_IMPORT, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.inputs import flights_of, inputs_document
 from aerodb.tasks.steps.publish import add_version, move
@@ -64,7 +70,8 @@ def import_database(
 
     A vehicle's first import becomes ``released``, and so does the same file imported again while
     nothing was made of the first; neither does if the check cases of the file fail, or if a
-    coefficient has no finite value (`without_values`).
+    coefficient has no finite value (`without_values`), or if it holds what no aircraft has
+    (`unusual_content`).
 
     further : files that are read with the first as one database (runs of an aerodynamic code).
 
@@ -72,7 +79,7 @@ def import_database(
     replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
-    without_values (coefficients that are finite nowhere), read_as (how the file was read), lacks
+    without_values (coefficients that are finite nowhere), unusual (sentences), read_as (how the file was read), lacks
     (what the database does not know, `lacking_effects`), curves (C_lift, C_drag, Cm over alpha),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
     ask : where inputs leave questions, store nothing and return them (questions: each an
@@ -115,9 +122,12 @@ def import_database(
         known = inputs_document(access, vehicle, database, flights, bindings or {})
         settings["held"] = held
     outcome, gone = _outcome(checks), list(without_values(database))
+    cg = _cg_of(access.vehicle(vehicle)[0])
+    unusual = [] if gone else list(unusual_content(database, cg))
     report = {
         "imported_from": path.name,
         **({"without_values": gone} if gone else {}),
+        **({"unusual": unusual} if unusual else {}),
         **({"held_at_zero": held} if held else {}),
         **({"further_files": [each for each, _ in more]} if more else {}),
         **({"file_checks": outcome} if outcome else {}),
@@ -135,7 +145,7 @@ def import_database(
             reason=replace_reason,
             accept=accept,
         )
-    elif (checks is None or checks.passed) and not gone:
+    elif (checks is None or checks.passed) and not gone and not unusual:
         _release(access, version, released, path.name)
     replaced = access.catalogue.version_of_id(released).label if released else None
     now = access.named(vehicle, RELEASED)
@@ -147,6 +157,7 @@ def import_database(
         "replaced": replaced if now == version.id and released != version.id else None,
         "held": held,
         "without_values": gone,
+        "unusual": unusual,
         "file_checks": outcome,
         "read_as": database.description.splitlines() if is_of_code(data, path.name) else [],
         "lacks": list(lacking_effects(database)) if not gone else [],
@@ -164,6 +175,17 @@ def _curves(database: AeroDatabase) -> dict[str, list[float]]:
     alpha = np.deg2rad(_SHOWN)
     found = {axis: values.tolist() for axis, values in curves(database, alpha).items()}
     return {"alpha": alpha.tolist(), **found} if found else {}
+
+
+def _cg_of(vehicle: Vehicle) -> tuple[float, float, float] | None:
+    """Return where moments are taken about, of a vehicle file [m, body axes]: the CG where it is one
+    point, else the moment reference where it is one."""
+    fixed = vehicle.points.moment_reference
+    point = vehicle.mass.cg if vehicle.mass.source == "constant" else fixed
+    match point:
+        case (float(x), float(y), float(z)):
+            return (x, y, z)
+    return None
 
 
 def known_vehicle(vehicle: Vehicle) -> KnownVehicle:

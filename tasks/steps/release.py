@@ -9,6 +9,7 @@ from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256
 from aerodb.increments import (
     AT_LEAST,
+    CONTENT,
     CONTRADICTIONS,
     FILE_CHECKS,
     SENSORS,
@@ -280,12 +281,12 @@ def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[s
     """The gate of an import that becomes the first released version, or replaces another import."""
     documents = access.catalogue.version_documents(row.id)
     imported = _read(row, documents)
-    unknown = set(accept) - {FILE_CHECKS}
+    unknown = set(accept) - {FILE_CHECKS, CONTENT}
     if unknown:
         raise InputError(
             f"nothing to accept under {', '.join(sorted(unknown))}",
             f"version {row.label}",
-            f"of an import, {FILE_CHECKS} can be accepted",
+            f"of an import, {FILE_CHECKS} and {CONTENT} can be accepted",
         )
     standing = Standing(
         label=row.label,
@@ -297,8 +298,9 @@ def _gate_of_import(access: WorkspaceAccess, row: VersionRow, accept: Sequence[s
         content_sha256=database_content_sha256(imported),
     )
     cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
-    checks = documents.report.get("file_checks")
-    return judge_import(standing, imported, cases, checks, FILE_CHECKS in accept)
+    report = documents.report
+    checks, unusual = report.get("file_checks"), report.get("unusual", ())
+    return judge_import(standing, imported, cases, checks, accept, unusual)
 
 
 def _enough_flights(

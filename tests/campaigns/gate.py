@@ -39,9 +39,9 @@ FLIGHTS = 5
 HARM = 0.05
 #: Planted errors of the database, and what is declared to correct each.
 RIGHT: Mapping[str, Mapping[str, Sequence[str]]] = {
-    "lift slope 15 %": {"CZ": ("1", "alpha")},
-    "lift 15 %": {"CZ": ("1", "alpha"), "CX": ("1", "alpha")},
-    "offset of lift": {"CZ": ("1",)},
+    "lift slope 15 %": {"C_lift": ("1", "alpha")},
+    "lift 15 %": {"C_lift": ("1", "alpha")},
+    "offset of lift": {"C_lift": ("1",)},
     "offset of Cm": {"Cm": ("1",)},
     "Cm_alpha 20 %": {"Cm": ("1", "alpha")},
     "Cm_de 25 %": {"Cm": ("1", "alpha", "q_hat", "delta_elevator")},
@@ -258,14 +258,20 @@ def bounds(count: int, of: int) -> tuple[float, float]:
     return low, float(beta.ppf(0.975, count + 1, of - count)) if count < of else 1.0
 
 
+def _is_right(line: Mapping[str, Any]) -> bool:
+    """Whether an update turned out right: at least half of the error is gone, and no axis is worse.
+    Where a flight tells two effects apart badly, it does not."""
+    before, after = line["error"]
+    return bool(line["harm"] < HARM and after < 0.5 * before)
+
+
 def table(lines: Sequence[Mapping[str, Any]]) -> str:
     """Set, then kind -> how many were released; of harmful ones those that do harm."""
     rows = []
     for name in dict.fromkeys(line["set"] for line in lines):
         part = [line for line in lines if line["set"] == name]
-        if name == "harmful":
-            part = [line for line in part if line["harm"] > HARM]
         wanted = name != "harmful"
+        part = [line for line in part if (_is_right(line) if wanted else line["harm"] > HARM)]
         for kind in (*dict.fromkeys(line["kind"] for line in part), ""):
             own = [line for line in part if line["kind"] == kind or not kind]
             count = sum(line["released"] != wanted for line in own)

@@ -15,7 +15,8 @@ from tests.support.small_glider import NAME, VEHICLE
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A vehicle, and runs of the lattice at four angles of attack and one alone."""
-    (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
+    near = VEHICLE.replace("cg = [-0.4, 0.0, 0.0]", "cg = [-0.08, 0.0, 0.0]")  # that of the files
+    (tmp_path / "vehicle.toml").write_text(near, encoding="utf-8")
     asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
     for alpha in (-2, 0, 2, 6):
         path = tmp_path / f"run{alpha}.st"

@@ -5,7 +5,7 @@ have been. `evaluation` gives coefficients with standard errors and places (`dec
 `consolidation` folds increments into tables (`multilinear`, `node_increment`). `differences`
 compares databases; `sensitivity` gives derivatives along a flight, `slopes` their sign changes, and
 `check_cases` guards stored versions. `lacking_effects` says what a database does not know, and
-gives its curves. `tabulation` makes tables of a database.
+gives its curves, `unusual_content` what no aircraft has. `tabulation` makes tables of a database.
 """
 
 from typing import TYPE_CHECKING
@@ -45,5 +45,6 @@ if TYPE_CHECKING:
     from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .tabulation import Tabulation, tabulate
     from .unstated_inputs import height_outside_ground_effect, unstated_inputs
+    from .unusual_content import unusual_content
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

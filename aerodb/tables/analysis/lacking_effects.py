@@ -27,7 +27,7 @@ _CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
 #: alike, the yaw of ailerons is a tenth of their roll.
 _ACTS: Final = 0.3
 #: Angles of attack [rad] at which the database is asked: attached flow of any wing.
-_ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
+ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
 
 
 def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
@@ -35,8 +35,8 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     stability, controls; "drag" where it is zero."""
     states = {state.name for state in database.states}
     inputs = [name for name in database.inputs if name not in states]
-    channels = {name: np.full(len(_ANGLES), 0.01) for name in inputs}
-    channels |= {"alpha": _ANGLES, "V": np.ones(len(_ANGLES))}
+    channels = {name: np.full(len(ANGLES), 0.01) for name in inputs}
+    channels |= {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
     sizes: dict[str, dict[str, float]] = {
         name: {
             axis: float(np.max(np.abs(values)))
@@ -56,7 +56,7 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
         for name, axis in _CONTROLS.items()
         if not rotors and not any(_acts_on(axis, sizes.get(control, {})) for control in own)
     ]
-    drag = curves(database, _ANGLES).get("C_drag")
+    drag = curves(database, ANGLES).get("C_drag")
     return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)
 
 
