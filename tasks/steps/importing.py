@@ -29,13 +29,7 @@ from aerodb.exchange import (
 )
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import files_beside
-from aerodb.tables import (
-    AeroDatabase,
-    ReferenceGeometry,
-    curves,
-    lacking_effects,
-    unusual_content,
-)
+from aerodb.tables import AeroDatabase, ReferenceGeometry, curves, lacking_effects, unusual_content
 from aerodb.tasks.result_versions import JSBSIM_IMPORT, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.inputs import flights_of, inputs_document
 from aerodb.tasks.steps.publish import add_version, move
@@ -79,7 +73,8 @@ def import_database(
     replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
-    without_values (coefficients that are finite nowhere), unusual (sentences), read_as (how the file was read), lacks
+    without_values (coefficients that are finite nowhere), unusual (what no aircraft has, in
+    sentences), read_as (how the file was read), lacks
     (what the database does not know, `lacking_effects`), curves (C_lift, C_drag, Cm over alpha),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
     ask : where inputs leave questions, store nothing and return them (questions: each an
@@ -178,8 +173,8 @@ def _curves(database: AeroDatabase) -> dict[str, list[float]]:
 
 
 def _cg_of(vehicle: Vehicle) -> tuple[float, float, float] | None:
-    """Return where moments are taken about, of a vehicle file [m, body axes]: the CG where it is one
-    point, else the moment reference where it is one."""
+    """Return the CG of a vehicle file [m, body axes] where it is one point, else the moment
+    reference where that is one."""
     fixed = vehicle.points.moment_reference
     point = vehicle.mass.cg if vehicle.mass.source == "constant" else fixed
     match point:
