@@ -10,6 +10,8 @@ Begin with the relation that you need; nothing here keeps state.
 - `Earth` is a local origin: `Earth.to_local` gives north and east in metres. `normal_gravity`,
   `radii_of_curvature`, `EARTH_RATE` and `PLUMB_LINE_CURVATURE` are the terms of the equations of
   motion over a rotating oblate earth (`geodesy`).
+- `Turbulence` and `DiscreteGust` are moving air: `gust_density` and `gust_covariance` in closed
+  form, `gust_series` and `DrydenGusts` as series (`turbulence`).
 - `specific_force_at_cg` and `inertial_moment` are the motion of a rigid body (`rigid_body`).
 
 Which relation fills which missing channel of a flight is decided in `aerodb.logs.air_data`.
@@ -49,5 +51,22 @@ if TYPE_CHECKING:
         radii_of_curvature,
     )
     from .rigid_body import inertial_moment, specific_force_at_cg
+    from .turbulence import (
+        FORMS,
+        GUST_VELOCITIES,
+        HIGH_ALTITUDE_LENGTH,
+        PITCH_LAG,
+        YAW_LAG,
+        DiscreteGust,
+        DrydenGusts,
+        Form,
+        Turbulence,
+        gust_covariance,
+        gust_density,
+        gust_series,
+        roll_density,
+        rotation_gain,
+        turbulence_at,
+    )
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

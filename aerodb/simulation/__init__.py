@@ -9,8 +9,8 @@ the model (flown_vehicle). Flights with a controller and logs:
 
 1. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
    (autopilot); `superposed` adds test inputs, each an `Event`, to its commands (inputs).
-2. `fly` flies many flights of a `FlownVehicle` at once in closed loop, with wind and `DrydenGusts`
-   (turbulence), and returns their true channels as a `History` (closed_loop).
+2. `fly` flies many flights of a `FlownVehicle` at once in closed loop, with wind and turbulence
+   (`aerodb.physics.DrydenGusts`), and returns their true channels as a `History` (closed_loop).
 3. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
    them with delay, bias and noise into log topics, as each `Instrument` and its `SensorSignal`
    states (sensors).
@@ -63,6 +63,5 @@ if TYPE_CHECKING:
     from .sweep import held_sweep, sweep
     from .tolerances import Tolerances, check_responses, parse_tolerances, response_agreement
     from .trim import NoTrimError, Trim, trim
-    from .turbulence import DrydenGusts
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.physics import DrydenGusts
 from aerodb.simulation.engine import initial_state
 from aerodb.simulation.flown_vehicle import FlownVehicle
 from aerodb.simulation.layout import CHAN, FEEDBACK, LOADS, MOTION, SURROUNDINGS, H, X
-from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.support import Array
 from aerodb.vehicle import Surface
 

@@ -175,6 +175,10 @@ def _prepare(
     for j in range(CHAN.ax):
         if model.motion[j] >= 0:
             slots[model.motion[j], k] = chan[j, k]
+    # The aerodynamics feel the rates against air that itself rotates; gyros do not show that.
+    for rate, turning in ((CHAN.p, H.gust_p), (CHAN.q, H.gust_q), (CHAN.r, H.gust_r)):
+        if model.motion[rate] >= 0:
+            slots[model.motion[rate], k] = chan[rate, k] - h[turning, k]
     for j in range(INPUTS):
         if model.surroundings[j] >= 0:
             slots[model.surroundings[j], k] = h[j, k]

@@ -72,8 +72,9 @@ class _Channels(NamedTuple):
 class _Surroundings(NamedTuple):
     """Rows of what acts on a run in addition to the inputs of its database, which follow, as do
     references of feedback: mass properties (cg from the vehicle's datum), moving air (wind over the
-    earth, gust in body axes), density over that of the standard atmosphere, temperature above it, a
-    further force [N] and its moment about the CG [N m] in body axes, and the ground's altitude."""
+    earth; gust and rotation of the air in body axes), density over that of the standard atmosphere,
+    temperature above it, a further force [N] and its moment about the CG [N m] in body axes, and
+    the ground's altitude."""
 
     mass: int
     cg_x: int
@@ -89,6 +90,9 @@ class _Surroundings(NamedTuple):
     gust_u: int
     gust_v: int
     gust_w: int
+    gust_p: int
+    gust_q: int
+    gust_r: int
     density_ratio: int
     temperature_offset: int
     force_x: int

@@ -9,6 +9,7 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import CHANNELS
+from aerodb.physics import FORMS, DiscreteGust, Turbulence, gust_series, turbulence_at
 from aerodb.simulation.condition import Condition
 from aerodb.simulation.inputs import SHAPES, Event
 from aerodb.support import Array
@@ -75,6 +76,7 @@ class Manoeuvre:
     condition : of the trim; `glides`: without thrust, the path angle is found. duration : [s].
     given : inputs and mass properties held, name -> text with unit. inputs : what is added to the
     trimmed inputs. thrust : input that holds the airspeed of the trim; empty: the vehicle's thrust.
+    turbulence : with the `seed` of its draw; gusts : 1-cosine.
     """
 
     name: str
@@ -84,6 +86,22 @@ class Manoeuvre:
     given: Mapping[str, str]
     inputs: tuple[Event | Wave, ...]
     thrust: str = ""
+    turbulence: Turbulence | None = None
+    seed: int = 0
+    gusts: tuple[DiscreteGust, ...] = ()
+
+    def air(self, time: Array, span: float) -> dict[str, Array]:
+        """Return the moving air at `time` [s]: (n,) of each component of velocity [m/s] and
+        rotation [rad/s] that is not zero, at the airspeed of the trim. span : [m]."""
+        speed = self.condition.V
+        moving = [each.series(time, speed, span) for each in self.gusts]
+        if self.turbulence is not None:
+            moving.append(gust_series(self.turbulence, time, speed, span, self.seed))
+        found: dict[str, Array] = {}
+        for each in moving:
+            for name, values in each.items():
+                found[name] = found.get(name, np.zeros_like(time)) + values
+        return found
 
     def series(self, time: Array) -> dict[str, Array]:
         """Return what is added to each input, (n,) at `time` [s]."""
@@ -103,7 +121,7 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"is no TOML: {error}", where) from None
-    _known(document, ("name", "duration", "trim", "set", "input"), where)
+    _known(document, ("name", "duration", "trim", "set", "input", "turbulence", "gust"), where)
     stated = document.get("trim")
     if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
         raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
@@ -129,7 +147,68 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
     thrust = str(stated.get("thrust", ""))
     if glides and thrust:
         raise InputError("glide and thrust together", f"{where}, [trim]", "leave one of them out")
-    return Manoeuvre(name, condition, glides, duration, given, inputs, thrust)
+    air, seed = _turbulence(document.get("turbulence"), condition, f"{where}, [turbulence]")
+    gusts = tuple(
+        _gust(entry, f"{where}, gust {number}")
+        for number, entry in enumerate(document.get("gust", ()), 1)
+    )
+    if (air or gusts) and (condition.ground or not condition.V > 0.0):
+        raise InputError(
+            "moving air needs a start in flight with airspeed", where, "leave it out, or give V"
+        )
+    return Manoeuvre(name, condition, glides, duration, given, inputs, thrust, air, seed, gusts)
+
+
+def _turbulence(entry: Any, condition: Condition, where: str) -> tuple[Turbulence | None, int]:
+    """Turbulence as stated, or by the wind 6 m above ground where the altitude is the height."""
+    if entry is None:
+        return None, 0
+    if not isinstance(entry, Mapping):
+        raise InputError("is no table", where, 'intensity = "1 m/s"')
+    _known(entry, ("form", "intensity", "scale", "wind_at_6m", "seed"), where)
+    form = entry.get("form", FORMS[0])
+    if form not in FORMS:
+        raise InputError(f"unknown form '{form}'", where, nearest(str(form), FORMS))
+    seed = entry.get("seed", 0)
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"seed is {seed!r}", where, "a whole number from 0")
+    if ("intensity" in entry) == ("wind_at_6m" in entry):
+        raise InputError("needs either intensity or wind_at_6m", where, 'intensity = "1 m/s"')
+    wind = quantity(entry.get("wind_at_6m", 1.0), "m/s")
+    air = turbulence_at(form, condition.altitude, wind)
+    lengths = _three(entry["scale"], "m", f"{where}, scale") if "scale" in entry else air.lengths
+    sigma = air.intensities
+    if "intensity" in entry:
+        sigma = _three(entry["intensity"], "m/s", f"{where}, intensity")
+    if min(lengths) <= 0.0 or min(sigma) < 0.0 or wind < 0.0:
+        raise InputError("intensity or scale is not positive", where, 'scale = "533 m"')
+    return Turbulence(form, lengths, sigma), seed
+
+
+def _three(value: Any, unit: str, where: str) -> tuple[float, float, float]:
+    """One value for u, v and w, or one of each."""
+    values = value if isinstance(value, list) else [value] * 3
+    if len(values) != 3:
+        raise InputError(f"{len(values)} values", where, "one, or those of u, v and w")
+    u, v, w = (quantity(each, unit) for each in values)
+    return u, v, w
+
+
+def _gust(entry: Mapping[str, Any], where: str) -> DiscreteGust:
+    _known(entry, ("component", "amplitude", "gradient", "start"), where)
+    for name in ("component", "amplitude", "gradient"):
+        if name not in entry:
+            raise InputError(f"has no {name}", where, f"add {name}")
+    component = str(entry["component"])
+    if component not in ("u", "v", "w"):
+        raise InputError(f"unknown component '{component}'", where, "u, v or w")
+    amplitude, gradient, start = (
+        quantity(entry.get(name, 1.0), unit)
+        for name, unit in (("amplitude", "m/s"), ("gradient", "m"), ("start", "s"))
+    )
+    if not gradient > 0.0:
+        raise InputError(f"gradient is {gradient:g} m", where, 'gradient = "30 m"')
+    return DiscreteGust(f"gust_{component}", amplitude, gradient, start)
 
 
 def _input(entry: Mapping[str, Any], where: str, duration: float) -> Event | Wave:

@@ -164,13 +164,15 @@ class Flown(Answer):
 
 
 class FlownManoeuvre(Answer):
-    """A version flown through a described manoeuvre; `responses` are trim, least and greatest."""
+    """A version flown through a described manoeuvre; `responses` are trim, least and greatest,
+    `air` least and greatest of gust [m/s] and rotation of the air [rad/s] in body axes."""
 
     manoeuvre: str
     ended: float
     responses: dict[str, list[float]]
     notes: list[str]
     standstill: dict[str, float] | None = None
+    air: dict[str, list[float]] | None = None
 
 
 class CheckCount(Answer):

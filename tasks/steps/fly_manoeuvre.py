@@ -104,6 +104,8 @@ def _flown(
             )
     series = {name: np.full(len(time), value) for name, value in trimmed.series.items()}
     series |= {name: series[name] + added for name, added in moved.items()}
+    air = stated.air(time, model.database.reference.span)
+    series |= air
     gains: dict[tuple[str, str], float] = {}
     if stabilise and not stated.condition.ground:
         gains = stabilising_feedback(model, FlightStretch(time, trimmed.start, series, {}, (), {}))
@@ -132,6 +134,10 @@ def _flown(
         "ended": ended,
         "notes": [*trimmed.notes, *run.notes()],
     }
+    if air:
+        document["air"] = {
+            name: [float(values.min()), float(values.max())] for name, values in air.items()
+        }
     if stands is not None:
         document["standstill"] = {"time": stands.time, "distance": stands.distance}
         document["notes"].append(

@@ -65,6 +65,21 @@ def test_it_flies_a_manoeuvre_from_its_trim(workspace: Path, tmp_path: Path) -> 
     assert flown["responses"]["beta"][2] > 0.005
 
 
+def test_it_flies_in_turbulence(workspace: Path, tmp_path: Path) -> None:
+    file = tmp_path / "turbulence.toml"
+    still = MANOEUVRE.partition("[[input]]")[0]
+    file.write_text(still + '[turbulence]\nintensity = "1 m/s"\nseed = 1\n', encoding="utf-8")
+    flown = asked(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    assert flown["ended"] == pytest.approx(30.0)
+    least, greatest = flown["air"]["gust_w"]
+    assert -5.0 < least < -0.5 < 0.5 < greatest < 5.0
+    assert flown["responses"]["alpha"][2] - flown["responses"]["alpha"][1] > 0.01
+    file.write_text(still, encoding="utf-8")
+    calm = asked(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    assert "air" not in calm
+    assert calm["responses"]["alpha"][2] - calm["responses"]["alpha"][1] < 1e-3
+
+
 def test_a_point_without_stated_air_has_that_of_its_airspeed(workspace: Path) -> None:
     at = asked(workspace, "version", "evaluate", "v0001", "--at", "alpha=2deg,V=50")
     assert at["taken_as"]["qbar"] == pytest.approx(0.5 * 1.225 * 2500, rel=1e-5)

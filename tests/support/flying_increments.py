@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from aerodb.physics.turbulence import DrydenGusts
 from aerodb.simulation import FlightModel, FlightStretch, flight_model, simulate
-from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.tables import AeroDatabase, Increment, ReferenceGeometry, Term, parse
 
 BODY = {"mass": 1043.0, "Ixx": 1285.0, "Iyy": 1825.0, "Izz": 2667.0}

@@ -17,12 +17,12 @@ from pyulog import ULog
 
 from aerodb.exchange import import_code
 from aerodb.exchange.native import read_native
+from aerodb.physics.turbulence import DrydenGusts
 from aerodb.simulation.autopilot import Autopilot, control_derivatives
 from aerodb.simulation.closed_loop import History, fly
 from aerodb.simulation.flown_vehicle import flown_of
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
-from aerodb.simulation.turbulence import DrydenGusts
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.support.arrays import Array
 from aerodb.tables import Number, Term, times

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.consistency.sensors.prediction import FlightRecord, earth_to_body
-from aerodb.simulation.turbulence import DrydenGusts
+from aerodb.physics.turbulence import DrydenGusts
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, NOISE, truth
 
 WIND = np.array([6.0, -4.0, 0.0])

@@ -24,14 +24,9 @@ from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement.sensor import predicted_change
 from aerodb.effects.measurement.sensor_flow_angles import SLOWEST
 from aerodb.nomenclature import FORCE_AXES
+from aerodb.physics import PITCH_LAG, YAW_LAG
 from aerodb.signals import first_order_lag, smooth
 from aerodb.support import Array
-
-#: Time constant with which the air's pitch rate follows the gust's rate of change, in spans over
-#: (pi V) (MIL-F-8785C, 3.7.5).
-_PITCH_LAG = 4.0
-#: The same of the air's yaw rate.
-_YAW_LAG = 3.0
 
 #: Channels from which the inertial rates of the flow angles follow.
 _NEEDED: Final = ("V", "alpha", "p", "q", "r", "phi", "theta", "qbar", "mass", "alphadot")
@@ -51,9 +46,9 @@ def air_rotation_columns(view: FlightView, measured: Mapping[str, Array]) -> Map
     alpha, beta = _gust_rates(view, measured)
     span = view.reference.span / (np.pi * max(float(np.median(view["V"])), SLOWEST))
     of_the_air = {
-        "q": first_order_lag(alpha, view.step, _PITCH_LAG * span),
+        "q": first_order_lag(alpha, view.step, PITCH_LAG * span),
         "alphadot": alpha,
-        "r": -first_order_lag(beta, view.step, _YAW_LAG * span),
+        "r": -first_order_lag(beta, view.step, YAW_LAG * span),
         "betadot": beta,
     }
     return {

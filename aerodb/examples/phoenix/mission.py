@@ -17,12 +17,11 @@ from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.instruments import instruments, lags, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange import read_native
-from aerodb.physics import DENSITY_0, GRAVITY, standard_atmosphere
+from aerodb.physics import DENSITY_0, GRAVITY, DrydenGusts, standard_atmosphere
 from aerodb.recording import Topic
 from aerodb.simulation import (
     Autopilot,
     ControlDerivatives,
-    DrydenGusts,
     Event,
     FlownVehicle,
     History,

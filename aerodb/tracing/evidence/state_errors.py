@@ -8,25 +8,24 @@ gusts along the path (`rolling_air`). docs/method/tracing.md, section 17.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from aerodb.coefficients import Comparison, compare, total_coefficients
 from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
+from aerodb.physics import (
+    HIGH_ALTITUDE_LENGTH,
+    PITCH_LAG,
+    YAW_LAG,
+    gust_density,
+    roll_density,
+    rotation_gain,
+)
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.vehicle import Vehicle
-
-#: Length L of vertical gusts above 2000 ft [m] (MIL-F-8785C, 1980, 3.7.2.1).
-_LENGTH: Final = 533.4
-#: One sigma of the air's roll rate in ``sigma_w / sqrt(L b)`` (Yeager, NASA CR-1998-206937, table
-#: 1).
-_SIZE: Final = 1.9
-#: Bandwidth of the air's roll rate in ``V / sqrt(L b)`` (the same table).
-_BANDWIDTH: Final = 2.6
 
 
 def noisy_copies(
@@ -81,12 +80,11 @@ def noisy_copies(
 def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | None:
     """Spectrum of the rate [rad/s] at which gusts roll the air about an aircraft, as channel p.
 
-    For Dryden gusts w of scale L, alpha = w/V has the one-sided spectrum ``(2 L s^2 / V^3) (1 + 3
-    x^2) / (1 + x^2)^2`` with ``x = omega L / V`` (MIL-F-8785C, 3.7.1.3); the roll rate of the air
-    over the span b is a first-order process with ``1.9 s / sqrt(L b)`` and the time constant
-    ``sqrt(L b) / 2.6 V`` (Yeager 1998). So the gusts that alpha shows give its spectrum, whatever
-    their intensity s. What counts of alpha is its difference from the path in steady wind beyond
-    the error of its sensor; without a vane, the gusts that the smoother allows for.
+    Dryden's gusts w give alpha = w/V the spectrum `aerodb.physics.gust_density` over ``V^2``, and
+    the roll rate of the air over the span `roll_density`, each in proportion to the square of their
+    intensity. So the gusts that alpha shows give its spectrum, whatever their intensity. What
+    counts of alpha is its difference from the path in steady wind beyond the error of its sensor;
+    without a vane, the gusts that the smoother allows for.
 
     span : m. None where the flight has no alpha or airspeed, or the air did not move.
     """
@@ -96,30 +94,26 @@ def rolling_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | 
     alpha = _gusts(noise, "alpha")
     edges = np.asarray(noise.edges)
     omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
-    x = np.square(omega * _LENGTH / speed)
-    intensity = alpha * (1.0 + x) ** 2 / (1.0 + 3.0 * x) * speed**3 / (2.0 * _LENGTH)
-    size, time = _SIZE**2 / (_LENGTH * span), np.sqrt(_LENGTH * span) / (_BANDWIDTH * speed)
-    density = intensity * size * 4.0 * time / (1.0 + (omega * time) ** 2)
-    return _of_rates(noise, {"p": density})
+    length = HIGH_ALTITUDE_LENGTH
+    square = alpha * speed**2 / gust_density("dryden", "w", omega, speed, length)
+    return _of_rates(noise, {"p": square * roll_density(omega, speed, length, span)})
 
 
 def rotating_air(noise: StateNoise, flight: Flight, span: float) -> StateNoise | None:
     """Spectrum of the rates p, q, r [rad/s] at which gusts turn the air about an aircraft.
 
-    p is that of `rolling_air`. q and r are how the gusts change along the path: ``omega^2 / (1 +
-    (4 b omega / pi V)^2)`` times the spectrum of the gusts in alpha, and with 3 in place of 4 of
-    those in beta (MIL-F-8785C, 3.7.5). span : m. None where the flight has no airspeed, or the air
-    did not move.
+    p is that of `rolling_air`. q and r are how the gusts change along the path: `rotation_gain`
+    times the spectrum of the gusts in alpha and in beta. span : m. None where the flight has no
+    airspeed, or the air did not move.
     """
     rolling = rolling_air(noise, flight, span)
     speed = float(np.nanmedian(flight["V"])) if "V" in flight else 0.0
     edges = np.asarray(noise.edges)
     omega = 2.0 * np.pi * np.sqrt(edges[1:] * edges[:-1])
     density = {} if rolling is None else {"p": np.asarray(rolling.density["p"])}
-    for rate, angle, width in (("q", "alpha", 4.0), ("r", "beta", 3.0)):
+    for rate, angle, lag in (("q", "alpha", PITCH_LAG), ("r", "beta", YAW_LAG)):
         if angle in noise.density and speed > 0.0:
-            filtered = omega**2 / (1.0 + (width * span * omega / (np.pi * speed)) ** 2)
-            density[rate] = _gusts(noise, angle) * filtered
+            density[rate] = _gusts(noise, angle) * rotation_gain(omega, speed, span, lag)
     return _of_rates(noise, density)
 
 

@@ -7,13 +7,13 @@ import pytest
 from scipy.signal import welch
 
 from aerodb.errors import InputError
+from aerodb.physics.turbulence import DrydenGusts, dryden_scales
 from aerodb.simulation import Actuator, FlownVehicle, flight_model, flown_of, simulate
 from aerodb.simulation.closed_loop import Actuators, History, fly
 from aerodb.simulation.engine import _DEFAULTS, initial_state
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.layout import SURROUNDINGS
 from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
-from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
 from aerodb.support.arrays import Array
 from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
 from aerodb.vehicle import Surface, parse_vehicle

@@ -328,3 +328,17 @@ def test_bad_input_is_named(change: dict[str, Array | None], said: str) -> None:
         simulate(model, np.arange(10) * 0.01, {"V": 30.0, "altitude": 100.0}, series)
     with pytest.raises(InputError, match="no airspeed"):
         simulate(model, np.arange(10) * 0.01, {"altitude": 100.0}, {**BRICK, "delta_e": 0.0})
+
+
+def test_air_that_rotates_turns_a_damped_body_with_it_and_no_gyro_shows_it() -> None:
+    """With ``Cl = -c p``, p goes exponentially to the rotation of the air."""
+    damped = flight_model(database(Cl="-0.2*p"))
+    time = np.arange(0.0, 4.0001, 0.01)
+    start = {"V": 30.0, "altitude": 0.0}
+    flown = simulate(damped, time, start, HEAVY | {"gust_p": 0.1, "temperature_offset": 0.0})
+    qbar = flown.channels["qbar"][0, 0]
+    rate = 0.2 * qbar / HEAVY["Ixx"]
+    assert flown.channels["p"][0, 0] == 0.0
+    np.testing.assert_allclose(
+        flown.channels["p"][:50, 0], 0.1 * (1 - np.exp(-rate * time[:50])), rtol=0.02, atol=1e-6
+    )

@@ -27,6 +27,23 @@ def test_units_are_converted() -> None:
     assert parse_manoeuvre(START + "glide = true").condition.climb is None
 
 
+def test_moving_air_is_that_of_the_file() -> None:
+    text = START + '[turbulence]\nwind_at_6m = "15 kt"\nform = "von_karman"\nseed = 4\n'
+    still = parse_manoeuvre(START)
+    assert still.air(TIME, 10.0) == {}
+    manoeuvre = parse_manoeuvre(text + '[[gust]]\ncomponent = "u"\namplitude = 9\ngradient = 30')
+    air = manoeuvre.air(TIME, 10.0)
+    without = parse_manoeuvre(text).air(TIME, 10.0)
+    assert set(air) == {f"gust_{name}" for name in "uvwpqr"}
+    added = air["gust_u"] - without["gust_u"]
+    assert added.max() == pytest.approx(9.0, rel=1e-3)
+    np.testing.assert_array_equal(air["gust_w"], without["gust_w"])
+    # 5000 ft are above the low-altitude model: L = 1750 ft, sigma_w = 0.1 of the wind.
+    assert manoeuvre.turbulence is not None
+    assert manoeuvre.turbulence.lengths == pytest.approx([1750 * 0.3048] * 3)
+    assert manoeuvre.turbulence.intensities[2] == pytest.approx(0.1 * 15 * 0.514444, rel=1e-5)
+
+
 def test_pulses_have_their_widths_and_signs() -> None:
     pulse = moved(described("3211", start="2", width='"0.5 s"'))
     for at, value in ((1.9, 0.0), (3.4, 2.0), (3.6, -2.0), (4.6, 2.0), (5.1, -2.0), (5.6, 0.0)):
@@ -69,6 +86,14 @@ def test_a_multisine_has_its_band_only_and_a_low_peak() -> None:
         (described("doublet", width="0"), "width is 0"),
         (described("doublet", amplitude='"2 kg"'), "kg"),
         ('duration = "2 h"\n' + START, "lasts 7200 s"),
+        (START + "[turbulence]\nseed = 1", "either intensity or wind_at_6m"),
+        (START + '[turbulence]\nform = "karman"', "unknown form 'karman'"),
+        (START + "[turbulence]\nintensity = [1, 2]", "2 values"),
+        (START + "[turbulence]\nintensity = 1\nseed = -1", "seed is -1"),
+        (START + "[turbulence]\nintensity = 1\nscale = 0", "not positive"),
+        (START + "ground = true\n[turbulence]\nintensity = 1", "a start in flight"),
+        (START + '[[gust]]\ncomponent = "x"\namplitude = 1\ngradient = 2', "component 'x'"),
+        (START + '[[gust]]\ncomponent = "w"\namplitude = 1', "has no gradient"),
     ],
 )
 def test_wrong_manoeuvres_are_named(text: str, said: str) -> None:
