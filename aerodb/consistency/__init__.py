@@ -26,6 +26,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from . import calibration
+    from .air_velocity import air_velocity
     from .calibration import Calibration, from_document
     from .corrected import Origin
     from .outlook import unmeasured_angles_outlook

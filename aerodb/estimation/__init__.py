@@ -80,8 +80,11 @@ if TYPE_CHECKING:
     )
     from .spectra import (
         FrequencyResponse,
+        GustSpectrum,
+        Interval,
         TransferFunction,
         frequency_responses,
+        gust_spectrum,
         transfer_function_fit,
     )
     from .splines import SplineKind, chosen_knots, piecewise_polynomials

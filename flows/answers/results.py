@@ -256,6 +256,39 @@ class FrequencyResponse(Answer):
     notes: list[str]
 
 
+class Limits(Answer):
+    """An estimate with its 95 % limits; null where the flight gives none."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+class GustComponent(Answer):
+    """Turbulence in one component of the gust: `intensity` and `noise` [m/s], `scale` [m];
+    `likelihood_gain` is over the other form."""
+
+    name: str
+    intensity: Limits
+    scale: Limits
+    noise: float
+    likelihood_gain: float
+
+
+class Turbulence(Answer):
+    """Turbulence that a flight met; `wind` is the mean velocity of the air north, east, down
+    [m/s]."""
+
+    form: str
+    speed: float
+    duration: float
+    highest: float
+    wind: list[float]
+    components: list[GustComponent]
+    not_measured: list[str]
+    notes: list[str]
+
+
 class Status(Answer):
     """What waits, runs, and has failed; `todo` is what a person should do."""
 

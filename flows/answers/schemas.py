@@ -32,6 +32,7 @@ ANSWERS: Final[Mapping[str, Any]] = {
     "close-loop": results.Update,
     "flight ingest": list[flights.IngestedFlight | flights.RefusedLog],
     "flight frequency-response": results.FrequencyResponse,
+    "flight turbulence": results.Turbulence,
     "calibration list": list[flights.ListedCalibration],
     "calibration show": flights.ListedCalibration,
     "recalibrate": flights.Recalibrated,

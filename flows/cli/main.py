@@ -28,6 +28,7 @@ from aerodb.flows.cli import (
     lineage,
     logs,
     mappings,
+    moving_air,
     releases,
     reports,
     responses,
@@ -72,6 +73,7 @@ app = typer.Typer(
         " --vehicle my-glider"
     ),
 )
+flights.app.command("turbulence")(moving_air.turbulence)
 flights.app.command("frequency-response")(frequency_responses.frequency_response)
 versions.app.command("fly")(responses.fly)
 versions.app.command("validate")(responses.validate)

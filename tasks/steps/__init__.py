@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from .store import trim_cache
     from .tabulate import tabulate_version
     from .trace import find_sensor_rivals, freeze_library, trace_flight
+    from .turbulence import turbulence
     from .update import beside_all_free, estimate, plan_update, validate
     from .validate_responses import (
         known_responses,

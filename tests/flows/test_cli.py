@@ -44,6 +44,7 @@ COMMANDS = [
     ["flight", "retract"],
     ["flight", "compare"],
     ["flight", "frequency-response"],
+    ["flight", "turbulence"],
     ["mapping", "init"],
     ["calibration", "list"],
     ["calibration", "show"],

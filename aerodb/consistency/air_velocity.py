@@ -1,0 +1,37 @@
+"""Velocity of the air over the earth along a flight: what moved it, seen from its own path."""
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.physics import quaternion_from_euler, to_earth
+from aerodb.support import Array
+
+#: Channels from which it follows, with `psi` taken as zero where it is not logged.
+OVER_GROUND = ("velocity_north", "velocity_east", "velocity_down")
+
+
+def air_velocity(flight: Flight) -> Array:
+    """Return the velocity of the air (3, n) [m/s]: over the earth minus through the air.
+
+    A flow angle that the flight lacks is taken as zero; samples that are not usable are NaN. Raises
+    InputError naming what the flight lacks.
+    """
+    needed = ("V", "phi", "theta", "psi", *OVER_GROUND)
+    lacking = [name for name in needed if name not in flight]
+    if lacking:
+        raise InputError(
+            f"the flight lacks {', '.join(lacking)}",
+            f"flight {flight.id[:12]}",
+            "the motion of the air follows from airspeed, attitude and velocity over the earth",
+        )
+    zero = np.zeros(len(flight.time))
+    angles = [name for name in ("alpha", "beta") if name in flight]
+    alpha, beta = (flight[name] if name in angles else zero for name in ("alpha", "beta"))
+    V = flight["V"]
+    through = V * np.stack(
+        [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
+    )
+    attitude = quaternion_from_euler(flight["phi"], flight["theta"], flight["psi"])
+    moved = np.stack([flight[name] for name in OVER_GROUND]) - to_earth(attitude, through)
+    return np.where(flight.usable([*needed, *angles]), moved, np.nan)
