@@ -94,7 +94,7 @@ def gust_covariance(form: Form, component: str, distance: Array) -> Array:
     (1975), section 3.4).
 
     >>> [round(float(x), 6) for x in gust_covariance("von_karman", "w", np.array([0.0, 1.0]))]
-    [1.0, 0.180866]
+    [1.0, 0.196511]
     """
     apart = np.abs(distance)
     if form == "dryden":
