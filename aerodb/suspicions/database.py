@@ -2,7 +2,8 @@
 slope of the lift, the factor that all moments share; controls exchanged; mass, CG and thrust.
 
 A wind tunnel may be wrong by a fifth of a lift slope or half of an elevator, and lack an effect. It
-is not wrong about the sign of a control, by a factor of four, or by one factor about all axes.
+is not wrong about the sign of a control, by a factor of four, or by one factor about all axes. A
+build-up of parts has all its tails too steep at once; there every derivative must have the factor.
 """
 
 from collections.abc import Mapping
@@ -52,6 +53,9 @@ BESIDE = 0.15
 CAUSED = 0.05
 #: Least factor that all moments share.
 SHARED = 1.25
+#: Largest difference of the factor of one derivative of a build-up from that of all moments
+#: (natural logarithm) where vehicle data explain both: inertia is known to a tenth.
+SAME = 0.1
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
 AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}
@@ -85,7 +89,7 @@ def against_database(
         surfaces += _standing(flight, axes, fits)
     area = database.reference.area
     pushed = thrust_beside(flight, vehicle, area, measured, predicted, usable)
-    shared = [] if lift or surfaces else _shared_factor(axes, fits) or _damping(axes, fits)
+    shared = [] if lift or surfaces else _shared(axes, fits, bool(database.parts))
     if not (lift or surfaces or shared):
         moments = _known(axes, fits)
         shared = mass_beside(measured, predicted, usable, flight.step, moments)
@@ -265,10 +269,19 @@ def _known(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
     ]
 
 
-def _shared_factor(
-    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]
+def _shared(
+    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression], built: bool
 ) -> list[Suspicion]:
-    """Return a factor by which all moments differ from the database's."""
+    """Return a factor by which all moments differ from the database's, or a damping in roll far
+    from it. built : of a build-up of parts, whose damping says nothing of the vehicle."""
+    return _shared_factor(axes, fits, built) or ([] if built else _damping(axes, fits))
+
+
+def _shared_factor(
+    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression], built: bool
+) -> list[Suspicion]:
+    """Return a factor by which all moments differ from the database's. built : each derivative must
+    have it, within its error and the rounding of vehicle data."""
     told = _known(axes, fits)
     if len(told) < FEWEST_MOMENTS or len({share.axis for share in told}) < 2:
         return []
@@ -277,6 +290,10 @@ def _shared_factor(
     away = np.abs(ratios - middle)
     if abs(middle) < np.log(SHARED) or float(np.median(away)) > SCATTER * abs(middle):
         return []
+    if built:
+        errors = np.array([share.error / share.ratio for share in told])
+        if np.any(away > ERRORS * errors + SAME):
+            return []
     factor = float(np.exp(middle))
     unit = ""
     if abs(np.log(factor * _SLUG_FOOT)) < 0.08:

@@ -34,6 +34,7 @@ from tests.aerodb.suspicions.test_against_vehicle import (
     vehicle,
     wrong,
 )
+from tests.support import parts
 
 SIDE = -0.5
 LATERAL = ("beta", "p_hat", "r_hat", "delta_aileron", "delta_rudder")
@@ -279,3 +280,33 @@ def test_a_database_without_lift_contradicts_no_lift() -> None:
         partial = replace(right, terms=tuple(t for t in right.terms if t.axis in axes))
         assert said(flight(), of, partial) == ()
     assert any(each.kind == "size" for each in said(flight(), of, database(CZ_alpha=0.3)))
+
+
+@pytest.mark.parametrize(
+    ("wrong_parts", "factor", "named"),
+    [
+        ({}, 1.0, False),
+        ({}, 1.3558, True),
+        (
+            {"tail_slope": 6.5, "fin_slope": 5.5, "elevator_part": 1.1, "wing_slope": 6.8},
+            1.0,
+            False,
+        ),
+    ],
+)
+def test_a_wrong_build_up_is_no_wrong_inertia(
+    wrong_parts: dict[str, float], factor: float, named: bool
+) -> None:
+    """Slopes that are all too steep lower all moments of the flight, each by a factor of its own."""
+    source = parts.flights(range(40, 41), parts.aircraft())
+    (id,) = source.flown
+    beside = source.comparison(id, parts.aircraft(wrong_parts))
+    measured = {
+        axis: values * (factor if axis in ("Cl", "Cm", "Cn") else 1.0)
+        for axis, values in beside.measured.items()
+    }
+    found = against_database(
+        source.flight(id), parts.aircraft(wrong_parts), measured, beside.predicted, beside.usable,
+        beside.bandwidth, source.vehicle,
+    )  # fmt: skip
+    assert any(each.channel == "Ixx" for each in found) == named, found
