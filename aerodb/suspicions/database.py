@@ -53,8 +53,8 @@ BESIDE = 0.15
 CAUSED = 0.05
 #: Least factor that all moments share.
 SHARED = 1.25
-#: Largest difference of the factor of one derivative of a build-up from that of all moments
-#: (natural logarithm) where vehicle data explain both: inertia is known to a tenth.
+#: Largest difference of one derivative's factor from that of all moments, natural logarithm, in a
+#: build-up: inertia is known to a tenth.
 SAME = 0.1
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
