@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 9,
-    "update": 14,
+    "update": 15,
     "gram": 14,
-    "close_loop": 45,
+    "close_loop": 46,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

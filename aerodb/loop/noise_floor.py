@@ -1,5 +1,5 @@
-"""The error that the true model would leave on a flight: sensor noise, and what flight-path
-reconstruction does not know of the state.
+"""The error that the true model would leave on a flight: sensor noise, what flight-path
+reconstruction does not know of the state, and what is stated of the vehicle data.
 
 docs/method/updates.md, "Noise floor".
 """
@@ -12,8 +12,10 @@ import numpy as np
 
 from aerodb.coefficients import Comparison, compare, total_coefficients
 from aerodb.consistency import StateNoise
+from aerodb.effects import view_of
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
+from aerodb.loop.consider import stated_consider_parameters
 from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import rms
 from aerodb.support import Array, in_threads
@@ -34,8 +36,9 @@ def noise_floors(
 
     The larger of the sensors' white noise in the measured coefficient and of the state noise run
     through measurement and prediction (which holds both, where reconstruction gives it), with the
-    stated noise of deflections and the rotation of gusts, and what the constant errors leave of
-    which reconstruction is not sure. Raises InputError where a flight lacks what is needed.
+    stated noise of deflections and the rotation of gusts. With what the constant errors leave of
+    which reconstruction is not sure, and those that the vehicle file states of mass properties,
+    thrust and deflections. Raises InputError where a flight lacks what is needed.
     """
 
     def floor(id: str) -> dict[str, NoiseFloor]:
@@ -50,7 +53,19 @@ def noise_floors(
             source.reconstruction(id).noise, source.vehicle, flight.channels, flight.step
         )
         known = {} if noise is None else state_error(flight, noise, database, source.vehicle)
-        return {axis: _with_white(sigma, known.get(axis)) for axis, sigma in white.items()}
+        view = view_of(flight, comparison, database, source.vehicle)
+        stated = stated_consider_parameters(view) if source.vehicle.measured else ()
+        return {
+            axis: _with_stated(
+                _with_white(sigma, known.get(axis)),
+                [
+                    each.sigma * each.columns[axis][comparison.usable[axis]]
+                    for each in stated
+                    if axis in each.columns
+                ],
+            )
+            for axis, sigma in white.items()
+        }
 
     return dict(zip(flights, in_threads(floor, flights), strict=True))
 
@@ -58,6 +73,15 @@ def noise_floors(
 def _with_white(sigma: float, known: tuple[float, NoiseFloor] | None) -> NoiseFloor:
     moving, constant = (0.0, NoiseFloor(0.0, 0.0)) if known is None else known
     return NoiseFloor(constant.level, float(np.hypot(max(sigma, moving), constant.shape)))
+
+
+def _with_stated(floor: NoiseFloor, errors: Sequence[Array]) -> NoiseFloor:
+    """The floor with errors (n,) of one sigma each, independent of each other."""
+    level, shape = (
+        float(np.sqrt(own**2 + sum(float(of(error)) for error in errors)))
+        for own, of in ((floor.level, lambda e: np.mean(e) ** 2), (floor.shape, np.var))
+    )
+    return NoiseFloor(level, shape)
 
 
 def state_error(

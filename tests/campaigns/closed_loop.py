@@ -290,9 +290,10 @@ def power(
 
 def report_power(lines: Sequence[dict[str, Any]]) -> str:
     """Per planted error: runs, confirmed, named with any verdict, in a set, covered, and the median
-    share of the excess held-out error that is gone where something right was added."""
+    share of what the database lacked on held-out flights that is gone where something right was
+    added; the median and the least share of the excess that is (`excess_removed`)."""
     done = [line for line in lines if not line["refused"]]
-    text = [f"{'planted':22} runs conf named inset covered  removed"]
+    text = [f"{'planted':22} runs conf named inset covered  removed excess least"]
     for kind in ["", *sorted({line["planted"] for line in done})]:
         chosen = [line for line in done if not kind or line["planted"] == kind]
         covered = [hit for line in chosen for hit in line["covered"]]
@@ -301,6 +302,12 @@ def report_power(lines: Sequence[dict[str, Any]]) -> str:
             for line in chosen
             if line["removed"] is not None and "confirmed" in line["named"]
         )
+        excess = sorted(
+            share
+            for line in chosen
+            if "confirmed" in line["named"] and line.get("errors")
+            if (share := excess_removed(line["errors"])) is not None
+        )
         counts = (
             len(chosen),
             sum("confirmed" in line["named"] for line in chosen),
@@ -308,9 +315,12 @@ def report_power(lines: Sequence[dict[str, Any]]) -> str:
             sum(line["in_set"] for line in chosen),
         )
         median = f"{gone[len(gone) // 2]:.2f}" if gone else "-"
+        least = f"{excess[len(excess) // 2]:.2f}   {excess[0]:.2f}" if excess else "-      -"
         share = f"{sum(covered)}/{len(covered)}"
         text.append(
-            f"{kind or 'all':22} " + " ".join(f"{k:4}" for k in counts) + f"  {share:>7}  {median}"
+            f"{kind or 'all':22} "
+            + " ".join(f"{k:4}" for k in counts)
+            + f"  {share:>7}  {median:7} {least}"
         )
     others = Counter(f"{v} {h}" for line in done for v, h in line["others"])
     text.append("beside: " + ", ".join(f"{name} {k}" for name, k in others.most_common(30)))

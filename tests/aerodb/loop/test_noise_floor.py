@@ -9,7 +9,7 @@ from aerodb.coefficients import compare, total_coefficients
 from aerodb.consistency import StateNoise
 from aerodb.loop import ReconstructionErrors, noise_floors
 from aerodb.signals import rms
-from aerodb.vehicle import Sensor
+from aerodb.vehicle import Sensor, with_measured
 from tests.aerodb.loop.test_axis_models import database, flights
 from tests.support.flights_in_memory import FlightsInMemory
 
@@ -75,3 +75,28 @@ def test_the_stated_noise_of_a_deflection_is_felt_by_the_prediction_alone(
     floor = noise_floors(FlightsInMemory(stated, source.flown), [id], database(1.0))[id]["Cm"]
     assert expected > 2.0 * noise_floors(source, [id], database(1.0))[id]["Cm"].total
     assert floor.total == pytest.approx(expected, rel=0.1)
+
+
+def test_the_stated_error_of_the_cg_is_in_the_floor(source: FlightsInMemory) -> None:
+    """Against the coefficients of the same flight about a CG elsewhere: their change is in the floor,
+    its mean and the rest apart, and with nothing stated nothing is."""
+    id, sigma = next(iter(source.flown)), 0.05
+    flight, vehicle, whole = source.flight(id), source.vehicle, database(1.0)
+    x, y, z = vehicle.mass.cg
+    moved = vehicle.model_copy(
+        update={"mass": vehicle.mass.model_copy(update={"cg": (x - sigma, y, z)})}
+    )
+    here, there = (
+        compare(flight, total_coefficients(flight, each), whole, vehicle.reference)
+        for each in (vehicle, moved)
+    )
+    plain = noise_floors(source, [id], whole)[id]
+    stated = with_measured(vehicle, [f"cg_x={sigma} m"])
+    floors = noise_floors(FlightsInMemory(stated, source.flown), [id], whole)[id]
+    for axis in ("Cm", "Cn"):
+        change = (there.residual(axis) - here.residual(axis))[here.usable[axis]]
+        assert rms(change) > 3.0 * plain[axis].total
+        close = 0.02 * rms(change)
+        assert floors[axis].level == pytest.approx(abs(change.mean()), abs=close)
+        expected = np.hypot(plain[axis].shape, change.std())
+        assert floors[axis].shape == pytest.approx(expected, abs=close)
