@@ -55,5 +55,6 @@ if TYPE_CHECKING:
     from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
     from .problem import fits_of
     from .recorded_trim import with_recorded_trim
+    from .wake_encounter import WakeEncounter, identify_wake
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -12,6 +12,7 @@ Begin with the relation that you need; nothing here keeps state.
   motion over a rotating oblate earth (`geodesy`).
 - `Turbulence` and `DiscreteGust` are moving air: `gust_density` and `gust_covariance` in closed
   form, `gust_series` and `DrydenGusts` as series (`turbulence`).
+- `VortexPair` is the wake of an aircraft, `air_at_stations` what another one feels in it (`wake`).
 - `specific_force_at_cg` and `inertial_moment` are the motion of a rigid body (`rigid_body`).
 
 Which relation fills which missing channel of a flight is decided in `aerodb.logs.air_data`.
@@ -68,5 +69,6 @@ if TYPE_CHECKING:
         rotation_gain,
         turbulence_at,
     )
+    from .wake import CORES, Core, VortexPair, air_at_stations
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

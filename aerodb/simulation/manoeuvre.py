@@ -9,7 +9,15 @@ import numpy as np
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import CHANNELS
-from aerodb.physics import FORMS, DiscreteGust, Turbulence, gust_series, turbulence_at
+from aerodb.physics import (
+    CORES,
+    FORMS,
+    DiscreteGust,
+    Turbulence,
+    VortexPair,
+    gust_series,
+    turbulence_at,
+)
 from aerodb.simulation.condition import Condition
 from aerodb.simulation.inputs import SHAPES, Event
 from aerodb.support import Array
@@ -76,7 +84,8 @@ class Manoeuvre:
     condition : of the trim; `glides`: without thrust, the path angle is found. duration : [s].
     given : inputs and mass properties held, name -> text with unit. inputs : what is added to the
     trimmed inputs. thrust : input that holds the airspeed of the trim; empty: the vehicle's thrust.
-    turbulence : with the `seed` of its draw; gusts : 1-cosine.
+    turbulence : with the `seed` of its draw; gusts : 1-cosine. wake : of another aircraft, its
+    place from the start of the flight.
     """
 
     name: str
@@ -89,6 +98,7 @@ class Manoeuvre:
     turbulence: Turbulence | None = None
     seed: int = 0
     gusts: tuple[DiscreteGust, ...] = ()
+    wake: VortexPair | None = None
 
     def air(self, time: Array, span: float) -> dict[str, Array]:
         """Return the moving air at `time` [s]: (n,) of each component of velocity [m/s] and
@@ -121,7 +131,9 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"is no TOML: {error}", where) from None
-    _known(document, ("name", "duration", "trim", "set", "input", "turbulence", "gust"), where)
+    _known(
+        document, ("name", "duration", "trim", "set", "input", "turbulence", "gust", "wake"), where
+    )
     stated = document.get("trim")
     if not isinstance(stated, Mapping) or not {"V", "altitude"} <= set(stated):
         raise InputError("has no [trim] with V and altitude", where, 'V = "60 m/s"')
@@ -152,11 +164,38 @@ def parse_manoeuvre(text: str, where: str = "manoeuvre") -> Manoeuvre:
         _gust(entry, f"{where}, gust {number}")
         for number, entry in enumerate(document.get("gust", ()), 1)
     )
-    if (air or gusts) and (condition.ground or not condition.V > 0.0):
+    wake = _wake(document.get("wake"), condition, f"{where}, [wake]")
+    if (air or gusts or wake) and (condition.ground or not condition.V > 0.0):
         raise InputError(
             "moving air needs a start in flight with airspeed", where, "leave it out, or give V"
         )
-    return Manoeuvre(name, condition, glides, duration, given, inputs, thrust, air, seed, gusts)
+    return Manoeuvre(
+        name, condition, glides, duration, given, inputs, thrust, air, seed, gusts, wake
+    )
+
+
+def _wake(entry: Any, condition: Condition, where: str) -> VortexPair | None:
+    """A vortex pair, by a point of its axis: north of the start, east of it and below it."""
+    if entry is None:
+        return None
+    if not isinstance(entry, Mapping):
+        raise InputError("is no table", where, 'circulation = "200 m^2/s"')
+    units = {
+        "circulation": "m^2/s", "core_radius": "m", "spacing": "m", "ahead": "m", "right": "m",
+        "below": "m", "heading": "rad", "slope": "rad",
+    }  # fmt: skip
+    _known(entry, (*units, "core"), where)
+    for name in ("circulation", "core_radius", "spacing", "ahead"):
+        if name not in entry:
+            raise InputError(f"has no {name}", where, f"add {name}")
+    values = {name: quantity(entry.get(name, 0.0), unit) for name, unit in units.items()}
+    core = entry.get("core", CORES[-1])
+    if core not in CORES:
+        raise InputError(f"unknown core '{core}'", where, nearest(str(core), CORES))
+    if min(values[name] for name in ("circulation", "core_radius", "spacing")) <= 0.0:
+        raise InputError("circulation, core_radius or spacing is not positive", where)
+    ahead, right, below = (values.pop(name) for name in ("ahead", "right", "below"))
+    return VortexPair(**values, place=(ahead, right, condition.altitude - below), core=core)
 
 
 def _turbulence(entry: Any, condition: Condition, where: str) -> tuple[Turbulence | None, int]:

@@ -275,6 +275,26 @@ class GustComponent(Answer):
     likelihood_gain: float
 
 
+class WakeEncountered(Answer):
+    """An encounter: least and greatest velocity of the air [m/s], and the vortex pair; `wake` is
+    null where none is claimed."""
+
+    flight: str
+    since: float
+    until: float
+    air: dict[str, list[float]]
+    wake: dict[str, Any] | None
+    notes: list[str]
+
+
+class Wakes(Answer):
+    """Wakes that flights met, in their order; null for fewer than two wakes."""
+
+    encounters: list[WakeEncountered]
+    circulation_falls: bool | None
+    core_grows: bool | None
+
+
 class Turbulence(Answer):
     """Turbulence that a flight met; `wind` is the mean velocity of the air north, east, down
     [m/s]."""

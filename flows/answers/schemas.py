@@ -33,6 +33,7 @@ ANSWERS: Final[Mapping[str, Any]] = {
     "flight ingest": list[flights.IngestedFlight | flights.RefusedLog],
     "flight frequency-response": results.FrequencyResponse,
     "flight turbulence": results.Turbulence,
+    "flight wake": results.Wakes,
     "calibration list": list[flights.ListedCalibration],
     "calibration show": flights.ListedCalibration,
     "recalibrate": flights.Recalibrated,

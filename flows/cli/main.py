@@ -74,6 +74,7 @@ app = typer.Typer(
     ),
 )
 flights.app.command("turbulence")(moving_air.turbulence)
+flights.app.command("wake")(moving_air.wake)
 flights.app.command("frequency-response")(frequency_responses.frequency_response)
 versions.app.command("fly")(responses.fly)
 versions.app.command("validate")(responses.validate)

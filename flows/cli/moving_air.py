@@ -1,11 +1,13 @@
-"""``aerodb flight turbulence``: intensity and scale of the gusts that a flight met."""
+"""``aerodb flight turbulence`` and ``flight wake``: gusts, and vortices of other aircraft."""
 
+from math import pi
 from typing import Annotated, Any
 
 import typer
 
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
+from aerodb.units import quantity
 
 
 def turbulence(
@@ -54,6 +56,77 @@ def turbulence(
     for note in document["notes"]:
         session.say(f"- {note}")
     session.answer(document)
+
+
+def wake(
+    context: typer.Context,
+    flights: list[str],
+    since: Annotated[
+        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
+    ] = None,
+    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    heading: Annotated[
+        str | None, typer.Option(help='Of the aircraft that made the wake, such as "30 deg".')
+    ] = None,
+    vehicle: Vehicle = None,
+) -> None:
+    """Vortex pair of another aircraft's wake that flights met, in the order given: circulation,
+    core radius, spacing and place.
+
+    Example: aerodb flight wake 1a2b3c --from 40 --to 52
+    """
+    from aerodb.flows.wake import wake_flow
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    document = session.run(
+        wake_flow,
+        {
+            "flights": [catalogue.flight(each, vehicle).id for each in flights],
+            "since": since,
+            "until": until,
+            "heading": None if heading is None else quantity(heading, "rad"),
+        },
+        direct=True,
+    )
+    names = ("circulation", "core_radius", "spacing", "right", "below", "heading")
+    rows = []
+    for label, each in zip(flights, document["encounters"], strict=True):
+        pair = each["wake"]
+        shown = [_measured(pair[name], name) if pair else "-" for name in names]
+        rows.append([label, *shown, (pair["core"] or "either") if pair else "none claimed"])
+    session.table(
+        [
+            "flight",
+            "circulation m2/s",
+            "core m",
+            "spacing m",
+            "right m",
+            "below m",
+            "heading deg",
+            "",
+        ],
+        rows,
+        range(1, 7),
+    )
+    for name, words in (
+        ("circulation_falls", "circulation falls from each encounter to the next"),
+        ("core_grows", "core radius grows from each encounter to the next"),
+    ):
+        if document[name] is not None:
+            session.say(f"{words}: {'yes' if document[name] else 'no'}")
+    for label, each in zip(flights, document["encounters"], strict=True):
+        for note in each["notes"]:
+            session.say(f"- {label}: {note}")
+    session.answer(document)
+
+
+def _measured(estimate: dict[str, Any], name: str) -> str:
+    scale = 180.0 / pi if name == "heading" else 1.0
+    error = estimate["standard_error"]
+    digits = 2 if name == "core_radius" else 1
+    value = f"{scale * estimate['value']:.{digits}f}"
+    return value if error is None else f"{value} +- {scale * error:.{digits}f}"
 
 
 def _range(limits: dict[str, Any], form: str) -> str:

@@ -86,5 +86,6 @@ if TYPE_CHECKING:
         responses_summary,
         summarise_responses,
     )
+    from .wake import encounters
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,15 +1,19 @@
 """A version flown through a described manoeuvre, from trim."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from aerodb.errors import InputError, nearest
+from aerodb.physics import VortexPair, air_at_stations, quaternion_from_euler
 from aerodb.report import FlownStretch, response_report
 from aerodb.simulation import (
     RESPONSES,
+    FlightModel,
     FlightStretch,
     Manoeuvre,
+    Simulation,
     parse_manoeuvre,
     simulate,
     stabilising_feedback,
@@ -27,6 +31,9 @@ from aerodb.tasks.workspace_access import access_workspace
 
 #: Integration step [s].
 STEP = 0.01
+#: Most passes through a wake, and the change of the path [m] at which it stays.
+_PASSES = 40
+_STAYS = 1e-3
 
 
 def fly_manoeuvre(
@@ -113,6 +120,8 @@ def _flown(
         for _, channel in gains:
             series[f"reference_{channel}"] = np.full(len(time), trimmed.channels[channel])
     run = simulate(model, time, trimmed.start, series)
+    if stated.wake is not None:
+        run, air = _through_wake(stated.wake, model, trimmed.start, series, run, air)
     stands = standstill(run, model.database)
     ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
     time = time if stands is None else time[: stands.samples]
@@ -153,6 +162,39 @@ def _flown(
         "flown": np.full(n * len(names), np.nan),
     }
     return document, table
+
+
+def _through_wake(
+    pair: VortexPair,
+    model: FlightModel,
+    start: Mapping[str, float],
+    series: Mapping[str, Array],
+    run: Simulation,
+    air: Mapping[str, Array],
+) -> tuple[Simulation, dict[str, Array]]:
+    """The run through a wake, and its air: the path decides what is met, and that decides the path.
+
+    Each pass flies through the air along the path of the one before, until the path stays.
+    """
+    time, span = run.time, model.database.reference.span
+    for _ in range(_PASSES):
+        place = np.stack([run.channels[name][:, 0] for name in ("north", "east", "altitude")])
+        if not np.isfinite(place).all():
+            raise InputError(
+                "the flight ends in the wake", "manoeuvre, [wake]", "a weaker wake, or farther away"
+            )
+        attitude = quaternion_from_euler(
+            *(run.channels[name][:, 0] for name in ("phi", "theta", "psi"))
+        )
+        met = air_at_stations(pair, place, attitude, span)
+        felt = {name: values + air.get(name, 0.0) for name, values in met.items()}
+        run = simulate(model, time, start, {**series, **felt})
+        after = np.stack([run.channels[name][:, 0] for name in ("north", "east", "altitude")])
+        if np.abs(after - place).max() < _STAYS:
+            return run, felt
+    raise InputError(
+        "the path through the wake was not found", "manoeuvre, [wake]", "a shorter manoeuvre"
+    )
 
 
 def _rounded(value: float) -> float:

@@ -45,6 +45,7 @@ COMMANDS = [
     ["flight", "compare"],
     ["flight", "frequency-response"],
     ["flight", "turbulence"],
+    ["flight", "wake"],
     ["mapping", "init"],
     ["calibration", "list"],
     ["calibration", "show"],

@@ -80,6 +80,31 @@ def test_it_flies_in_turbulence(workspace: Path, tmp_path: Path) -> None:
     assert calm["responses"]["alpha"][2] - calm["responses"]["alpha"][1] < 1e-3
 
 
+def test_it_flies_through_a_wake(workspace: Path, tmp_path: Path) -> None:
+    file = tmp_path / "wake.toml"
+    still = MANOEUVRE.partition("[[input]]")[0].replace("30 s", "8 s")
+    wake = """[wake]
+circulation = "200 m^2/s"
+core_radius = "1.5 m"
+spacing = "17 m"
+ahead = "200 m"
+below = "1 m"
+heading = "75 deg"
+"""
+    file.write_text(still + wake, encoding="utf-8")
+    flown = asked(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    assert flown["ended"] == pytest.approx(8.0)
+    # The axis is below: the aircraft meets the air that is carried along with the pair and sinks.
+    least, greatest = flown["air"]["gust_w"]
+    assert least < -3.0
+    assert 3.0 < greatest < 200.0 / (3.14 * 1.5)
+    assert flown["responses"]["az"][1] < -15.0
+    assert max(abs(value) for value in flown["responses"]["phi"]) > 0.02
+    file.write_text(still + wake.replace("200 m^2/s", "-2 m^2/s"), encoding="utf-8")
+    wrong = aerodb(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    assert "not positive" in wrong.stderr
+
+
 def test_a_point_without_stated_air_has_that_of_its_airspeed(workspace: Path) -> None:
     at = asked(workspace, "version", "evaluate", "v0001", "--at", "alpha=2deg,V=50")
     assert at["taken_as"]["qbar"] == pytest.approx(0.5 * 1.225 * 2500, rel=1e-5)

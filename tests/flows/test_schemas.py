@@ -85,6 +85,7 @@ def flown_answers(place: Path, shared: SharedWorkspaces) -> dict[str, Any]:
     return {
         "flight ingest": asked(workspace, "flight", "ingest", log, *vehicle, "--direct"),
         "flight frequency-response": asked(workspace, *ask),
+        "flight wake": asked(workspace, "flight", "wake", "flight-1", "--to", "10"),
         "flight turbulence": asked(workspace, "flight", "turbulence", "flight-1"),
         "estimate": asked(workspace, "estimate", *vehicle, "--model", str(model)),
         "version fly": asked(workspace, "version", "fly", *flown),

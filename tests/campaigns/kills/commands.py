@@ -212,6 +212,7 @@ COMMANDS: Final[dict[str, Command]] = {
         "ingested",
         ("flight", "frequency-response", "{flight}", "--input", "delta_elevator", "--output", "q"),
     ),
+    "flight wake": Command("ingested", ("flight", "wake", "{flight}", "--to", "10")),
     "flight turbulence": Command("ingested", ("flight", "turbulence", "{flight}")),
     "version fly": Command(
         "updated", ("version", "fly", "candidate", "--flight", "{flight}", *_PAGE)

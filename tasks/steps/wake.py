@@ -1,0 +1,167 @@
+"""Wake of another aircraft that stored flights met."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.consistency import air_velocity
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.identification import identify_wake
+from aerodb.physics import quaternion_from_euler, to_earth
+from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
+from aerodb.tasks.workspace_access import access_workspace
+from aerodb.vehicle import Vehicle, cg_positions
+
+#: Longest encounter [s]: the search is over every sample.
+LONGEST: Final = 60.0
+
+
+def encounters(
+    flights: Sequence[str],
+    *,
+    workspace: str,
+    run: str,
+    since: float | None = None,
+    until: float | None = None,
+    heading: float | None = None,
+) -> dict[str, Any]:
+    """The vortex pair that each of some flights (ids) met, in the order given.
+
+    since, until : stretch [s] from the first sample. heading : of the aircraft that made the wake
+    [rad].
+
+    Returns a document: encounters (flight, since, until [s], air: least and greatest velocity
+    north, east, down [m/s], wake: whether one is claimed, gain, needed, circulation, core_radius,
+    spacing, right, below, heading, slope with value and standard_error, nearest [m], core, place:
+    north, east, altitude [m] from where the stretch begins, notes), circulation_falls and
+    core_grows (null for fewer than two wakes).
+    """
+    access = access_workspace(workspace)
+    met = []
+    for each in flights:
+        row = access.catalogue.flight(each)
+        vehicle, _ = access.vehicle(row.vehicle)
+        consistent = load_consistent(access, row, run)
+        absent = unmeasured_angles(consistent.document)
+        met.append(
+            _encounter(
+                consistent.flight, vehicle, absent, f"flight {row.label}", since, until, heading
+            )
+            | {"flight": row.id}
+        )
+    pairs = [each["wake"] for each in met if each["wake"]]
+
+    def rises(name: str, sign: float) -> bool | None:
+        values = [sign * pair[name]["value"] for pair in pairs]
+        return bool(np.all(np.diff(values) > 0.0)) if len(values) > 1 else None
+
+    return {
+        "encounters": met,
+        "circulation_falls": rises("circulation", -1.0),
+        "core_grows": rises("core_radius", 1.0),
+    }
+
+
+def _encounter(
+    flight: Flight,
+    vehicle: Vehicle,
+    absent: frozenset[str],
+    where: str,
+    since: float | None,
+    until: float | None,
+    heading: float | None,
+) -> dict[str, Any]:
+    lacking = sorted(absent | {name for name in ("alpha", "beta") if name not in flight})
+    elapsed = flight.time - flight.time[0]
+    inside = (elapsed >= (since or 0.0)) & (elapsed <= (np.inf if until is None else until))
+    if not inside.any() or np.ptp(elapsed[inside]) > LONGEST:
+        raise InputError(
+            f"the stretch lasts {np.ptp(elapsed[inside]) if inside.any() else 0.0:.0f} s",
+            where,
+            f"name the encounter, up to {LONGEST:g} s: --from, --to",
+        )
+    air = air_velocity(flight)[:, inside]
+    good = np.asarray(np.isfinite(air).all(axis=0))
+    if not good.any():
+        raise InputError("no usable sample", where, "choose another stretch: --from, --to")
+    first, last = np.flatnonzero(good)[[0, -1]]
+    whole = slice(int(first), int(last) + 1)
+    if not good[whole].all():
+        raise InputError("the stretch has gaps", where, "choose one without: --from, --to")
+    air = air[:, whole]
+    document: dict[str, Any] = {
+        "since": float(elapsed[inside][whole][0]),
+        "until": float(elapsed[inside][whole][-1]),
+        "air": {
+            name: [float(values.min()), float(values.max())]
+            for name, values in zip(("north", "east", "down"), air, strict=True)
+        },
+        "wake": None,
+        "notes": [],
+    }
+    if lacking:
+        document["notes"].append(
+            f"{' and '.join(lacking)} not measured: the velocity of the air across the path is not"
+            " known, and no wake is sought"
+        )
+        return document
+    path = _path(flight, vehicle, inside)[:, whole]
+    found = identify_wake(air, path, heading=heading)
+    pair = found.pair
+    if not found.found:
+        document["notes"].append(
+            f"no wake is claimed: likelihood grows by {found.gain:.1f}, {found.needed:.1f} are"
+            " needed; the air is that of turbulence, or the path stayed outside of the wake"
+        )
+        return document
+    if not found.core:
+        document["notes"].append(
+            f"the path comes within {found.nearest / pair.core_radius:.1f} core radii: the models"
+            " lamb_oseen and burnham_hallock are not told apart"
+        )
+    right, below = pair.across(path[:, :1])
+    values = {
+        "circulation": pair.circulation,
+        "core_radius": pair.core_radius,
+        "spacing": pair.spacing,
+        "right": -float(right[0]),
+        "below": -float(below[0]),
+        "heading": pair.heading,
+        "slope": pair.slope,
+    }
+    document["wake"] = {
+        "gain": found.gain,
+        "needed": found.needed,
+        "nearest": found.nearest,
+        "core": found.core,
+        "place": list(pair.place),
+        **{
+            name: {"value": value, "standard_error": _finite(found.errors[name])}
+            for name, value in values.items()
+        },
+    }
+    return document
+
+
+def _path(flight: Flight, vehicle: Vehicle, inside: np.ndarray) -> np.ndarray:
+    """North, east, altitude [m] of the air-data probe over the stretch, from where it begins: the
+    velocity over the earth, integrated, so that no position need be logged."""
+    velocity = np.stack([flight[f"velocity_{axis}"][inside] for axis in ("north", "east", "down")])
+    velocity = np.nan_to_num(velocity, nan=0.0)
+    moved = 0.5 * flight.step * (velocity[:, 1:] + velocity[:, :-1])
+    path = np.concatenate([np.zeros((3, 1)), np.cumsum(moved, axis=1)], axis=1)
+    probe = vehicle.points.air_data
+    if probe is not None:
+        attitude = quaternion_from_euler(
+            *(np.nan_to_num(flight[name][inside]) for name in ("phi", "theta", "psi"))
+        )
+        arm = np.asarray(probe)[:, None] - np.nan_to_num(cg_positions(flight, vehicle)[inside].T)
+        path = path + to_earth(attitude, arm)
+    path[2] *= -1.0
+    return np.asarray(path)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
