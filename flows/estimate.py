@@ -18,10 +18,11 @@ def estimate_flow(
     version: str | None = None,
     whole: bool = False,
     page: bool = False,
+    select: list[str] | None = None,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) from `flights` (ids) on a
-    version (its id), or on none. Returns the document of `estimate_by_methods`, with the HTML
-    ``page`` if asked for."""
+    version (its id), or on none; only samples for which all conditions of `select` hold.
+    Returns the document of `estimate_by_methods`, with the HTML ``page`` if asked for."""
     document: dict[str, Any] = steps(
         estimate_by_methods,
         flights,
@@ -31,6 +32,7 @@ def estimate_flow(
         methods=methods,
         version=version,
         whole=whole,
+        select=select or (),
     )
     if page:
         document |= {"page": steps(estimates_page, document, workspace=workspace, run=run)}

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics
-    from .identification_flight import IdentificationFlight
+    from .identification_flight import IdentificationFlight, within
     from .method_comparison import MethodAgreement, compare_methods
     from .methods import METHODS, REGRESSION, Method, chosen_methods
     from .model_file import (

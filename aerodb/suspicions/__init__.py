@@ -13,7 +13,8 @@
    (`surfaces`, `equation_error`).
 7. `database`: a flight against its vehicle's database, once there is one: level and slope of the
    lift, sign, size and delay of each control, a factor that all moments share (`derivatives`),
-   aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`).
+   aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`), a rotor
+   that thrusts less or more than the others (`rotors`).
 
 `against_vehicle` runs the first six (`examined_beside` after `examine`) and
 `against_database` the last. They return suspicions

@@ -1,5 +1,6 @@
 """A flight against its vehicle's database: sign, size and delay of each control, the level and the
-slope of the lift, the factor that all moments share; controls exchanged; mass, CG and thrust.
+slope of the lift, the factor that all moments share; controls exchanged; mass, CG and thrust;
+single rotors.
 
 A wind tunnel may be wrong by a fifth of a lift slope or half of an elevator, and lack an effect. It
 is not wrong about the sign of a control, by a factor of four, or by one factor about all axes. A
@@ -37,6 +38,7 @@ from aerodb.suspicions.loads import (
     mass_beside,
     thrust_beside,
 )
+from aerodb.suspicions.rotors import rotor_suspicions
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
@@ -94,7 +96,8 @@ def against_database(
         moments = _known(axes, fits)
         shared = mass_beside(measured, predicted, usable, flight.step, moments)
         shared += cg_beside(axes, database.reference)
-    return (*lift, *surfaces, *pushed, *shared)
+    rotors = rotor_suspicions(flight, database, measured, predicted, usable, bandwidth)
+    return (*lift, *surfaces, *pushed, *shared, *rotors)
 
 
 def _lift(

@@ -58,6 +58,13 @@ def estimate(
             " rest tells of the aircraft too.",
         ),
     ] = False,
+    select: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Condition of the samples that count, such as `command_1 > 0.3`, `time < 20 s` or"
+            " `phase = hover`; repeat the option: all hold."
+        ),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option(help="HTML page to write, with fitted responses and residuals.")
     ] = None,
@@ -71,6 +78,7 @@ def estimate(
 
     Without a vehicle: aerodb estimate --model roll.toml --record doublet.csv --method output-error
     """
+    from aerodb.conditioning import checked_conditions
     from aerodb.identification import chosen_methods, declares_state_space, parse_state_space
     from aerodb.increments import parse_model_file
 
@@ -78,10 +86,11 @@ def estimate(
     text = read_text(model)
     linear = declares_state_space(text, str(model))
     (parse_state_space if linear else parse_model_file)(text, str(model))
+    conditions = list(checked_conditions(select or ()))
     names = method or ["output-error" if linear else "regression"]
     chosen_methods(names)
     if record:
-        if vehicle is not None or flights or not linear:
+        if vehicle is not None or flights or select or not linear:
             raise InputError(
                 "--record takes a linear model and no vehicle",
                 str(model),
@@ -99,7 +108,7 @@ def estimate(
 
         vehicle = vehicle_of(session.catalogue(), vehicle)
         document = _of_flights(
-            session, vehicle, flights, baseline, text, names, whole, output is not None
+            session, vehicle, flights, baseline, text, names, whole, output is not None, conditions
         )
     page = document.pop("page", None)
     named = " ".join(f"--flights {each}" for each in flights or ())
@@ -140,6 +149,7 @@ def _of_flights(
     methods: list[str],
     whole: bool,
     page: bool,
+    select: list[str],
 ) -> dict[str, Any]:
     from aerodb.flows.estimate import estimate_flow
     from aerodb.identification import chosen_methods
@@ -164,6 +174,7 @@ def _of_flights(
             "version": None if baseline == "none" else catalogue.version(name, baseline).id,
             "whole": whole,
             "page": page,
+            "select": select,
         },
         direct=True,
     )
@@ -185,6 +196,7 @@ def _print(
         [
             ("because", f"{reasons[0]}{more}" if reasons else ""),
             ("no estimate", "; ".join(failed)),
+            ("selected", " and ".join(document.get("select", ()))),
         ],
         then if document["believe"] else "",
     )

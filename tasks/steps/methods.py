@@ -22,6 +22,7 @@ from aerodb.identification import (
     parse_state_space,
     state_space_fit,
     with_recorded_trim,
+    within,
 )
 from aerodb.increments import parse_model_file
 from aerodb.report import fit_report
@@ -54,10 +55,12 @@ def estimate_by_methods(
     methods: Sequence[str],
     version: str | None = None,
     whole: bool = False,
+    select: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text) by several methods, and store the answers.
 
     flights : their ids. version : its id; None: on no database, which gives whole derivatives.
+    select : conditions of the samples that count (`aerodb.conditioning.selected`).
     methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
@@ -80,12 +83,16 @@ def estimate_by_methods(
         {f"coefficients {k}": each.key for k, each in enumerate(loaded)}
         | ({} if version is None else {"version": version}),
         {"model": model, "methods": [method.name for method in chosen]}
-        | ({"whole": True} if whole else {}),
+        | ({"whole": True} if whole else {})
+        | ({"select": list(select)} if select else {}),
     )
     path = result.stored()
     if path is not None:
         return dict(read_results(path, ("time",))[1]["document"])
-    given = identification_flights(access, flights, database, run, whole)
+    given = [
+        within(each, select)
+        for each in identification_flights(access, flights, database, run, whole)
+    ]
 
     file, steady = None, list[str]()
     if declares_state_space(model):
@@ -104,6 +111,7 @@ def estimate_by_methods(
     compared["reasons"] += [each.removesuffix(".") for each in steady]
     compared["reasons"] += _left_out(fits, given)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
+    document |= {"select": list(select)} if select else {}
     table = _long([fit for each in fits.values() for fit in each])
     result.keep(run, lambda path: write_results(path, table, {"document": document}))
     return document

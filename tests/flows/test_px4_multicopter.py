@@ -72,6 +72,33 @@ def test_what_the_flight_tells_is_the_lumped_truth(flown: Path) -> None:
     assert found["rotor_drag"]["value"] == pytest.approx(drag, abs=0.01)
 
 
+def test_a_selection_is_stored_with_its_estimate(flown: Path) -> None:
+    (flown / "model.toml").write_text(MODEL)
+    words = ("estimate", "--vehicle", "quad", "--model", str(flown / "model.toml"))
+    chosen = ("--select", "time > 10  s", "--select", "command_1>0.3")
+    answer = asked(flown / "workspace", *words, *chosen)
+    assert answer["select"] == ["time > 10 s", "command_1 > 0.3"]
+    whole = asked(flown / "workspace", *words)
+    assert "select" not in whole
+    thrust = [
+        next(each for each in one["parameters"] if each["parameter"] == "rotor_cT0")["estimates"]
+        for one in (answer, whole)
+    ]
+    errors = [each["regression"]["standard_error"] for each in thrust]
+    assert errors[0] > errors[1]  # two thirds of the flight tell less
+    refused = aerodb(flown / "workspace", *words, "--select", "time > 1 h")
+    assert (refused.returncode, "no sample is selected" in refused.stderr) == (3, True)
+
+
+def test_a_weak_rotor_is_named_when_its_flight_is_ingested(flown: Path) -> None:
+    write_px4(flown / "weak.ulg", fly([21], 30.0, strength=(1.0, 1.0, 0.92, 1.0)))
+    done = aerodb(
+        flown / "workspace", "flight", "ingest", "weak.ulg", "--vehicle", "quad", folder=flown
+    )
+    assert done.returncode == 0, done.stderr
+    assert "the thrust of rotor_3 is" in done.stdout
+
+
 def test_the_flight_is_good_and_its_report_is_written(flown: Path) -> None:
     shown = asked(flown / "workspace", "flight", "show", "quad.ulg")
     assert shown["verdict"] == "good"

@@ -1,0 +1,147 @@
+"""Rotors of a flight against its vehicle's database: one whose thrust is not that of the others.
+
+A weak rotor lessens the lift and turns the vehicle as its own command says. What else may be wrong
+is left free on each axis: a constant and a trend (biased sensors, the centre of gravity, mass), a
+factor of the whole and its trend (inertia, density, the battery), the force along z (centre of
+gravity), and linear effects of flow and rates (drag, inflow, damping). So hover alone tells of no
+rotor: with constant commands a weak rotor is a shifted centre of gravity.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.conditioning import Suspicion
+from aerodb.estimation import least_squares
+from aerodb.flight import Flight
+from aerodb.signals import low_passed
+from aerodb.support import Array
+from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER
+from aerodb.tables import AeroDatabase, Number, times
+
+#: Axes on which thrust acts.
+_AXES: Final = ("CZ", "Cl", "Cm")
+#: Upper edge [Hz] of what is compared: that of the measured moments, and below the lag of motors.
+HIGHEST: Final = 4.0
+#: Least share of its thrust by which a rotor is said to differ: those of a kind differ by 1 to 2 %.
+LEAST: Final = 0.04
+#: Fewest rotors of which one can be told from all.
+FEWEST_ROTORS: Final = 3
+#: Factor of a thrust of which the slope is taken.
+_STEP: Final = 0.01
+
+
+def rotor_suspicions(
+    flight: Flight,
+    database: AeroDatabase,
+    measured: Mapping[str, Array],
+    predicted: Mapping[str, Array],
+    usable: Mapping[str, NDArray[np.bool_]],
+    bandwidth: float | None,
+) -> tuple[Suspicion, ...]:
+    """Return the rotor whose thrust is not the database's where the others' is; empty for none.
+
+    measured, predicted, usable : axis -> (n,), as `aerodb.coefficients.compare` gives them.
+    bandwidth : Hz, of the moments. Share of the thrust without unit.
+    """
+    names = [
+        name.removesuffix("_thrust")
+        for name, variable in database.variables.items()
+        if name.endswith("_thrust") and _kind(database, variable.part) == "rotor"
+    ]
+    axes = [axis for axis in _AXES if axis in measured]
+    needed = ("V", "alpha", "beta", "p", "q", "r")
+    if len(names) < FEWEST_ROTORS or len(axes) < len(_AXES):
+        return ()
+    if any(name not in flight for name in needed):
+        return ()
+    good = flight.usable([*needed, *(n for n in database.inputs if n in flight)])
+    for axis in axes:
+        good &= usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
+    if good.sum() < FEWEST:
+        return ()
+    high = min(bandwidth or HIGHEST, HIGHEST, 0.4 / flight.step)
+    every = max(1, int(0.25 / (high * flight.step)))
+
+    def banded(values: Array) -> Array:
+        kept = low_passed(np.where(good, values, np.nan), flight.step, high)
+        return np.asarray(kept[::every][good[::every]])
+
+    effects = {name: _effect(flight, database, name, predicted) for name in names}
+    lengths, left, shares = [], [], {name: list[Array]() for name in names}
+    for axis in axes:
+        free = _free(flight, axis, measured, predicted, banded)
+        response = _beyond(free, banded(measured[axis] - predicted[axis]))
+        size = float(np.sqrt(np.mean(response**2))) or 1.0
+        lengths.append(len(response))
+        left.append(response / size)
+        for name in names:
+            shares[name].append(_beyond(free, banded(effects[name][axis])) / size)
+    together = np.concatenate(left)
+    found: dict[str, tuple[float, float]] = {}
+    for name in names:
+        column = np.concatenate(shares[name])[:, None]
+        try:
+            fit = least_squares(column, together, (name,), lengths)
+        except ValueError:
+            return ()  # its command never moves
+        found[name] = (float(fit.estimates[0]), float(fit.standard_errors[0]))
+    ranked = sorted(found, key=lambda name: abs(found[name][0]) / found[name][1], reverse=True)
+    value, error = found[ranked[0]]
+    size, next_size = (abs(found[name][0]) / found[name][1] for name in ranked[:2])
+    if size < ERRORS or abs(value) < LEAST or 0.5 * (size**2 - next_size**2) < LIKELIER:
+        return ()
+    less = "less" if value < 0.0 else "more"
+    words = (
+        f"the thrust of {ranked[0]} is {abs(value):.0%} {less} than that of the others beside the"
+        f" database, +- {error:.1%}"
+    )
+    return (Suspicion(ranked[0], "thrust", words, {"share": value, "standard_error": error}),)
+
+
+def _kind(database: AeroDatabase, part: str) -> str:
+    entry = database.parts.get(part) or {}
+    return str(entry.get("kind", ""))
+
+
+def _effect(
+    flight: Flight, database: AeroDatabase, name: str, predicted: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Axis -> change (n,) by a share of a rotor's thrust, per unit of the share."""
+    thrust = database.variables[f"{name}_thrust"]
+    scaled = replace(thrust, expression=times(Number(1.0 + _STEP), thrust.expression))
+    other = replace(database, variables={**database.variables, f"{name}_thrust": scaled})
+    n = len(flight.time)
+    channels = {each: flight[each] for each in database.inputs if each in flight}
+    now, then = (each.predict(channels).coefficients for each in (database, other))
+    return {axis: np.broadcast_to((then[axis] - now[axis]) / _STEP, (n,)) for axis in _AXES}
+
+
+def _free(
+    flight: Flight,
+    axis: str,
+    measured: Mapping[str, Array],
+    predicted: Mapping[str, Array],
+    banded: Callable[[Array], Array],
+) -> Array:
+    """Columns (m, k) of all that may be wrong on an axis beside a rotor."""
+    run = np.linspace(-1.0, 1.0, len(flight.time))
+    ahead = flight["V"] * np.cos(flight["beta"])
+    flow = (
+        ahead * np.cos(flight["alpha"]), flight["V"] * np.sin(flight["beta"]),
+        ahead * np.sin(flight["alpha"]),
+    )  # fmt: skip
+    columns = [np.ones_like(run), run, predicted[axis], run * predicted[axis], *flow]
+    columns += [flight[name] for name in "pqr"]
+    columns += [measured["CZ"]] if axis != "CZ" else []
+    return np.column_stack([banded(column) for column in columns])
+
+
+def _beyond(free: Array, values: Array) -> Array:
+    """What (m,) of values no combination of columns (m, k) makes."""
+    sizes = np.linalg.norm(free, axis=0)
+    scaled = free[:, sizes > 0.0] / sizes[sizes > 0.0]
+    return np.asarray(values - scaled @ np.linalg.lstsq(scaled, values, rcond=None)[0])

@@ -1,0 +1,104 @@
+"""A weak rotor is named, and nothing in sound flights: flights of equations of their own.
+
+The database is the draft of another flight, with the true lumped parameters in place of what an
+estimate would give.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aerodb.coefficients import as_inputs, compare, total_coefficients
+from aerodb.conditioning import Suspicion
+from aerodb.exchange.native import read_native
+from aerodb.logs import draft_rotorcraft, map_recording, read_autopilot
+from aerodb.storage.mappings import load_mapping
+from aerodb.storage.readers.ulog import read_ulog
+from aerodb.suspicions.rotors import rotor_suspicions
+from aerodb.tables import AeroDatabase, with_parameters
+from aerodb.vehicle import Vehicle, parse_vehicle, with_mass_channels
+from tests.support.multicopter_flight import (
+    CQ,
+    CT0,
+    CT1,
+    DIAMETER,
+    FASTEST,
+    MASS,
+    ROTOR_DRAG,
+    fly,
+    write_px4,
+)
+
+TRUE = {
+    "rotor_cT0": CT0 * DIAMETER**4 * FASTEST**2 / MASS,
+    "rotor_cT1": CT1 * DIAMETER**3 * FASTEST / MASS,
+    "rotor_cQ": CQ * DIAMETER**5 * FASTEST**2 / MASS,
+    "rotor_drag": ROTOR_DRAG * FASTEST / MASS,
+}
+WEAK = (1.0, 1.0, 0.92, 1.0)
+
+
+@pytest.fixture(scope="module")
+def quad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Vehicle, AeroDatabase]:
+    log = tmp_path_factory.mktemp("draft") / "sound.ulg"
+    write_px4(log, fly([7], 30.0))
+    recording = read_ulog(log)
+    found = read_autopilot(recording).rotors
+    vehicle, database = draft_rotorcraft("quad", recording, found)
+    return parse_vehicle(vehicle), with_parameters(read_native(database), TRUE)
+
+
+def named(
+    quad: tuple[Vehicle, AeroDatabase], folder: Path, seeds: Sequence[int], **flown: Any
+) -> list[tuple[Suspicion, ...]]:
+    vehicle, database = quad
+    flights, found = fly(seeds, 30.0, **flown), []
+    for column, seed in enumerate(seeds):
+        log = folder / f"{seed}.ulg"
+        write_px4(log, flights, column)
+        flight = map_recording(read_ulog(log), load_mapping("px4"), vehicle, flight_id=str(seed))
+        flight = with_mass_channels(flight, vehicle)
+        coefficients = total_coefficients(flight, vehicle)
+        beside = compare(flight, coefficients, database, vehicle.reference)
+        found.append(
+            rotor_suspicions(
+                as_inputs(flight, database, beside.bandwidth),
+                database,
+                beside.measured,
+                beside.predicted,
+                beside.usable,
+                beside.bandwidth,
+            )
+        )
+    return found
+
+
+def test_a_weak_rotor_is_named_in_wind(quad: Any, tmp_path: Path) -> None:
+    ((found,),) = named(quad, tmp_path, [300], strength=WEAK, wind=(2.0, 1.0))
+    assert (found.channel, found.kind) == ("rotor_3", "thrust")
+    assert found.evidence["share"] == pytest.approx(-0.08, abs=0.025)
+    assert "8 % less" in found.sentence or "less than that of the others" in found.sentence
+
+
+@pytest.mark.parametrize(
+    "flown",
+    [
+        {"wind": (2.0, 1.0)},
+        {"sag": 0.06},
+        {"offset": (0.004, 0.003, 0.0)},
+        {"strength": WEAK, "busy": 0.0},
+    ],
+    ids=["wind", "battery", "shifted CG", "hover alone cannot tell"],
+)
+def test_nothing_is_named(quad: Any, tmp_path: Path, flown: dict[str, Any]) -> None:
+    assert named(quad, tmp_path, [400], **flown) == [()]
+
+
+@pytest.mark.campaign
+def test_rates(quad: Any, tmp_path: Path) -> None:
+    weak = named(quad, tmp_path, range(300, 310), strength=WEAK, wind=(2.0, 1.0))
+    assert sum([each.channel for each in one] == ["rotor_3"] for one in weak) >= 9
+    for flown in ({"wind": (2.0, 1.0)}, {"sag": 0.06}, {"offset": (0.004, 0.003, 0.0)}):
+        assert named(quad, tmp_path, range(400, 430), **flown) == [()] * 30
