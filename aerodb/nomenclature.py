@@ -113,6 +113,10 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("thrust_left", "N", "thrust of the left engine", ""),
     ("thrust_right", "N", "thrust of the right engine", ""),
     ("throttle", "1", "throttle position, 0 idle to 1 full", ""),
+    ("brake", "1", "command of the wheel brakes, 0 free to 1 full", ""),
+    ("brake_left", "1", "command of the brakes of the left wheels, 0 free to 1 full", ""),
+    ("brake_right", "1", "command of the brakes of the right wheels, 0 free to 1 full", ""),
+    ("steering", "rad", "angle of the steered wheel, nose right positive", ""),
     # Non-dimensional rates: docs/reference/conventions.md, "Axes, signs, units"; Klein & Morelli
     # (2006), eq. 3.2
     ("p_hat", "1", "p b / (2 V)", "Klein & Morelli 2006"),

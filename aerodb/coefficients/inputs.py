@@ -20,7 +20,7 @@ import numpy as np
 from aerodb.coefficients.comparison import FLOW_RATES, Comparison, as_inputs
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, CHANNELS
 from aerodb.signals import rms
 from aerodb.support import Array
 from aerodb.tables import (
@@ -125,7 +125,8 @@ def lacking_inputs(database: AeroDatabase, flights: Iterable[Collection[str]]) -
     """
     known = [set(channels) for channels in flights]
     if not known:
-        return tuple(name for name in database.flight_inputs if name in database.free_inputs)
+        own = database.free_inputs.keys() - CHANNELS.keys()
+        return tuple(name for name in database.flight_inputs if name in own)
     given = set[str]().union(*known)
     given |= {rate for rate in FLOW_RATES if rate.removesuffix("dot") in given}
     return tuple(name for name in database.flight_inputs if name not in given)
@@ -145,8 +146,9 @@ def with_held_inputs(database: AeroDatabase, names: Iterable[str]) -> AeroDataba
             raise InputError(
                 f"'{name}' cannot be held", f"database {database.name}", "name an input of a term"
             )
+        own = name in free and name not in CHANNELS
         meaning = free.pop(name, "") or _channel_meaning(name)
-        swap[name] = held = name if name in database.free_inputs else f"{name}_held"
+        swap[name] = held = name if own else f"{name}_held"
         variables[held] = Variable(Number(0.0), "", f"{_HELD}{meaning}")
         for hat, (rate, length) in HAT_RATES.items():
             if rate == name and hat in database.needs:

@@ -43,7 +43,14 @@ if TYPE_CHECKING:
     from .failures import SLOW, failures
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
-    from .segmentation import STATES, Segment, ground_and_air, segments, was_airborne
+    from .segmentation import (
+        STATES,
+        Segment,
+        despite_ground,
+        ground_and_air,
+        segments,
+        was_airborne,
+    )
     from .selection import checked_conditions, selected
     from .suspicion import Suspicion, clock_suspicions
     from .wild_points import RAREST, spikes, stuck, without_wild_points

@@ -92,7 +92,7 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
 
     Times [s] on the clock of the flight, samples (n,).
     """
-    flight = _with_ground(flight)
+    flight = despite_ground(flight)
     view = _View(flight)
     parts = [*ground_and_air(flight), *configurations(flight), *_failed(flight)]
     parts += _standing(flight)
@@ -143,7 +143,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
 
     Speed (n,) [m/s], times [s].
     """
-    flight = _with_ground(flight)
+    flight = despite_ground(flight)
     found = airspeed_of(flight)
     if found is None:
         return ()
@@ -234,7 +234,7 @@ def _failed(flight: Flight) -> list[Segment]:
     ]
 
 
-def _with_ground(flight: Flight) -> Flight:
+def despite_ground(flight: Flight) -> Flight:
     """The flight without the flag that would hide its time on the ground."""
     if "flight" not in flight.flags:
         return flight

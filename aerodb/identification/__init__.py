@@ -13,6 +13,10 @@ The way through:
 `equations` states the increments, `methods` lists the methods, `method_comparison` compares them,
 `candidate` turns them into a database.
 
+Of parameters of a database's legs (`ground_parameters`) only rolls on the ground tell: `ground_fit`
+flies these from start to stop (`ground_roll`, `ground_records`), in an unknown steady wind;
+`likelihood_bounds` says what the rolls exclude where they determine no value.
+
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
 (`online`).
 
@@ -42,6 +46,8 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics
+    from .ground_records import RolledFlight, ground_fit, ground_rolls
+    from .ground_roll import ground_parameters
     from .identification_flight import IdentificationFlight, within
     from .method_comparison import MethodAgreement, compare_methods
     from .methods import METHODS, REGRESSION, Method, chosen_methods

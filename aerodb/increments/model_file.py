@@ -13,6 +13,13 @@ fixed = {delta_body_flap = 0.0}
 own_constants = true                # one constant per flight; the estimate of "1" is their mean
 ```
 
+Of a roll on the ground, parameters of the legs:
+
+```toml
+parameters = ["mu_brake", "mu_side"]
+wind = ["-3 m/s", "1 m/s"]          # of the air, to the north and to the east; left out: unknown
+```
+
 A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``.
 A term with knots is a spline: ``alpha = [...]`` makes the term alpha any function of alpha, whose
 estimates ``alpha at 0.0873`` are its values at the knots; ``delta over alpha`` makes the slope of
@@ -40,6 +47,7 @@ from aerodb.increments.spline_terms import (
 )
 from aerodb.support import Strict, parsed_toml, validated
 from aerodb.tables import INCREMENT_AXES, Expression, parse
+from aerodb.units import quantity
 
 #: The term that is a constant.
 CONSTANT = "1"
@@ -127,12 +135,22 @@ class ModelFile(Strict):
     own_constants : whether each flight has a constant of its own on each axis beside parameters, as
         biased sensors leave; without, what is constant tells of the parameters too: the thrust that
         carries a hover.
+    wind : steady wind north and east [m/s] of rolls on the ground, such as the tower's; unknown
+        where it is left out.
     """
 
     increment: tuple[DeclaredIncrement, ...] = ()
     parameters: tuple[str, ...] = ()
     inertias: tuple[Literal["Ixx", "Iyy", "Izz", "Ixz"], ...] = ()
     own_constants: bool = True
+    wind: tuple[float, float] | None = None
+
+    @field_validator("wind", mode="before")
+    @classmethod
+    def _in_metres_per_second(cls, given: Any) -> Any:
+        if not isinstance(given, list | tuple):
+            return given
+        return tuple(quantity(value, "m/s") for value in given)
 
     @model_validator(mode="after")
     def _once(self) -> "ModelFile":

@@ -33,7 +33,13 @@ if TYPE_CHECKING:
         simulate,
         with_feedback,
     )
-    from .flown_vehicle import FlownVehicle, flown_of, stretch_model, surface_limits
+    from .flown_vehicle import (
+        MASS_PROPERTIES,
+        FlownVehicle,
+        flown_of,
+        stretch_model,
+        surface_limits,
+    )
     from .ground import Standstill, standstill
     from .inputs import Event, superposed
     from .linear_model import LinearModel, linear_model
@@ -53,6 +59,7 @@ if TYPE_CHECKING:
     from .replay import (
         RESPONSES,
         FlightStretch,
+        bridged,
         fly_stretch,
         moved_controls,
         stretch_of,

@@ -83,7 +83,7 @@ def stretch_of(
     whole = slice(int(inside[0]), int(inside[-1]) + 1)
     time, notes = flight.time[whole], list[str]()
     known = {
-        name: _bridged(flight, name, whole, where)
+        name: bridged(flight, name, whole, where)
         for name in dict.fromkeys((*NEEDED, *MASS_PROPERTIES, *model.inputs))
     }
     altitude = _optional(flight, "altitude", whole, notes)
@@ -91,9 +91,9 @@ def stretch_of(
     series["Ixy"] = series["Iyz"] = np.zeros(len(time))
     air = standard_atmosphere(altitude)
     if "rho" in flight:
-        series["density_ratio"] = _bridged(flight, "rho", whole, where) / air.density
+        series["density_ratio"] = bridged(flight, "rho", whole, where) / air.density
     if "temperature" in flight:
-        warm = _bridged(flight, "temperature", whole, where)
+        warm = bridged(flight, "temperature", whole, where)
         series["temperature_offset"] = warm - air.temperature
     unknown = vehicle.thrust.source == "unknown"
     said: list[str] = []
@@ -212,7 +212,7 @@ def _require(flight: Flight, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _bridged(flight: Flight, name: str, whole: slice, where: str) -> Array:
+def bridged(flight: Flight, name: str, whole: slice, where: str) -> Array:
     """A channel over the stretch without gaps."""
     values, good = flight[name][whole], flight.usable([name])[whole]
     if good.all():

@@ -87,8 +87,9 @@ def estimate(
     linear = declares_state_space(text, str(model))
     (parse_state_space if linear else parse_model_file)(text, str(model))
     conditions = list(checked_conditions(select or ()))
-    names = method or ["output-error" if linear else "regression"]
-    chosen_methods(names)
+    names = method or (["output-error"] if linear else [])
+    if names:
+        chosen_methods(names)
     if record:
         if vehicle is not None or flights or select or not linear:
             raise InputError(
@@ -153,13 +154,21 @@ def _of_flights(
 ) -> dict[str, Any]:
     from aerodb.flows.estimate import estimate_flow
     from aerodb.identification import chosen_methods
+    from aerodb.tasks.steps import is_on_ground
 
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
+    version = None if baseline == "none" else catalogue.version(name, baseline).id
+    rolls = version is not None and is_on_ground(version, model, workspace=str(session.root))
+    methods = methods or ["output-error" if rolls else "regression"]
     rows = (
         [catalogue.flight(ref, name) for ref in flights]
         if flights
-        else [row for row in catalogue.flights(name) if row.verdict != "rejected"]
+        else [
+            row
+            for row in catalogue.flights(name)
+            if row.verdict != "rejected" or (rolls and row.retracted_utc is None)
+        ]
     )
     if not rows:
         raise InputError(
@@ -171,7 +180,7 @@ def _of_flights(
             "flights": [row.id for row in rows],
             "model": model,
             "methods": [each.name for each in chosen_methods(methods)],
-            "version": None if baseline == "none" else catalogue.version(name, baseline).id,
+            "version": version,
             "whole": whole,
             "page": page,
             "select": select,

@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from .inspect_log import SERVOS, PlottedLog, Wanted, look_over, plot_log
     from .loop_flights import reconstruction_of
     from .loop_options import loop_options, options_of_result
-    from .methods import estimate_by_methods
+    from .methods import estimate_by_methods, is_on_ground
     from .notes import dismiss, note_version
     from .notify import deliver, tell
     from .publish import publish_candidate, publish_loop

@@ -12,19 +12,22 @@ from aerodb.identification import (
     IdentificationFlight,
     Method,
     MethodAgreement,
+    RolledFlight,
     chosen_methods,
     compare_methods,
     declares_state_space,
     fits_of,
     fitted_modes,
     flight_records,
+    ground_fit,
+    ground_parameters,
     no_database_beside,
     parse_state_space,
     state_space_fit,
     with_recorded_trim,
     within,
 )
-from aerodb.increments import parse_model_file
+from aerodb.increments import ModelFile, parse_model_file
 from aerodb.report import fit_report
 from aerodb.simulation import Mode
 from aerodb.storage.files import read_results, write_results
@@ -34,6 +37,7 @@ from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
 from aerodb.tasks.steps.fly import flown_windows, manoeuvre_windows
+from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.view import modes_part
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -75,13 +79,20 @@ def estimate_by_methods(
     database = (
         _no_database(access, flights[0], run) if version is None else access.database(version)
     )
-    loaded = [load_coefficients(access, access.catalogue.flight(flight), run) for flight in flights]
+    rolls = rolls_on_ground(model, database)
+    inputs = (
+        {f"flight {k}": key for k, key in enumerate(_flight_keys(access, flights, run))}
+        if rolls
+        else {
+            f"coefficients {k}": load_coefficients(access, access.catalogue.flight(each), run).key
+            for k, each in enumerate(flights)
+        }
+    )
     result = StoredResult(
         access,
         "estimate",
         "estimates",
-        {f"coefficients {k}": each.key for k, each in enumerate(loaded)}
-        | ({} if version is None else {"version": version}),
+        inputs | ({} if version is None else {"version": version}),
         {"model": model, "methods": [method.name for method in chosen]}
         | ({"whole": True} if whole else {})
         | ({"select": list(select)} if select else {}),
@@ -89,11 +100,87 @@ def estimate_by_methods(
     path = result.stored()
     if path is not None:
         return dict(read_results(path, ("time",))[1]["document"])
+    if rolls:
+        if select:
+            raise InputError(
+                "--select with parameters of the legs",
+                "estimate",
+                "leave it out: rolls on the ground are found by themselves",
+            )
+        parsed, rolled = parse_model_file(model), rolled_flights(access, flights, run)
+        fits, compared = fits_document(
+            chosen, lambda method: [fit_of_rolls(method, rolled, parsed, database)]
+        )
+    else:
+        fits, compared = _in_flight(access, flights, database, run, model, chosen, whole, select)
+    document = {"key": result.key, "version": version, "flights": list(flights), **compared}
+    document |= {"select": list(select)} if select else {}
+    table = _long([fit for each in fits.values() for fit in each])
+    result.keep(run, lambda path: write_results(path, table, {"document": document}))
+    return document
+
+
+def is_on_ground(version: str, model: str, *, workspace: str) -> bool:
+    """Return whether a model file (text) is of rolls on the ground on a version (its id)."""
+    return rolls_on_ground(model, access_workspace(workspace).database(version))
+
+
+def rolls_on_ground(model: str, database: AeroDatabase) -> bool:
+    """Return whether a model file (text) declares parameters of a database's legs."""
+    if declares_state_space(model):
+        return False
+    names = parse_model_file(model).parameters
+    known = bool(names) and all(name in database.parameters for name in names)
+    return known and ground_parameters(names, database)
+
+
+def rolled_flights(access: WorkspaceAccess, flights: Sequence[str], run: str) -> list[RolledFlight]:
+    """Return flights (ids, channels (n,) in SI units) as they were mapped, with their vehicles.
+    UnknownNameError for an unknown id."""
+    rows = [access.catalogue.flight(flight) for flight in flights]
+    return [
+        RolledFlight(load_flight(access, row, run)[0], access.vehicle(row.vehicle)[0], row.id[:12])
+        for row in rows
+    ]
+
+
+def _flight_keys(access: WorkspaceAccess, flights: Sequence[str], run: str) -> list[str]:
+    return [load_flight(access, access.catalogue.flight(each), run)[1] for each in flights]
+
+
+def fit_of_rolls(
+    method: Method, flights: Sequence[RolledFlight], model: ModelFile, database: AeroDatabase
+) -> Fit:
+    """Return the fit of a method over all rolls of flights on the ground, covariance (k, k). Raises
+    InputError for a method that does not fly, and what `ground_fit` raises."""
+    if method.kind != "dynamic" or method.disturbed:
+        raise InputError(
+            f"{method.name} takes no roll on the ground", "estimate", "use output-error"
+        )
+    if model.increment or model.inertias:
+        raise InputError(
+            "parameters of the legs beside increments or inertias",
+            "model file",
+            "write two model files: the ground and the air are two estimates",
+        )
+    return ground_fit(method.load(), flights, model.parameters, database, model.wind)
+
+
+def _in_flight(
+    access: WorkspaceAccess,
+    flights: Sequence[str],
+    database: AeroDatabase,
+    run: str,
+    model: str,
+    chosen: Sequence[Method],
+    whole: bool,
+    select: Sequence[str],
+) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
+    """Fits of each method in flight, and what the document says of them."""
     given = [
         within(each, select)
         for each in identification_flights(access, flights, database, run, whole)
     ]
-
     file, steady = None, list[str]()
     if declares_state_space(model):
         file, steady = with_recorded_trim(parse_state_space(model), given)
@@ -110,11 +197,7 @@ def estimate_by_methods(
     fits, compared = fits_document(chosen, fitted, estimated, modes_of)
     compared["reasons"] += [each.removesuffix(".") for each in steady]
     compared["reasons"] += _left_out(fits, given)
-    document = {"key": result.key, "version": version, "flights": list(flights), **compared}
-    document |= {"select": list(select)} if select else {}
-    table = _long([fit for each in fits.values() for fit in each])
-    result.keep(run, lambda path: write_results(path, table, {"document": document}))
-    return document
+    return fits, compared
 
 
 def _left_out(fits: dict[str, list[Fit]], flights: Sequence[IdentificationFlight]) -> list[str]:

@@ -144,7 +144,7 @@ def test_the_nose_wheel_steers_a_turn() -> None:
         ("damping = 6000.0", "damping = -1.0", "damping"),
         ("side_limit = 0.6\n", "", "side_limit"),
         ('along = "mu_roll"', 'along = "mu_rol"', "along"),
-        ('brake = "1"\n', "", "along"),
+        ("brake*mu_brake", "braking*mu_brake", "along"),
         ('steering = "steering"', 'steering = "steering"\ncastering = true', "castering"),
         (f"position = {list(NOSE)}\n", "", "position"),
     ],

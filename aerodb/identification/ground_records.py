@@ -1,0 +1,370 @@
+"""Rolls of a flight on the ground, as records of a model with unknown parameters."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
+
+from aerodb.coefficients import thrust_loads
+from aerodb.conditioning import despite_ground, ground_and_air
+from aerodb.errors import InputError
+from aerodb.estimation import Fit, Parameter, Parameters, TimeHistory
+from aerodb.flight import Flight
+from aerodb.identification.database_parameters import unknown
+from aerodb.identification.ground_roll import OUTPUTS, START, GroundRoll, fitted_roll
+from aerodb.identification.likelihood_bounds import with_bounds
+from aerodb.nomenclature import POSITIONS
+from aerodb.physics import GRAVITY, Earth, standard_atmosphere
+from aerodb.simulation import MASS_PROPERTIES, Condition, FlightModel, bridged, flight_model, trim
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
+
+#: One standard deviation of a component of the wind near the ground before a roll is seen [m/s]: a
+#: runway is hardly used in twice as much.
+_WIND: Final = 10.0
+#: Speed over the ground [m/s] down to which a roll counts: below, friction sticks, and slip angles
+#: lose their meaning,
+_SLOW: Final = 3.0
+#: and that a roll reaches: taxiing tells nothing of friction at speed.
+_FAST: Final = 10.0
+#: Shortest and longest roll [s].
+_SHORTEST: Final = 5.0
+_LONGEST: Final = 120.0
+#: Time over which a speed is taken from positions [s].
+_SPEED_WINDOW: Final = 4.0
+#: Time over which a roll's start is taken from what was measured [s].
+_BEGINNING: Final = 2.0
+#: Share of the largest airspeed down to which a pitot tube is believed.
+_PITOT: Final = 0.5
+#: Pitch attitude [rad] above that on all wheels at which the nose wheel is in the air.
+_NOSE_UP: Final = float(np.deg2rad(2.0))
+#: Time over which the pitch attitude is smoothed for that [s].
+_NOSE_WINDOW: Final = 0.5
+#: Slope of a runway over its standard error from which it counts, and parts of a roll from whose
+#: mean altitudes it is taken: altitudes drift,
+_SLOPED: Final = 4.0
+_PARTS: Final = 8
+#: and least slope that counts: it decelerates by 0.005 m/s2.
+_LEAST_SLOPE: Final = 5e-4
+
+
+@dataclass(frozen=True, eq=False)
+class RolledFlight:
+    """A mapped flight, its vehicle, and the name of its records."""
+
+    flight: Flight
+    vehicle: Vehicle
+    name: str
+
+
+def ground_problem(
+    flights: Sequence[RolledFlight],
+    names: Sequence[str],
+    database: AeroDatabase,
+    wind: tuple[float, float] | None = None,
+) -> tuple[GroundRoll, list[TimeHistory], list[str]]:
+    """Return the model of all rolls of some flights with parameters of a database unknown, the
+    records, and what was assumed.
+
+    wind : north and east [m/s]; None: unknown, steady in each roll.
+
+    Raises InputError naming what the flights lack, where there is no roll. SI units.
+    """
+    model = flight_model(database)
+    records, starts, notes = list[TimeHistory](), dict[str, dict[str, float]](), list[str]()
+    items = [unknown(name, database) for name in names]
+    reasons = dict[str, None]()
+    for each in flights:
+        seen = despite_ground(each.flight)
+        try:
+            rolls = ground_rolls(each.flight)
+            prepared = with_mass_channels(seen, each.vehicle)
+            for number, whole in enumerate(rolls, 1):
+                name = f"{each.name}#{number}"
+                record, start, said = _record(name, prepared, each.vehicle, model, whole)
+                records.append(record)
+                starts[name] = start
+                items += _unknowns(record, wind)
+                notes += [f"{name}: {text}" for text in said]
+        except InputError as error:
+            reasons[str(error).split("\n", 1)[0]] = None
+            continue
+        if not rolls:
+            reasons[_why(each.flight)] = None
+    if not records:
+        raise InputError(
+            f"no roll on the ground can be used: {'; '.join([*reasons][:3])}",
+            "estimate",
+            "name flights that roll to a stop, with velocities or positions over the ground",
+        )
+    notes += [f"left out: {reason}" for reason in reasons]
+    outputs = tuple(
+        name for name in OUTPUTS if any(np.isfinite(r.outputs[name]).any() for r in records)
+    )
+    latitude = next(filter(None, (_mean(f.flight, "latitude", slice(None)) for f in flights)), None)
+    if latitude is None:
+        notes.append("latitude is not known: the earth's rotation was left out")
+    else:
+        model = flight_model(database, earth=Earth(latitude))
+    return GroundRoll(model, Parameters(tuple(items)), outputs, starts), records, notes
+
+
+def ground_fit(
+    function: Callable[..., Fit],
+    flights: Sequence[RolledFlight],
+    names: Sequence[str],
+    database: AeroDatabase,
+    wind: tuple[float, float] | None = None,
+) -> Fit:
+    """Return the fit of parameters of a database's legs by a method that flies, in SI units.
+
+    The other arguments are those of `ground_problem`, whose errors it raises. A parameter that the
+    rolls do not determine is ``not excited``, with the values that they do not exclude.
+    """
+    model, records, notes = ground_problem(flights, names, database, wind)
+    fit = with_bounds(function, model, records, fitted_roll(function, model, records), names)
+    return replace(fit, notes=(*fit.notes, *(f"{n[0].upper()}{n[1:]}." for n in notes)))
+
+
+def _why(flight: Flight) -> str:
+    if _speed(despite_ground(flight)) is None:
+        return "the flight has no velocity and no position over the ground"
+    if not {"altitude", "height_above_ground"} & set(flight.channels):
+        return "the flight has no height: where it rolls and where it flies is not known"
+    return f"no roll of {_SHORTEST:g} s that reaches {_FAST:g} m/s on the ground"
+
+
+def ground_rolls(flight: Flight) -> list[slice]:
+    """Return the samples of the rolls of a flight (n,) on the ground.
+
+    Each is a stretch on the ground in motion over it, of up to 120 s. Speeds [m/s] come from
+    velocities over the earth, else from positions.
+    """
+    flight = despite_ground(flight)
+    moving = _speed(flight)
+    if moving is None:
+        return []
+    down = np.zeros(len(flight.time), dtype=bool)
+    for segment in ground_and_air(flight):
+        if segment.kind == "on_ground":
+            down |= (flight.time >= segment.start) & (flight.time <= segment.end)
+    rolling = np.concatenate([[False], down & (moving > _SLOW), [False]])
+    edges = np.flatnonzero(np.diff(rolling.astype(int)))
+    most = round(_LONGEST / flight.step)
+    return [
+        slice(int(first), int(min(stop, first + most)))
+        for first, stop in edges.reshape(-1, 2)
+        if (stop - first) * flight.step >= _SHORTEST and moving[first:stop].max() >= _FAST
+    ]
+
+
+def _record(
+    name: str, flight: Flight, vehicle: Vehicle, model: FlightModel, whole: slice
+) -> tuple[TimeHistory, dict[str, float], list[str]]:
+    """A roll as a record, the height and attitude at which the legs carry it, and what was
+    assumed."""
+    where = f"roll {name}, {flight.time[whole][0]:.1f} to {flight.time[whole.stop - 1]:.1f} s"
+    lacking = sorted(n for n in model.inputs if n not in flight)
+    if lacking:
+        raise InputError(
+            f"the flight lacks {', '.join(lacking)}",
+            where,
+            "map these channels: without them friction cannot be told from what they do",
+        )
+    notes = list[str]()
+    known = {n: bridged(flight, n, whole, where) for n in (*MASS_PROPERTIES, *model.inputs)}
+    measured = _measured(flight, whole)
+    speed = _first(flight.time[whole], measured)["speed"]
+    altitude = _mean(flight, "altitude", whole)
+    if altitude is None:
+        notes.append("altitude is not known; air at sea level was taken")
+    series = dict(known)
+    air = standard_atmosphere(np.array([altitude or 0.0]))
+    for channel, key in (("rho", "density_ratio"), ("temperature", "temperature_offset")):
+        mean = _mean(flight, channel, whole)
+        if mean is not None:
+            own = mean / air.density[0] if channel == "rho" else mean - air.temperature[0]
+            series[key] = np.full(whole.stop - whole.start, own)
+    said = list[str]()
+    loads = thrust_loads(flight, vehicle.thrust, cg_positions(flight, vehicle), said)
+    if vehicle.thrust.source == "unknown":
+        notes.append("thrust is not known; none was taken")
+    for kind, values in zip(("force", "moment"), loads, strict=True):
+        series |= {f"{kind}_{axis}": values[whole, j] for j, axis in enumerate("xyz")}
+    at_start = {key: float(value[0]) for key, value in series.items()}
+    carried = trim(model, Condition(speed, altitude or 0.0, ground=True), at_start)
+    start = {key: float(carried.start[key]) for key in ("altitude", "phi", "theta")}
+    series["ground_altitude"] = np.full(whole.stop - whole.start, altitude or 0.0)
+    slope = _slope(flight, whole, measured)
+    if slope:
+        notes.append(f"the runway climbs by {100.0 * slope:.2f} % by the altitudes; it counts")
+        series["force_x"] = series["force_x"] - GRAVITY * slope * series["mass"]
+    kept = _on_all_wheels(flight, whole, start["theta"], notes)
+    if (kept.stop - kept.start) * flight.step < _SHORTEST:
+        raise InputError("the nose wheel is in the air", where, "choose a roll on all wheels")
+    time = flight.time[whole][kept]
+    record = TimeHistory(
+        name,
+        time,
+        {key: np.asarray(value[kept]) for key, value in series.items()},
+        {key: value[kept] for key, value in measured.items()},
+    )
+    return record, start, notes
+
+
+def _measured(flight: Flight, whole: slice) -> dict[str, Array]:
+    """What a roll is compared with, NaN where it was not measured; headings are continuous, and
+    airspeeds those of a fast roll."""
+    place = _positions(flight)
+    found = {}
+    for name in OUTPUTS:
+        values = place.get(name) if name in ("north", "east") else None
+        if values is None and name in flight:
+            values = np.where(flight.usable([name]), flight[name], np.nan)
+        found[name] = np.full(len(flight.time), np.nan)[whole] if values is None else values[whole]
+    heading = found["psi"]
+    good = np.isfinite(heading)
+    found["psi"][good] = np.unwrap(heading[good])
+    fast = np.nanmax(found["V"], initial=0.0)
+    found["V"] = np.where(found["V"] > _PITOT * fast, found["V"], np.nan)
+    return found
+
+
+def _unknowns(record: TimeHistory, wind: tuple[float, float] | None) -> list[Parameter]:
+    """The wind of a roll and how it began, from its first seconds."""
+    first, ways = _first(record.time, record.outputs), ("north", "east")
+    return [
+        *(
+            Parameter(f"wind_{way}[{record.name}]", 0.0, "m/s", prior=0.0, prior_error=_WIND)
+            if wind is None
+            else Parameter(f"wind_{way}[{record.name}]", blown, "m/s", free=False)
+            for way, blown in zip(ways, wind or (0.0, 0.0), strict=True)
+        ),
+        *(
+            Parameter(f"initial_{name}[{record.name}]", first[name], unit)
+            for name, unit in START.items()
+        ),
+    ]
+
+
+def _first(time: Array, measured: Mapping[str, Array]) -> dict[str, float]:
+    """How a roll begins, by polynomials through its first seconds."""
+    early = time - time[0] <= 2.0 * _BEGINNING
+    since = time[early] - time[0]
+
+    def fitted(name: str, order: int) -> Array | None:
+        values = measured[name][early]
+        good = np.isfinite(values)
+        if good.sum() <= 2 * order:
+            return None
+        return np.polyfit(since[good], values[good], order)[::-1]
+
+    place = {way: fitted(way, 2) for way in ("north", "east")}
+    velocity = []
+    for way in ("north", "east"):
+        own, along = fitted(f"velocity_{way}", 1), place[way]
+        velocity.append(
+            float(own[0]) if own is not None else 0.0 if along is None else float(along[1])
+        )
+    heading = fitted("psi", 1)
+    psi = float(np.arctan2(velocity[1], velocity[0])) if heading is None else float(heading[0])
+    speed, drift = (
+        velocity[0] * np.cos(psi) + velocity[1] * np.sin(psi),
+        velocity[1] * np.cos(psi) - velocity[0] * np.sin(psi),
+    )
+    return {
+        "speed": float(speed),
+        "drift": float(drift) if heading is not None else 0.0,
+        "psi": psi,
+        "r": 0.0 if heading is None else float(heading[1]),
+        **{way: 0.0 if value is None else float(value[0]) for way, value in place.items()},
+    }
+
+
+def _on_all_wheels(flight: Flight, whole: slice, level: float, notes: list[str]) -> slice:
+    """The longest part of a roll (its own samples) in which the nose wheel is on the ground."""
+    n = whole.stop - whole.start
+    if "theta" not in flight or not flight.usable(["theta"])[whole].any():
+        notes.append("theta is not known; all wheels were taken to be on the ground")
+        return slice(0, n)
+    good = np.flatnonzero(flight.usable(["theta"])[whole])
+    theta = np.interp(np.arange(n), good, flight["theta"][whole][good])
+    smooth = median_filter(theta, max(3, round(_NOSE_WINDOW / flight.step)), mode="nearest")
+    low = np.concatenate([[False], smooth < level + _NOSE_UP, [False]])
+    edges = np.flatnonzero(np.diff(low.astype(int))).reshape(-1, 2)
+    if not len(edges):
+        return slice(0, 0)
+    first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    if last - first < n:
+        notes.append(
+            f"{(n - last + first) * flight.step:.1f} s with the nose wheel in the air left out"
+        )
+    return slice(int(first), int(last))
+
+
+def _slope(flight: Flight, whole: slice, measured: Mapping[str, Array]) -> float:
+    """Slope of the runway along a roll, 0 where the altitudes show none."""
+    moving = _speed(flight)
+    if "altitude" not in flight or moving is None:
+        return 0.0
+    good = flight.usable(["altitude"])[whole]
+    way = np.cumsum(moving[whole]) * flight.step
+    if good.sum() < 4 * _PARTS:
+        return 0.0
+    parts = np.array_split(np.flatnonzero(good), _PARTS)
+    x = np.array([way[part].mean() for part in parts])
+    y = np.array([flight["altitude"][whole][part].mean() for part in parts])
+    x = x - x.mean()
+    spread = float(x @ x)
+    if not spread > 0.0:
+        return 0.0
+    slope = float(x @ y) / spread
+    left = y - y.mean() - slope * x
+    error = float(np.sqrt(left @ left / (_PARTS - 2) / spread))
+    return slope if abs(slope) > max(_SLOPED * error, _LEAST_SLOPE) else 0.0
+
+
+def _mean(flight: Flight, name: str, whole: slice) -> float | None:
+    if name not in flight:
+        return None
+    good = flight.usable([name], despite=("on_ground",))[whole]
+    return float(flight[name][whole][good].mean()) if good.any() else None
+
+
+def _speed(flight: Flight) -> Array | None:
+    """Speed over the ground (n,) [m/s] from velocities, else from positions; None without."""
+    names = ("velocity_north", "velocity_east")
+    if all(name in flight and flight.usable([name]).any() for name in names):
+        north, east = (np.where(flight.usable([n]), flight[n], np.nan) for n in names)
+        return np.hypot(_filled(north), _filled(east))
+    place = _positions(flight)
+    if not place:
+        return None
+    window = min(round(_SPEED_WINDOW / flight.step) | 1, (len(flight.time) - 1) // 2 * 2 - 1)
+    if window < 5:
+        return None
+    slopes = [savgol_filter(_filled(each), window, 2, 1, flight.step) for each in place.values()]
+    return np.hypot(*slopes)
+
+
+def _positions(flight: Flight) -> dict[str, Array]:
+    """Place north and east (n,) [m], NaN where it was not measured; empty without positions."""
+    for names in POSITIONS:
+        if all(name in flight for name in names) and (good := flight.usable(names)).any():
+            first, second = (np.where(good, flight[name], np.nan) for name in names)
+            if "latitude" in names:
+                at = int(np.argmax(good))
+                earth = Earth(float(first[at]), float(second[at]))
+                first, second = earth.to_local(first, second)
+            return {"north": first, "east": second}
+    return {}
+
+
+def _filled(values: Array) -> Array:
+    """Values (n,) with gaps bridged."""
+    at = np.flatnonzero(np.isfinite(values))
+    return np.asarray(np.interp(np.arange(len(values)), at, values[at]))

@@ -1,0 +1,166 @@
+"""A roll on the ground as a model with unknown parameters.
+
+A vehicle rolls on its legs from a speed, a drift, a heading and a yaw rate that are unknown, in a
+steady wind that is unknown, up to its standstill and a moment longer. What flights tell of the
+legs' parameters, such as rolling friction and brake efficiency, is in the way that it comes, and in
+the heading at which it holds its track against the wind. Its height and attitude on its springs at
+the start are those at which the legs carry it.
+
+References
+----------
+Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight Test, section on the ground
+roll: friction, steady wind and initial values from positions.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.estimation import Fit, Parameters, TimeHistory, Values
+from aerodb.physics import quaternion_from_euler, to_body
+from aerodb.simulation import FlightModel, simulate
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, depends_on
+
+#: What a roll may be compared with, and the unit of each.
+OUTPUTS: Final = {
+    "north": "m", "east": "m", "velocity_north": "m/s", "velocity_east": "m/s", "psi": "rad",
+    "V": "m/s",
+}  # fmt: skip
+#: How a roll begins: speed along and across the heading, over the ground; heading; yaw rate; place.
+START: Final = {
+    "speed": "m/s", "drift": "m/s", "psi": "rad", "r": "rad/s", "north": "m", "east": "m",
+}  # fmt: skip
+#: Longest integration step [s]: friction changes its sign within 1/40 s.
+_LONGEST_STEP: Final = 0.02
+
+
+def ground_parameters(names: Sequence[str], database: AeroDatabase) -> bool:
+    """Return whether parameters of a database act through its legs alone, so that only a roll on
+    the ground tells of them.
+
+    Raises InputError for a mixture of these and others.
+    """
+    loads = {f"{leg}_load" for leg in _legs(database)}
+    acting: dict[str, list[bool]] = {name: [] for name in names}
+    for term in database.coefficient_terms:
+        read = depends_on(term.expression, database)
+        for name in read & acting.keys():
+            acting[name].append(not loads.isdisjoint(read))
+    own = [name for name, found in acting.items() if found and all(found)]
+    if own and len(own) < len(acting):
+        others = ", ".join(sorted(acting.keys() - set(own)))
+        raise InputError(
+            f"{', '.join(own)} act on the ground only, {others} in flight too",
+            "model file",
+            "write two model files: the ground and the air are two estimates",
+        )
+    return bool(own)
+
+
+def _legs(database: AeroDatabase) -> list[str]:
+    """Names of the legs' variables, without their ending."""
+    ending = "_compression"
+    return [name.removesuffix(ending) for name in database.variables if name.endswith(ending)]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundRoll:
+    """Rolls on the ground as a `DynamicModel`.
+
+    Unknowns by name: parameters of the database; of each record ``wind_north[...]`` and
+    ``wind_east[...]`` [m/s], and ``initial_<how it began>[...]``.
+
+    Parameters
+    ----------
+    flight : what rolls.
+    parameters : all parameters.
+    outputs : among north, east, velocity_north, velocity_east, psi and V.
+    starts : record -> altitude [m], phi, theta [rad] at the start.
+    """
+
+    flight: FlightModel
+    parameters: Parameters
+    outputs: tuple[str, ...]
+    starts: Mapping[str, Mapping[str, float]]
+    states: tuple[str, ...] = tuple(START)
+
+    def initial_state(self, values: Values, record: TimeHistory) -> Array:
+        """State at the first sample, (s, k), in SI units and rad."""
+        rows = [np.atleast_1d(values[f"initial_{name}[{record.name}]"]) for name in START]
+        return np.stack(np.broadcast_arrays(*rows))
+
+    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
+        """NaN (s, k), SI units per second: compressions are further states, which no filter
+        knows."""
+        return np.full_like(state, np.nan)
+
+    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
+        """NaN (o, k), SI units, as `rates`."""
+        return np.full((len(self.outputs), state.shape[1]), np.nan)
+
+    def simulated(self, values: Values, record: TimeHistory) -> Array:
+        """Return outputs (n, o, k), SI units and rad, from the start on; NaN after a divergence."""
+        wind = [np.atleast_1d(values[f"wind_{way}[{record.name}]"]) for way in ("north", "east")]
+        state = self.initial_state(values, record)
+        k = max(state.shape[1], *(len(each) for each in wind))
+        speed, drift, psi, r, north, east = np.broadcast_to(state, (len(state), k))
+        at = self.starts[record.name]
+        phi, theta = (np.full(k, at[name]) for name in ("phi", "theta"))
+        attitude = quaternion_from_euler(phi, theta, psi)
+        u, v, w = to_body(
+            attitude,
+            np.stack(
+                [
+                    speed * np.cos(psi) - drift * np.sin(psi) - wind[0],
+                    speed * np.sin(psi) + drift * np.cos(psi) - wind[1],
+                    np.zeros(k),
+                ]
+            ),
+        )
+        V = np.sqrt(u**2 + v**2 + w**2)
+        start = {
+            "V": V, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / np.maximum(V, 1e-9)),
+            "phi": phi, "theta": theta, "psi": psi, "r": r, "north": north, "east": east,
+            "altitude": np.full(k, at["altitude"]),
+        }  # fmt: skip
+        series: dict[str, Any] = {**record.inputs}
+        n = len(record.time)
+        for way, blown in zip(("north", "east"), wind, strict=True):
+            series[f"wind_{way}"] = np.broadcast_to(blown, (n, k))
+        run = simulate(
+            self.flight,
+            record.time,
+            start,
+            series,
+            parts=max(1, int(np.ceil(record.step / _LONGEST_STEP - 1e-9))),
+            parameters={name: values[name] for name in self.flight.parameters if name in values},
+        )
+        rows = {name: run.channels[name] for name in self.outputs}
+        if "psi" in rows:  # from -180 to 180 deg: made continuous
+            turned = np.unwrap(rows["psi"], axis=0)
+            rows["psi"] = turned - turned[0] + psi
+        return np.stack(np.broadcast_arrays(*rows.values()), axis=1)
+
+
+def fitted_roll(
+    function: Callable[..., Fit], model: GroundRoll, records: Sequence[TimeHistory]
+) -> Fit:
+    """Return the fit of a method that flies: first of wind and start alone, at the database's own
+    parameters, then of all.
+
+    From a wind of zero, parameters would first take what the wind does. SI units.
+    """
+    own = model.flight.parameters
+    held = tuple(
+        replace(item, free=False) if item.name in own else item for item in model.parameters.items
+    )
+    first = function(replace(model, parameters=Parameters(held)), records)
+    if not first.converged:
+        return function(model, records)
+    found = {e.name: e.value for e in first.estimates if e.name not in own}
+    known = {name: value for name, value in found.items() if np.isfinite(value)}
+    return function(replace(model, parameters=model.parameters.changed(known)), records)

@@ -1,0 +1,157 @@
+"""Bounds of parameters that records do not determine, by the likelihood along each.
+
+A standard error is that of a parabola at the best value. Where an effect is not excited, the
+likelihood is no parabola: it stays flat far away from there, and the best value is that of the
+noise. So the other unknowns are fitted again with the parameter two standard errors away. Where
+that costs hardly any likelihood, or the standard error is a large part of the value, the parameter
+has no estimate, only the values that 95 % of such records would not exclude.
+
+References
+----------
+Murphy & van der Vaart, On profile likelihood, Journal of the American Statistical Association
+95(450), 2000.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.estimation import Fit, Parameter, Parameters, TimeHistory
+
+#: Standard errors over a value below which its likelihood is taken as a parabola: what is known
+#: within 5 % hardly changes the motion across its interval.
+_KNOWN: Final = 0.05
+#: Standard errors over a value above which there is no estimate: the interval of two to either side
+#: spans a factor of three.
+_VAGUE: Final = 0.25
+#: Loss of log-likelihood two standard errors away, below which there is no estimate: half of the
+#: loss along a parabola, 2.
+_FLAT: Final = 1.0
+#: Loss of log-likelihood at the ends of an interval of 95 %: half of chi-squared of one degree of
+#: freedom.
+_EXCLUDED: Final = 1.92
+#: Halvings of the interval in which an end is searched: it is then outside by up to the
+#: fourth root of what it spans.
+_HALVINGS: Final = 2
+#: Values that are tried where a parameter has no bounds, over the best one.
+_FAR: Final = 10.0
+
+
+def with_bounds(
+    function: Callable[..., Fit], model: Any, records: Sequence[TimeHistory], fit: Fit,
+    names: Sequence[str],
+) -> Fit:  # fmt: skip
+    """Return a fit in which parameters without an estimate say so, with the values that the
+    records do not exclude, in the unit of each.
+
+    function : the method, of a model and records. model : a `DynamicModel` that is a dataclass.
+    names : parameters that are examined; the others have their answers with these held.
+    """
+    if not fit.converged:
+        return fit
+    loose: dict[str, tuple[float, float]] = {}
+    estimates = {each.name: each for each in fit.estimates}
+    for name in names:
+        each = estimates[name]
+        if each.standing not in ("estimated", "at bound"):
+            continue
+        item = model.parameters[name]
+        loss = partial(_loss, function, model, records, fit, item)
+        if each.standing == "estimated":
+            error = each.standard_error
+            if error <= _KNOWN * abs(each.value):
+                continue
+            around = (each.value - 2.0 * error, each.value + 2.0 * error)
+            if error <= _VAGUE * abs(each.value) and all(
+                loss(end) > _FLAT for end in around if item.lower < end < item.upper
+            ):
+                continue
+        loose[name] = (_end(loss, each.value, item.lower), _end(loss, each.value, item.upper))
+    if not loose:
+        return fit
+    held = _held(model, fit, {n: _inside(model.parameters[n].value, loose[n]) for n in loose})
+    again = function(held, records)
+    if not again.converged:
+        again = fit
+    return replace(
+        again,
+        estimates=tuple(
+            replace(
+                each,
+                value=np.nan,
+                standard_error=np.nan,
+                standing="not excited",
+                reason=_reason(model.parameters[each.name], *loose[each.name]),
+            )
+            if each.name in loose
+            else each
+            for each in again.estimates
+        ),
+    )
+
+
+def _loss(
+    function: Callable[..., Fit],
+    model: Any,
+    records: Sequence[TimeHistory],
+    fit: Fit,
+    item: Parameter,
+    value: float,
+) -> float:
+    """Log-likelihood lost where a parameter has this value and the others are fitted again."""
+    again = function(_held(model, fit, {item.name: value}), records)
+    return fit.log_likelihood - again.log_likelihood if again.converged else np.inf
+
+
+def _held(model: Any, fit: Fit, values: dict[str, float]) -> Any:
+    """The model with some parameters held, and the others beginning at the fit's."""
+    found = {e.name: e.value for e in fit.estimates if np.isfinite(e.value)} | values
+    return replace(
+        model,
+        parameters=Parameters(
+            tuple(
+                replace(item, value=float(found.get(item.name, item.value)),
+                        free=item.free and item.name not in values)
+                for item in model.parameters.items
+            )
+        ),
+    )  # fmt: skip
+
+
+def _end(loss: Callable[[float], float], best: float, bound: float) -> float:
+    """The end of the interval towards a bound: the bound itself where it is not excluded."""
+    if best == bound:
+        return bound
+    if not np.isfinite(bound):
+        bound = best + np.copysign(_FAR * abs(best), bound)
+    if loss(bound) < _EXCLUDED:
+        return bound
+    inside, outside = best, bound
+    for _ in range(_HALVINGS):
+        middle = _between(inside, outside)
+        inside, outside = (middle, outside) if loss(middle) < _EXCLUDED else (inside, middle)
+    return outside
+
+
+def _between(inside: float, outside: float) -> float:
+    """The geometric mean of two values of one sign, else their mean."""
+    if inside * outside > 0.0:
+        return float(np.copysign(np.sqrt(inside * outside), inside))
+    return 0.5 * (inside + outside)
+
+
+def _inside(value: float, interval: tuple[float, float]) -> float:
+    return float(np.clip(value, *interval))
+
+
+def _reason(item: Parameter, low: float, high: float) -> str:
+    ends = [
+        f"{what} {end:.3g}"
+        for what, end, bound in (("above", low, item.lower), ("below", high, item.upper))
+        if end != bound
+    ]
+    known = f"only that it is {' and '.join(ends)} (95 %)" if ends else "nothing within its bounds"
+    return f"these records tell {known}: excite what it acts on, or leave it out"
