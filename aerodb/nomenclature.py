@@ -150,6 +150,8 @@ NAVIGATION: Final[tuple[str, ...]] = (
     "altitude",
 )
 
+#: Commands of wheels, which few logs have.
+WHEELS: Final = ("brake", "brake_left", "brake_right", "steering")
 #: Pairs of channels that give a position over the ground.
 POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
 

@@ -111,11 +111,11 @@ def estimate(
         document = _of_flights(
             session, vehicle, flights, baseline, text, names, whole, output is not None, conditions
         )
-    page = document.pop("page", None)
+    page, rolls = document.pop("page", None), document.pop("rolls", False)
     named = " ".join(f"--flights {each}" for each in flights or ())
     then = (
         ""
-        if vehicle is None or linear or parse_model_file(text).inertias
+        if vehicle is None or linear or parse_model_file(text).inertias or rolls
         else f"aerodb close-loop --vehicle {vehicle} --baseline {baseline} {named}".rstrip()
         if parse_model_file(text).parameters
         else f"aerodb update --vehicle {vehicle} --model {model} --method {document['believe']}"
@@ -187,7 +187,7 @@ def _of_flights(
         },
         direct=True,
     )
-    return document
+    return {**document, "rolls": rolls}
 
 
 def _print(

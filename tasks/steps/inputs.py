@@ -19,7 +19,7 @@ from aerodb.coefficients import (
 from aerodb.errors import InputError
 from aerodb.exchange import property_expression, propose_bindings, written_name
 from aerodb.flight import Flight
-from aerodb.nomenclature import CHANNELS
+from aerodb.nomenclature import CHANNELS, WHEELS
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase, Expression, Number
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
@@ -184,7 +184,8 @@ def _removed(use: InputUse, surfaces: Collection[str]) -> dict[str, Any] | None:
 def _known(vehicle: Vehicle, flights: Sequence[FlightCoefficients]) -> list[str]:
     """Channels that a vehicle has: those of its flights, its surfaces, and the common ones."""
     logged = {name for loaded in flights for name in loaded.flight.channels}
-    return sorted(logged | {f"delta_{name}" for name in vehicle.surfaces} | set(CHANNELS))
+    common = set(CHANNELS).difference(WHEELS)
+    return sorted(logged | {f"delta_{name}" for name in vehicle.surfaces} | common)
 
 
 def input_remarks(

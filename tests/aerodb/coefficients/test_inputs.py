@@ -21,7 +21,7 @@ TIME = np.arange(N) * 0.02
 ALPHA = 0.05 + 0.03 * np.sin(2.0 * TIME)
 TERMS = {
     "CZ": "-5*alpha - 2*alphadot_hat",
-    "CX": "-0.02*brake - 0.1*size_of_beta",
+    "CX": "-0.02*parachute - 0.1*size_of_beta",
     "Cm": "-1.2*delta_elevator",
 }
 
@@ -32,7 +32,7 @@ def database(**more):
         ReferenceGeometry(0.9, 0.25, 3.6, (-0.4, 0.0, 0.0)),
         variables={"size_of_beta": Variable(parse("abs(beta)"), "1", "size of beta")},
         terms=tuple(Term(f"t{axis}", axis, parse(text)) for axis, text in TERMS.items()),
-        free_inputs={"brake": "air brake"},
+        free_inputs={"parachute": "air parachute"},
         **more,
     )
 
@@ -63,11 +63,11 @@ def uses(flown, base):
 
 def test_change_over_the_plausible_range_beside_the_residual():
     found, comparison = uses(flight(), database())
-    brake, elevator = found["brake"], found["delta_elevator_held"]
-    (effect,) = brake.effects
+    parachute, elevator = found["parachute"], found["delta_elevator_held"]
+    (effect,) = parachute.effects
     assert (effect.axis, effect.change) == ("CX", pytest.approx(0.02))
     assert effect.share == pytest.approx(0.02 / rms(comparison.residual("CX")))
-    assert brake.range.origin.startswith("one unit")
+    assert parachute.range.origin.startswith("one unit")
     (effect,) = elevator.effects  # limits of the vehicle file: 25 deg
     assert (effect.axis, effect.change) == ("Cm", pytest.approx(1.2 * np.deg2rad(25.0)))
 
@@ -87,15 +87,15 @@ def test_from_motion_says_what_zero_would_leave_out_and_what_the_flights_bear_ou
 
 def test_nothing_to_say_where_flights_have_everything():
     given = flight(delta_elevator=0.1 * ALPHA, alphadot=np.gradient(ALPHA, TIME))
-    base = with_held_inputs(database(), ["brake"])
+    base = with_held_inputs(database(), ["parachute"])
     assert lacking_inputs(base, [given.channels]) == ()
-    assert set(uses(given, base)[0]) == {"size_of_beta", "brake"}
+    assert set(uses(given, base)[0]) == {"size_of_beta", "parachute"}
 
 
 def test_without_flights_only_what_no_log_can_hold_is_lacking():
-    assert lacking_inputs(database(), []) == ("brake",)
-    held = with_held_inputs(database(), ["brake"])
-    (use,) = input_uses(held, parse_vehicle(VEHICLE), [], ["brake"])
+    assert lacking_inputs(database(), []) == ("parachute",)
+    held = with_held_inputs(database(), ["parachute"])
+    (use,) = input_uses(held, parse_vehicle(VEHICLE), [], ["parachute"])
     assert use.effects is None
     assert not use.accepted
 
@@ -109,9 +109,9 @@ def test_only_inputs_of_terms_can_be_held():
 
 def test_held_at_zero_predicts_as_with_zero_given():
     base, given = database(), flight(delta_elevator=0 * TIME, alphadot=0 * TIME)
-    held = with_held_inputs(base, ["brake", "delta_elevator", "alphadot"])
-    channels = {**given.channels, "brake": 0 * TIME}
+    held = with_held_inputs(base, ["parachute", "delta_elevator", "alphadot"])
+    channels = {**given.channels, "parachute": 0 * TIME}
     one, two = (each.predict(channels).coefficients for each in (base, held))
-    assert not {"brake", "delta_elevator", "alphadot"} & set(held.inputs)
+    assert not {"parachute", "delta_elevator", "alphadot"} & set(held.inputs)
     for axis in AXES:
         np.testing.assert_array_equal(one[axis], two[axis])
