@@ -30,7 +30,7 @@ _LEAST: Final = 0.1
 _EXPLAINS: Final = 0.9
 #: Least share of a change's mean square that an error shown by other axes takes (dimensionless).
 #: Less is not what the update changes.
-_TAKES: Final = 0.2
+_TAKES: Final = 0.5
 #: Rms of a change, in rms of the residual, that no flight tells from none (dimensionless).
 #: A few thousand coloured samples know a mean to a tenth of their scatter.
 _UNSEEN: Final = 0.1
@@ -176,19 +176,33 @@ class _Change:
         )
 
     def beside(
-        self, columns: Sequence[Mapping[str, Array]], axis: str
+        self, columns: Sequence[Mapping[str, Array]], axis: str, within: bool = False
     ) -> tuple[float, float, float, int]:
-        """Products on an axis: column with itself, with the change, change with itself, samples."""
+        """Products on an axis: column with itself, with the change, change with itself, samples.
+
+        within : of both about the mean of each flight.
+        """
         pairs = [
-            (column.get(axis, np.zeros(0)), each.changed[axis])
+            (column.get(axis, np.zeros_like(each.changed[axis])), each.changed[axis])
             for each, column in zip(self.flights, columns, strict=True)
             if axis in each.changed
         ]
+        if within:
+            pairs = [(_about_mean(c), _about_mean(d)) for c, d in pairs]
         return (
             sum(float(c @ c) for c, _ in pairs),
-            sum(float(c @ d) for c, d in pairs if len(c)),
+            sum(float(c @ d) for c, d in pairs),
             sum(float(d @ d) for _, d in pairs),
             sum(len(d) for _, d in pairs),
+        )
+
+    def is_explained(self, columns: Sequence[Mapping[str, Array]], axis: str, size: float) -> bool:
+        """Whether an error of this size (SI) leaves hardly anything of the change on an axis: of
+        the whole, and of what varies within flights, which constants would hide."""
+        least = (_UNSEEN * self.floors[axis]) ** 2
+        return all(
+            size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + n * least
+            for c, x, d, n in (self.beside(columns, axis, within) for within in (False, True))
         )
 
     def errors(self, columns: Sequence[Mapping[str, Array]], size: float) -> Array:
@@ -263,11 +277,7 @@ def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
     shown, size = change.shown(columns), cd / cc
     whole = (
         _believable(hypothesis, size)
-        and all(
-            size * (size * c - 2.0 * x) + d
-            <= (1.0 - _EXPLAINS) * d + n * (_UNSEEN * change.floors[axis]) ** 2
-            for axis, (c, x, d, n) in pairs.items()
-        )
+        and all(change.is_explained(columns, axis, size) for axis in pairs)
         and not shown.excludes(size, DIFFERENCE)
     )
     part = (

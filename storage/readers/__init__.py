@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .any_format import prepare_reader, read_log
+    from .any_format import prepare_reader, prepare_reader_of, read_log
     from .ulog_stream import UlogStream, following
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

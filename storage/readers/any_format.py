@@ -6,6 +6,7 @@ Readers are imported on demand, because each depends on a library of its own.
 import re
 import tempfile
 from collections.abc import Collection
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -49,6 +50,20 @@ def prepare_reader(suffix: str) -> None:
         framed(np.zeros(4, dtype=np.uint8))
     else:
         from aerodb.storage.readers import tabular  # noqa: F401
+
+
+def prepare_reader_of(path: Path) -> None:
+    """Import what the log at `path` is read with, by its first bytes, whatever its name says; an
+    OSError is left to `read_log`."""
+    with suppress(OSError), path.open("rb") as handle:
+        head = handle.read(8)
+        packed = head.startswith((ZIP, GZIP))
+        if packed or head.startswith(_ULOG):
+            prepare_reader(_ULOG_SUFFIXES[0])
+        if packed or head.startswith(_DATAFLASH):
+            prepare_reader(_DATAFLASH_SUFFIX)
+        if packed or head.startswith(_MCAP):
+            prepare_reader(_MCAP_SUFFIX)
 
 
 def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:

@@ -5,20 +5,27 @@ on demand.
 """
 
 import os
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Recording
 from aerodb.storage.confinement import confined_environment
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.files import open_recording, write_topics
+from aerodb.storage.landlock import see_only
 from aerodb.storage.limits import Limits
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers import prepare_reader_of, read_log
 from aerodb.storage.workspace import put_in_place
 from aerodb.tasks.workers.pool import Job, OverLimitError, done
+
+#: Where the topics are in the folder of a parsing; beside them it unpacks archives.
+_TOPICS: Final = "topics"
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,8 @@ def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
     try:
         with translated_disk_errors(folder):
             _parse(path, folder.absolute(), limits)
-        yield Parsed(folder, replace(open_recording(folder), source=str(path)))
+        topics = folder / _TOPICS
+        yield Parsed(topics, replace(open_recording(topics), source=str(path)))
     finally:
         remove(folder)
 
@@ -87,14 +95,19 @@ def parsing(log: Path, folder: Path, limits: Limits) -> Job:
 
 def _read(log: Path, folder: Path) -> dict[str, str | bool] | None:
     """Read a log and write its topics; return the texts of the error if it failed. Runs in the
-    process for this log alone, whose answer is JSON."""
+    process for this log alone, whose answer is JSON and which sees no other file of the user."""
     # What libraries print is not for the user.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     try:
+        with translated_disk_errors(folder):
+            folder.mkdir()
+        tempfile.tempdir = str(folder)
+        prepare_reader_of(log)
+        see_only([log, *_program()], [folder, Path(os.devnull)])
         # Stored data do not depend on the location of the log.
         recording = replace(read_log(log), source=log.name)
         with translated_disk_errors(folder):
-            write_topics(folder, recording)
+            write_topics(folder / _TOPICS, recording)
     except (InputError, StoreError) as error:
         return _refusal(error.what, error.where, error.remedy, isinstance(error, StoreError))
     except MemoryError:
@@ -107,6 +120,14 @@ def _read(log: Path, folder: Path) -> dict[str, str | bool] | None:
         what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
         return _refusal(what, str(log), "report it, with the log, as a bug of aerodb")
     return None
+
+
+def _program() -> list[Path]:
+    """What the program itself reads: its code, the interpreter's, libraries, time zones, its own
+    memory."""
+    system = ("/usr", "/lib", "/lib64", "/etc/localtime", "/etc/ld.so.cache", "/proc/self")
+    own = (Path(__file__).resolve().parents[2], sys.prefix, sys.base_prefix, *sys.path)
+    return [Path(each) for each in (*own, *system, "/dev/urandom") if str(each)]
 
 
 def _refusal(what: str, where: str, remedy: str, store: bool = False) -> dict[str, str | bool]:
