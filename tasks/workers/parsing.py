@@ -126,8 +126,8 @@ def _program() -> list[Path]:
     """What the program itself reads: its code, the interpreter's, libraries, time zones, its own
     memory."""
     system = ("/usr", "/lib", "/lib64", "/etc/localtime", "/etc/ld.so.cache", "/proc/self")
-    own = (Path(__file__).resolve().parents[2], sys.prefix, sys.base_prefix, *sys.path)
-    return [Path(each) for each in (*own, *system, "/dev/urandom") if str(each)]
+    own = (str(Path(__file__).resolve().parents[2]), sys.prefix, sys.base_prefix, *sys.path)
+    return [Path(each) for each in (*own, *system, "/dev/urandom") if each]
 
 
 def _refusal(what: str, where: str, remedy: str, store: bool = False) -> dict[str, str | bool]:
