@@ -56,11 +56,11 @@ def prepare_reader_of(path: Path) -> None:
     """Import what the log at `path` is read with, by its first bytes, whatever its name says; an
     OSError is left to `read_log`."""
     with suppress(OSError), path.open("rb") as handle:
-        head = handle.read(8)
+        head = handle.read(64)
         packed = head.startswith((ZIP, GZIP))
         if packed or head.startswith(_ULOG):
             prepare_reader(_ULOG_SUFFIXES[0])
-        if packed or head.startswith(_DATAFLASH):
+        if packed or head.startswith(_DATAFLASH) or FIRST_LINE.match(head):
             prepare_reader(_DATAFLASH_SUFFIX)
         if packed or head.startswith(_MCAP):
             prepare_reader(_MCAP_SUFFIX)
