@@ -176,19 +176,14 @@ class _Change:
         )
 
     def beside(
-        self, columns: Sequence[Mapping[str, Array]], axis: str, within: bool = False
+        self, columns: Sequence[Mapping[str, Array]], axis: str
     ) -> tuple[float, float, float, int]:
-        """Products on an axis: column with itself, with the change, change with itself, samples.
-
-        within : of both about the mean of each flight.
-        """
+        """Products on an axis: column with itself, with the change, change with itself, samples."""
         pairs = [
             (column.get(axis, np.zeros_like(each.changed[axis])), each.changed[axis])
             for each, column in zip(self.flights, columns, strict=True)
             if axis in each.changed
         ]
-        if within:
-            pairs = [(_about_mean(c), _about_mean(d)) for c, d in pairs]
         return (
             sum(float(c @ c) for c, _ in pairs),
             sum(float(c @ d) for c, d in pairs),
@@ -197,13 +192,10 @@ class _Change:
         )
 
     def is_explained(self, columns: Sequence[Mapping[str, Array]], axis: str, size: float) -> bool:
-        """Whether an error of this size (SI) leaves hardly anything of the change on an axis: of
-        the whole, and of what varies within flights, which constants would hide."""
-        least = (_UNSEEN * self.floors[axis]) ** 2
-        return all(
-            size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + n * least
-            for c, x, d, n in (self.beside(columns, axis, within) for within in (False, True))
-        )
+        """Whether an error of this size (SI) leaves hardly anything of the change on an axis."""
+        c, x, d, n = self.beside(columns, axis)
+        least = n * (_UNSEEN * self.floors[axis]) ** 2
+        return size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + least
 
     def errors(self, columns: Sequence[Mapping[str, Array]], size: float) -> Array:
         """Square errors per stretch (k,), in floors, of an error of this size (SI) alone."""
