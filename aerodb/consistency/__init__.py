@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from . import calibration
     from .air_velocity import air_velocity
     from .calibration import Calibration, from_document
-    from .corrected import Origin
+    from .corrected import Origin, air_data_of_sensors
     from .outlook import unmeasured_angles_outlook
     from .output_error import joint_calibrations
     from .plan import ReconstructionPlan

@@ -1,5 +1,7 @@
 """Velocity of the air over the earth along a flight: what moved it, seen from its own path."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from aerodb.errors import InputError
@@ -11,11 +13,11 @@ from aerodb.support import Array
 OVER_GROUND = ("velocity_north", "velocity_east", "velocity_down")
 
 
-def air_velocity(flight: Flight) -> Array:
+def air_velocity(flight: Flight, despite: Sequence[str] = ()) -> Array:
     """Return the velocity of the air (3, n) [m/s]: over the earth minus through the air.
 
-    A flow angle that the flight lacks is taken as zero; samples that are not usable are NaN. Raises
-    InputError naming what the flight lacks.
+    A flow angle that the flight lacks is taken as zero; samples that are not usable are NaN.
+    despite : flags (keys of FLAGS) to ignore. Raises InputError naming what the flight lacks.
     """
     needed = ("V", "phi", "theta", "psi", *OVER_GROUND)
     lacking = [name for name in needed if name not in flight]
@@ -34,4 +36,4 @@ def air_velocity(flight: Flight) -> Array:
     )
     attitude = quaternion_from_euler(flight["phi"], flight["theta"], flight["psi"])
     moved = np.stack([flight[name] for name in OVER_GROUND]) - to_earth(attitude, through)
-    return np.where(flight.usable([*needed, *angles]), moved, np.nan)
+    return np.where(flight.usable([*needed, *angles], despite), moved, np.nan)

@@ -195,6 +195,19 @@ def corrected_flight(
     )
 
 
+def air_data_of_sensors(
+    flight: Flight, vehicle: Vehicle, values: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return V, alpha and beta (n,) [m/s, rad] of the sensors at the CG, corrected by the errors
+    `values` (name -> value, SI), as logged: nothing is smoothed, no wild point is replaced.
+
+    For what is as fast as the sensors, such as the core of a vortex. Raises InputError as
+    `inertial_inputs`, where the flight lacks rates or accelerations.
+    """
+    shown = _sensors(flight, vehicle, inertial_inputs(flight, vehicle), values)
+    return {name: shown[name] for name in _AIR if name in shown}
+
+
 def _smoothed(
     result: Reconstruction, scopes: Sequence[str], by: Intensities, held: Mapping[str, float]
 ) -> list[SmoothedFlight]:

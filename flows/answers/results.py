@@ -259,7 +259,7 @@ class FrequencyResponse(Answer):
 class Limits(Answer):
     """An estimate with its 95 % limits; null where the flight gives none."""
 
-    value: float
+    value: float | None
     low: float | None
     high: float | None
 

@@ -34,18 +34,30 @@ def turbulence(
         {"flight": row.id, "form": form, "since": since, "until": until, "highest": highest},
         direct=True,
     )
-    session.say(
-        f"{document['form']}, {document['duration']:.0f} s at {document['speed']:.1f} m/s, up to"
-        f" {document['highest']:g} Hz"
+    told = [each for each in document["components"] if each["intensity"]["value"] is not None]
+    strongest = max(told, key=lambda each: each["intensity"]["value"], default=None)
+    session.headlines(
+        f"{row.label} met gusts of {strongest['intensity']['value']:.2f} m/s rms in"
+        f" {strongest['name']} ({_range(strongest['intensity'], '.2f')})"
+        if strongest
+        else f"{row.label}: this stretch does not tell the intensity of gusts",
+        [
+            (
+                "as",
+                f"{document['form']}, {document['duration']:.0f} s at {document['speed']:.1f} m/s,"
+                f" up to {document['highest']:g} Hz",
+            )
+        ],
     )
+    session.say()
     session.table(
         ["gust", "intensity m/s", "95 %", "scale m", "95 %", "noise m/s"],
         [
             [
                 each["name"],
-                f"{each['intensity']['value']:.2f}",
+                _value(each["intensity"], ".2f"),
                 _range(each["intensity"], ".2f"),
-                f"{each['scale']['value']:.0f}",
+                _value(each["scale"], ".0f"),
                 _range(each["scale"], ".0f"),
                 f"{each['noise']:.2f}",
             ]
@@ -89,6 +101,19 @@ def wake(
         },
         direct=True,
     )
+    met = sum(each["wake"] is not None for each in document["encounters"])
+    session.headlines(
+        f"{met} of {len(flights)} flights met a wake",
+        [
+            (label, "yes" if document[name] else "no")
+            for label, name in (
+                ("circulation falls from each to the next", "circulation_falls"),
+                ("core grows from each to the next", "core_grows"),
+            )
+            if document[name] is not None
+        ],
+    )
+    session.say()
     names = ("circulation", "core_radius", "spacing", "right", "below", "heading")
     rows = []
     for label, each in zip(flights, document["encounters"], strict=True):
@@ -109,12 +134,6 @@ def wake(
         rows,
         range(1, 7),
     )
-    for name, words in (
-        ("circulation_falls", "circulation falls from each encounter to the next"),
-        ("core_grows", "core radius grows from each encounter to the next"),
-    ):
-        if document[name] is not None:
-            session.say(f"{words}: {'yes' if document[name] else 'no'}")
     for label, each in zip(flights, document["encounters"], strict=True):
         for note in each["notes"]:
             session.say(f"- {label}: {note}")
@@ -127,6 +146,10 @@ def _measured(estimate: dict[str, Any], name: str) -> str:
     digits = 2 if name == "core_radius" else 1
     value = f"{scale * estimate['value']:.{digits}f}"
     return value if error is None else f"{value} +- {scale * error:.{digits}f}"
+
+
+def _value(limits: dict[str, Any], form: str) -> str:
+    return "-" if limits["value"] is None else f"{limits['value']:{form}}"
 
 
 def _range(limits: dict[str, Any], form: str) -> str:

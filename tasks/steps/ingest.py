@@ -236,6 +236,16 @@ def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flig
     return _remembered(result.path, flight), key
 
 
+def flight_as_measured(access: WorkspaceAccess, row: FlightRow, run: str) -> Flight:
+    """Return a stored flight as `load_flight`, with wild points (n,) in SI units as measured.
+
+    Raises InputError as `load_flight`.
+    """
+    flight, _ = load_flight(access, row, run)
+    path = _result(access, row.log_sha256, row.vehicle, mapping_of(access, row)).stored()
+    return flight if path is None else read_flight(path)
+
+
 def _remembered(path: Path, flight: Flight) -> Flight:
     """Return a flight that was just written to `path` as later steps use it: they need not read it
     back."""

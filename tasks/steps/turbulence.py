@@ -35,8 +35,8 @@ def turbulence(
 
     Returns a document: form, speed [m/s], duration [s], highest [Hz], wind (mean velocity of the
     air, north, east, down) [m/s], components (name, intensity and scale with value, low and high,
-    of which a null limit is open, noise [m/s], likelihood_gain: over the
-    other form), not_measured, notes.
+    of which a null limit is open and value is null where both are, noise [m/s], likelihood_gain:
+    over the other form), not_measured, notes.
     """
     if form not in FORMS:
         raise InputError(f"unknown form '{form}'", "--form", " or ".join(FORMS))
@@ -93,13 +93,17 @@ def turbulence(
             f"{angle} was not measured: gust {name} is not known"
             for name, angle in (("v", "beta"), ("w", "alpha"))
             if angle in absent
+        ]
+        + [
+            f"gust {each['name']}: this stretch does not tell its intensity from its scale"
+            for each in components
+            if each["intensity"]["value"] is None
         ],
     }
 
 
 def _limits(interval: Interval) -> dict[str, float | None]:
-    limits = (interval.value, interval.low, interval.high)
-    return {
-        name: value if 0.0 < value < np.inf else None
-        for name, value in zip(("value", "low", "high"), limits, strict=True)
-    }
+    """Limits of the interval, None where open; no value where both are."""
+    low, high = (value if 0.0 < value < np.inf else None for value in (interval.low, interval.high))
+    known = low is not None or high is not None
+    return {"value": interval.value if known else None, "low": low, "high": high}

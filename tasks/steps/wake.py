@@ -1,21 +1,25 @@
 """Wake of another aircraft that stored flights met."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
-from aerodb.consistency import air_velocity
+from aerodb.consistency import air_data_of_sensors, air_velocity
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.identification import identify_wake
 from aerodb.physics import quaternion_from_euler, to_earth
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
+from aerodb.tasks.steps.ingest import flight_as_measured
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import Vehicle, cg_positions
 
 #: Longest encounter [s]: the search is over every sample.
 LONGEST: Final = 60.0
+#: Flags of air data that count here: crossing a core takes a few samples, like a wild point.
+_CORES: Final = ("wild_point",)
 
 
 def encounters(
@@ -44,6 +48,14 @@ def encounters(
         row = access.catalogue.flight(each)
         vehicle, _ = access.vehicle(row.vehicle)
         consistent = load_consistent(access, row, run)
+        errors = {
+            entry["parameter"]: entry["value"]
+            for entry in consistent.document.get("estimates", ())
+            if entry["applied"]
+        }
+        # The smoother takes the core of a vortex for noise.
+        sensed = air_data_of_sensors(flight_as_measured(access, row, run), vehicle, errors)
+        consistent = replace(consistent, flight=consistent.flight.with_channels(sensed))
         absent = unmeasured_angles(consistent.document)
         met.append(
             _encounter(
@@ -82,7 +94,8 @@ def _encounter(
             where,
             f"name the encounter, up to {LONGEST:g} s: --from, --to",
         )
-    air = air_velocity(flight)[:, inside]
+    air = air_velocity(flight, _CORES)[:, inside]
+    doubted = int((np.isfinite(air) & ~np.isfinite(air_velocity(flight)[:, inside])).any(0).sum())
     good = np.asarray(np.isfinite(air).all(axis=0))
     if not good.any():
         raise InputError("no usable sample", where, "choose another stretch: --from, --to")
@@ -101,6 +114,10 @@ def _encounter(
         "wake": None,
         "notes": [],
     }
+    if doubted:
+        document["notes"].append(
+            f"{doubted} samples that look like wild points are used: a vortex core looks like them"
+        )
     if lacking:
         document["notes"].append(
             f"{' and '.join(lacking)} not measured: the velocity of the air across the path is not"

@@ -1,0 +1,129 @@
+"""A wake that logs of several flights show: from the file, through ingest and reconstruction, to the
+vortex pair."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.physics import (
+    Turbulence,
+    VortexPair,
+    air_at_stations,
+    gust_series,
+    quaternion_from_euler,
+    to_body,
+    to_earth,
+)  # fmt: skip
+from aerodb.simulation import Condition, flight_model, simulate, trim, with_feedback
+from aerodb.support import Array
+from tests.support.command import aerodb, asked
+from tests.support.parts import MASSES, RATE, SENSORS, TEXT, VEHICLE, aircraft
+from tests.support.small_glider import write_csv
+
+#: Nose boom, from the CG [m].
+BOOM = 5.0
+#: Circulation [m2/s] and core radius [m] that the flights meet, one after the other.
+MET = ((220.0, 1.2), (190.0, 1.5), (160.0, 1.9), (1e-3, 1.5))
+#: Turbulence of each flight, rms of each component [m/s].
+GUSTS = 0.3
+LOGGED = {**SENSORS, **dict.fromkeys(("velocity_north", "velocity_east", "velocity_down"), 0.05)}
+GAINS = {("delta_elevator", "theta"): -0.3, ("delta_aileron", "phi"): -0.4}
+
+
+def crossing(circulation: float, core: float, seed: int) -> dict[str, Array]:
+    """Log of 30 s at 60 m/s in turbulence that crosses a wake at 60 deg after 15 s; a boom shows the
+    air where it is."""
+    time = np.arange(round(30.0 * RATE)) / RATE
+    rng = np.random.default_rng(seed)
+    model = with_feedback(flight_model(aircraft()), GAINS)
+    level = trim(
+        flight_model(aircraft()), Condition(60.0, 1000.0), MASSES, thrust="throttle",
+        limits={"throttle": (0.0, 1.0)},
+    )  # fmt: skip
+    pair = VortexPair(circulation, core, 17.0, (900.0, 0.0, 999.0), np.deg2rad(60.0))
+    gusts = gust_series(Turbulence("dryden", (200.0,) * 3, (GUSTS,) * 3), time, 60.0, 11.0, seed)
+    series = {name: np.full(len(time), value) for name, value in level.series.items()} | gusts
+    for _, channel in GAINS:
+        series[f"reference_{channel}"] = np.full(len(time), level.channels[channel])
+    felt: dict[str, Array] = {}
+    sinks = np.inf
+    while sinks > 1e-3:  # the path decides what is met, and that decides the path
+        met = {name: gusts[name] + values for name, values in felt.items()}
+        run = simulate(model, time, level.start, series | met)
+        place = np.stack([run.channels[name][:, 0] for name in ("north", "east", "altitude")])
+        attitude = quaternion_from_euler(*(run.channels[n][:, 0] for n in ("phi", "theta", "psi")))
+        before = felt.get("gust_w", np.full(len(time), np.inf))
+        felt = air_at_stations(pair, place, attitude, 11.0)
+        sinks = float(np.abs(felt["gust_w"] - before).max())
+    channels = {name: values[:, 0].copy() for name, values in run.channels.items()}
+    offset = to_earth(attitude, np.broadcast_to(np.array([[BOOM], [0.0], [0.0]]), place.shape))
+    air = to_body(attitude, pair.velocity(place + np.stack([offset[0], offset[1], -offset[2]])))
+    air = air + np.stack([gusts[f"gust_{name}"] for name in "uvw"])
+    over_earth = np.stack([channels[f"velocity_{axis}"] for axis in ("north", "east", "down")])
+    turning = np.stack([0.0 * time, channels["r"] * BOOM, -channels["q"] * BOOM])
+    u, v, w = to_body(attitude, over_earth) + turning - air
+    channels["V"] = np.sqrt(u * u + v * v + w * w)
+    channels["alpha"], channels["beta"] = np.arctan2(w, u), np.arcsin(v / channels["V"])
+    channels["qbar"] = 0.5 * channels["rho"] * channels["V"] ** 2
+    noise = {name: size * rng.standard_normal(len(time)) for name, size in LOGGED.items()}
+    return {"time": time, **{name: channels[name] + noise[name] for name in LOGGED}}
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    folder = tmp_path_factory.mktemp("wake")
+    boom = VEHICLE.replace("air_data = [-2.0,", f"air_data = [{BOOM - 2.0},")
+    (folder / "vehicle.toml").write_text(boom, encoding="utf-8")
+    (folder / "parts.toml").write_text(TEXT, encoding="utf-8")
+    asked(folder / "w", "vehicle", "add", str(folder / "vehicle.toml"))
+    asked(folder / "w", "database", "import", str(folder / "parts.toml"))
+    logs = []
+    for seed, met in enumerate(MET):
+        file = write_csv(folder / f"crossing{seed}.csv", crossing(*met, seed))
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace("throttle [1]", "throttle [-]"), encoding="utf-8")
+        logs.append(str(file))
+    given = ("--vehicle", "light-aircraft", "--mapping", "canonical", "--direct")
+    outcomes = asked(folder / "w", "flight", "ingest", *logs, *given)
+    return folder / "w", [outcome["flight"] for outcome in outcomes]
+
+
+def test_circulation_and_core_of_each_encounter_and_their_trend(
+    flights: tuple[Path, list[str]],
+) -> None:
+    workspace, ids = flights
+    found = asked(workspace, "flight", "wake", *ids[:3])
+    for one, (circulation, core) in zip(found["encounters"], MET, strict=False):
+        wake = one["wake"]
+        assert wake["core"] == "burnham_hallock"
+        assert wake["circulation"]["value"] == pytest.approx(circulation, rel=0.1)
+        assert wake["core_radius"]["value"] == pytest.approx(core, rel=0.1)
+        assert wake["spacing"]["value"] == pytest.approx(17.0, rel=0.1)
+        assert wake["heading"]["value"] == pytest.approx(np.deg2rad(60.0), abs=0.05)
+    assert found["circulation_falls"]
+    assert found["core_grows"]
+
+
+def test_turbulence_alone_is_no_wake(flights: tuple[Path, list[str]]) -> None:
+    workspace, ids = flights
+    (alone,) = asked(workspace, "flight", "wake", ids[3])["encounters"]
+    assert alone["wake"] is None
+
+
+def test_a_stretch_that_does_not_tell_an_intensity_has_no_value(
+    flights: tuple[Path, list[str]],
+) -> None:
+    """Thirty seconds hold few lengths of 200 m: limits are wide, and open where nothing is told."""
+    workspace, ids = flights
+    found = asked(workspace, "flight", "turbulence", ids[3])
+    for each in found["components"]:
+        told = each["intensity"]
+        if told["value"] is None:
+            assert told["low"] is told["high"] is None
+            assert any(f"gust {each['name']}" in note for note in found["notes"])
+        else:
+            assert (told["low"] or 0.0) < GUSTS < (told["high"] or np.inf), each
+    assert any(each["intensity"]["value"] is not None for each in found["components"])
+    text = aerodb(workspace, "flight", "turbulence", ids[3]).stdout
+    assert "m/s rms" in text.splitlines()[0]
