@@ -28,12 +28,14 @@ def unusual_content(
     database: AeroDatabase, cg: tuple[float, float, float] | None = None
 ) -> tuple[str, ...]:
     """Return sentences on what no aircraft has at small angles of attack, each with the likely
-    mistake; empty for a usual database, and for one without lift.
+    mistake; empty for a usual database, for one whose lift does not change with alpha, and for a
+    vehicle that rotors carry.
 
     cg : of the vehicle file [m, body axes from its datum]; None where it is not known.
     """
     small = curves(database, ANGLES)
-    if not small or not np.any(small["C_lift"]):
+    carried = any(part["kind"] == "rotor" for part in database.parts.values())
+    if not small or carried or not np.ptp(small["C_lift"]) > 0.0:
         return ()
     return (
         *_drag(small["C_drag"]),
