@@ -300,6 +300,8 @@ moment_reference = [0.0, 0.0, 0.0]
 [derivatives.CZ]
 "1" = -0.1
 alpha = -4.0
+[derivatives.Cm]
+alpha = -0.6
 """
 
 
