@@ -1,5 +1,6 @@
 """Move names of versions: ``released`` through the gate, other names freely, each move logged."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -157,7 +158,7 @@ def with_gate(document: dict[str, Any], *, workspace: str, run: str) -> dict[str
     """
     version = document["candidate"]
     gate = judge_version(version, workspace=workspace, run=run, fly=False) if version else None
-    return {**document, "gate": gate}
+    return {**document, "gate": json.loads(json.dumps(gate))}  # as it is read back from a document
 
 
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:

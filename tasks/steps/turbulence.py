@@ -64,7 +64,7 @@ def turbulence(
         name for name in ("alpha", "beta") if name not in flown
     }
     other: Form = "von_karman" if form == "dryden" else "dryden"
-    components = []
+    components: list[dict[str, Any]] = []
     for name, angle, gust in zip("uvw", ("", "beta", "alpha"), gusts, strict=True):
         if angle in absent:
             continue

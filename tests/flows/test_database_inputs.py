@@ -22,6 +22,9 @@ AIRCRAFT = f"""<fdm_config name="g"><metrics><wingarea unit="M2">{AREA}</wingare
 <property>aero/alpha-rad</property><value>5.0</value></product></function>
 <function name="aero/flap"><product><property>aero/qbar-psf</property>
 <property>metrics/Sw-sqft</property><property>fcs/flap-pos-rad</property><value>0.5</value>
+</product></function></axis><axis name="PITCH"><function name="aero/moment"><product>
+<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>
+<property>metrics/cbarw-ft</property><property>aero/alpha-rad</property><value>-0.6</value>
 </product></function></axis></aerodynamics></fdm_config>"""
 
 
@@ -219,7 +222,7 @@ def test_an_input_that_does_not_divide_is_proposed_at_zero_as_before(glider):
 def test_a_long_database_is_shown_by_axis_and_whole_when_asked(tmp_path):
     (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
     terms = "".join(
-        f'[[terms]]\nname = "t{k}"\naxis = "CZ"\nexpression = "{k}*alpha"\n' for k in range(9)
+        f'[[terms]]\nname = "t{k}"\naxis = "CZ"\nexpression = "-{k}*alpha"\n' for k in range(9)
     )
     (tmp_path / "long.toml").write_text(DATABASE + terms, encoding="utf-8")
     asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
@@ -229,5 +232,5 @@ def test_a_long_database_is_shown_by_axis_and_whole_when_asked(tmp_path):
     assert ["Cm", "3", "alpha", "q_hat", "delta_elevator"] in [
         line.split() for line in short.splitlines()
     ]
-    assert "8*alpha" not in short
-    assert "8*alpha" in aerodb(tmp_path / "w", "version", "show", "released", "-v").stdout
+    assert "-8*alpha" not in short
+    assert "-8*alpha" in aerodb(tmp_path / "w", "version", "show", "released", "-v").stdout
