@@ -49,6 +49,7 @@ def with_all_terms_free(model: ModelFile, database: AeroDatabase) -> ModelFile:
     Raises InputError for declared parameters, and for a term of the database that is no number
     times a regressor.
 
+    >>> from aerodb.increments import DeclaredIncrement
     >>> from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
     >>> geometry = ReferenceGeometry(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))
     >>> known = AeroDatabase("one", geometry, terms=(Term("slope", "Cm", parse("-0.5*alpha")),))

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.storage.files.parquet import read_metadata
+from aerodb.storage.files.parquet import damaged, read_metadata
 
 _REMEDY: Final = "ingest the log again"
 
@@ -34,7 +34,7 @@ class StoredSeries:
         try:
             file = pq.ParquetFile(path, page_checksum_verification=True)
         except (pa.ArrowException, OSError) as error:
-            raise _damaged(path, error) from error
+            raise damaged(path, error) from error
         return cls(path, metadata, tuple(file.schema_arrow.names), file)
 
     @property
@@ -80,12 +80,6 @@ class StoredSeries:
         try:
             table = self._file.read_row_groups(groups, columns=wanted)
         except (pa.ArrowException, OSError) as error:
-            raise _damaged(self.path, error) from error
+            raise damaged(self.path, error) from error
         part = slice(int(first - starts[groups[0]]), int(last - starts[groups[0]]))
         return {name: table.column(name).to_numpy()[part] for name in wanted}
-
-
-def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError(
-        f"stored file cannot be read: {str(error).splitlines()[0][:200]}", str(path), _REMEDY
-    )

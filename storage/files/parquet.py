@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -26,6 +26,8 @@ _GROUP_ROWS = 1 << 17
 _MOST_TEXT = (1 << 31) - 1
 _KEY = b"aerodb"
 _CHECK = b"aerodb.sha256"
+#: What the library says where memory lacks for the stack of a thread: it has no type for it.
+_NO_THREAD: Final = "launch worker thread"
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ def read_columns(
     try:
         table = file.read(columns=wanted)
     except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
     dtypes = metadata["dtypes"]
     return {
         n: _from_arrow(table.column(n), np.dtype(dtypes[n]))
@@ -140,10 +142,16 @@ def _opened(path: Path) -> Any:
     except FileNotFoundError as error:
         raise InputError("the stored file is missing", str(path), "ingest the log again") from error
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
 
 
-def _damaged(path: Path, error: Exception) -> InputError:
+def damaged(path: Path, error: Exception) -> InputError:
+    """Return what is said of a stored file that cannot be read.
+
+    Raises MemoryError where memory for it, or for a thread's stack, is lacking: it may be sound.
+    """
+    if isinstance(error, MemoryError) or _NO_THREAD in str(error):
+        raise MemoryError(str(error)) from error
     return InputError(
         f"stored file cannot be read: {str(error).splitlines()[0][:200]}",
         str(path),
@@ -155,14 +163,14 @@ def _metadata(schema: Any, path: Path, kind: str) -> dict[str, Any]:
     stored = schema.metadata or {}
     text = stored.get(_KEY, b"{}")
     if stored.get(_CHECK, b"").decode("ascii", "replace") != hashlib.sha256(text).hexdigest():
-        raise _damaged(path, ValueError("it is damaged, or another program wrote it"))
+        raise damaged(path, ValueError("it is damaged, or another program wrote it"))
     metadata: dict[str, Any] = json.loads(text)
     if metadata["kind"] != kind:
         raise InputError(
             f"this file is not a stored {kind}", str(path), f"name a file that contains a {kind}"
         )
     if list(metadata["dtypes"]) != sorted(schema.names):
-        raise _damaged(path, ValueError("its columns are not those that were written"))
+        raise damaged(path, ValueError("its columns are not those that were written"))
     return metadata
 
 

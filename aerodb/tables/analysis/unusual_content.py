@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.tables.analysis.lacking_effects import ANGLES, curves, lacking_effects
+from aerodb.tables.analysis.lacking_effects import ANGLES, curves
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import AeroDatabase
 
@@ -40,7 +40,7 @@ def unusual_content(
     return (
         *_drag(small["C_drag"]),
         *_lift(database, float(np.ptp(small["C_lift"])), small["C_lift"]),
-        *_moments(database),
+        *_moments(database, small["Cm"]),
         *_reference(database, cg),
     )
 
@@ -66,7 +66,7 @@ def _lift(database: AeroDatabase, change: float, lift: np.ndarray) -> list[str]:
     return []
 
 
-def _moments(database: AeroDatabase) -> list[str]:
+def _moments(database: AeroDatabase, cm: np.ndarray) -> list[str]:
     channels = {name: np.full(len(ANGLES), 0.01) for name in database.inputs}
     channels |= {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
     slopes: dict[str, dict[str, float]] = {
@@ -96,7 +96,7 @@ def _moments(database: AeroDatabase) -> list[str]:
             "roll rate or sideslip act on Cl as on Cn, and on Cn as on Cl: the two axes are"
             " exchanged"
         )
-    if "pitching moment over alpha" in lacking_effects(database):
+    if not np.ptp(cm) > 0.0:
         found.append("it has lift, and no pitching moment over alpha: Cm is missing")
     return found
 
