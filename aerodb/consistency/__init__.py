@@ -26,7 +26,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from . import calibration
-    from .air_velocity import air_velocity
+    from .air_velocity import air_velocity, probe_path
     from .calibration import Calibration, from_document
     from .corrected import Origin, air_data_of_sensors
     from .outlook import unmeasured_angles_outlook

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.physics import quaternion_from_euler, to_earth
 from aerodb.support import Array
+from aerodb.vehicle import Vehicle, cg_positions
 
 #: Channels from which it follows, with `psi` taken as zero where it is not logged.
 OVER_GROUND = ("velocity_north", "velocity_east", "velocity_down")
@@ -37,3 +39,21 @@ def air_velocity(flight: Flight, despite: Sequence[str] = ()) -> Array:
     attitude = quaternion_from_euler(flight["phi"], flight["theta"], flight["psi"])
     moved = np.stack([flight[name] for name in OVER_GROUND]) - to_earth(attitude, through)
     return np.where(flight.usable([*needed, *angles], despite), moved, np.nan)
+
+
+def probe_path(flight: Flight, vehicle: Vehicle, inside: NDArray[np.bool_]) -> Array:
+    """Return north, east, altitude (3, m) [m] of the air-data probe over the samples `inside` (n,),
+    from where they begin: the velocity over the earth, integrated, so that no position need be
+    logged. Raises UnknownNameError for a channel that the flight lacks."""
+    velocity = np.nan_to_num(np.stack([flight[name][inside] for name in OVER_GROUND]))
+    moved = 0.5 * flight.step * (velocity[:, 1:] + velocity[:, :-1])
+    path = np.concatenate([np.zeros((3, 1)), np.cumsum(moved, axis=1)], axis=1)
+    probe = vehicle.points.air_data
+    if probe is not None:
+        attitude = quaternion_from_euler(
+            *(np.nan_to_num(flight[name][inside]) for name in ("phi", "theta", "psi"))
+        )
+        arm = np.asarray(probe)[:, None] - np.nan_to_num(cg_positions(flight, vehicle)[inside].T)
+        path = path + to_earth(attitude, arm)
+    path[2] *= -1.0
+    return np.asarray(path)

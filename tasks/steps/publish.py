@@ -72,7 +72,7 @@ def publish_candidate(
     if changed := parameter_changes(baseline, update.candidate):
         document["parameters"] = changed
     signs = (*sign_reasons(baseline, update.candidate), *refused)
-    labels = access.catalogue.flight_labels([*(each.flight for each in beyond)])
+    labels = access.catalogue.flight_labels([each.flight for each in beyond])
     inputs = input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run)
     remarks = [
         *beyond_remarks(beyond, labels),

@@ -6,15 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.consistency import air_data_of_sensors, air_velocity
+from aerodb.consistency import air_data_of_sensors, air_velocity, probe_path
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.identification import identify_wake
-from aerodb.physics import quaternion_from_euler, to_earth
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
 from aerodb.tasks.steps.ingest import flight_as_measured
 from aerodb.tasks.workspace_access import access_workspace
-from aerodb.vehicle import Vehicle, cg_positions
+from aerodb.vehicle import Vehicle
 
 #: Longest encounter [s]: the search is over every sample.
 LONGEST: Final = 60.0
@@ -116,7 +115,7 @@ def _encounter(
     }
     if doubted:
         document["notes"].append(
-            f"{doubted} samples that look like wild points are used: a vortex core looks like them"
+            f"samples like wild points that are used: {doubted}; a vortex core looks like them"
         )
     if lacking:
         document["notes"].append(
@@ -124,7 +123,7 @@ def _encounter(
             " known, and no wake is sought"
         )
         return document
-    path = _path(flight, vehicle, inside)[:, whole]
+    path = probe_path(flight, vehicle, inside)[:, whole]
     found = identify_wake(air, path, heading=heading)
     pair = found.pair
     if not found.found:
@@ -160,24 +159,6 @@ def _encounter(
         },
     }
     return document
-
-
-def _path(flight: Flight, vehicle: Vehicle, inside: np.ndarray) -> np.ndarray:
-    """North, east, altitude [m] of the air-data probe over the stretch, from where it begins: the
-    velocity over the earth, integrated, so that no position need be logged."""
-    velocity = np.stack([flight[f"velocity_{axis}"][inside] for axis in ("north", "east", "down")])
-    velocity = np.nan_to_num(velocity, nan=0.0)
-    moved = 0.5 * flight.step * (velocity[:, 1:] + velocity[:, :-1])
-    path = np.concatenate([np.zeros((3, 1)), np.cumsum(moved, axis=1)], axis=1)
-    probe = vehicle.points.air_data
-    if probe is not None:
-        attitude = quaternion_from_euler(
-            *(np.nan_to_num(flight[name][inside]) for name in ("phi", "theta", "psi"))
-        )
-        arm = np.asarray(probe)[:, None] - np.nan_to_num(cg_positions(flight, vehicle)[inside].T)
-        path = path + to_earth(attitude, arm)
-    path[2] *= -1.0
-    return np.asarray(path)
 
 
 def _finite(value: float) -> float | None:
