@@ -209,7 +209,9 @@ WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
         "the channels do not quite belong to one motion",
     ),
     NOT_CHECKED: lambda r: ("kinematics not checked", r.text),
-    NEVER_AIRBORNE: lambda _: ("the aircraft was never airborne: nothing can be learnt from it",),
+    NEVER_AIRBORNE: lambda _: (
+        "the aircraft was never airborne: nothing can be learnt of its aerodynamics",
+    ),
     POSITION_AGAINST_VELOCITY: _position,
     FLOW_AGAINST_VELOCITY: _flow,
     CONTRADICTS: lambda r: (f"beside version {r.subjects[0]}", r.text),

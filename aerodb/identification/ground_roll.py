@@ -36,6 +36,10 @@ START: Final = {
 }  # fmt: skip
 #: Longest integration step [s]: friction changes its sign within 1/40 s.
 _LONGEST_STEP: Final = 0.02
+#: Steady crosswinds [m/s] from which a search may begin: runways are hardly used in more. A tyre
+#: leaves its straight slope within a degree or two, so from further away than one step a search
+#: ends where tyres hardly hold.
+_CROSSWINDS: Final = np.linspace(-20.0, 20.0, 41)
 
 
 def ground_parameters(names: Sequence[str], database: AeroDatabase) -> bool:
@@ -150,17 +154,38 @@ def fitted_roll(
     function: Callable[..., Fit], model: GroundRoll, records: Sequence[TimeHistory]
 ) -> Fit:
     """Return the fit of a method that flies: first of wind and start alone, at the database's own
-    parameters, then of all.
+    parameters and from the crosswind that explains each roll best, then of all.
 
     From a wind of zero, parameters would first take what the wind does. SI units.
     """
     own = model.flight.parameters
+    begun = _in_crosswinds(model, records)
     held = tuple(
-        replace(item, free=False) if item.name in own else item for item in model.parameters.items
+        replace(item, free=False) if item.name in own else item for item in begun.parameters.items
     )
-    first = function(replace(model, parameters=Parameters(held)), records)
+    first = function(replace(begun, parameters=Parameters(held)), records)
     if not first.converged:
-        return function(model, records)
+        return function(begun, records)
     found = {e.name: e.value for e in first.estimates if e.name not in own}
     known = {name: value for name, value in found.items() if np.isfinite(value)}
-    return function(replace(model, parameters=model.parameters.changed(known)), records)
+    return function(replace(begun, parameters=begun.parameters.changed(known)), records)
+
+
+def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
+    """The model with each unknown wind at the crosswind that explains its roll best, all else as
+    it was measured."""
+    found: dict[str, float] = {}
+    for record in records:
+        north, east = (f"wind_{way}[{record.name}]" for way in ("north", "east"))
+        if not (model.parameters[north].free and model.parameters[east].free):
+            continue
+        values = {item.name: np.array([item.value]) for item in model.parameters.items}
+        psi = values[f"initial_psi[{record.name}]"][0]
+        blown = {north: -np.sin(psi) * _CROSSWINDS, east: np.cos(psi) * _CROSSWINDS}
+        measured = np.stack([record.outputs[name] for name in model.outputs], axis=1)
+        left = measured[:, :, None] - model.simulated({**values, **blown}, record)
+        wrong = np.where(np.isfinite(measured)[:, :, None], left**2, 0.0).sum(axis=0)
+        sizes = np.nan_to_num(wrong, nan=np.inf)[np.isfinite(measured).any(axis=0)]
+        best = int(np.argmin(np.log(sizes).sum(axis=0)))
+        found |= {name: float(values[best]) for name, values in blown.items()}
+    return replace(model, parameters=model.parameters.changed(found))

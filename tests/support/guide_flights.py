@@ -31,6 +31,8 @@ from aerodb.tasks.steps.importing import known_vehicle
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.guide_build_up import write_build_up_flights
 from tests.support.paths import ROOT
+from tests.support.small_glider import write_csv
+from tests.support.three_wheels import MASSES, SPRING, measured, rolled_in_jsbsim
 
 STEP, SECONDS, SPEED, ALPHA, GLIDE, HEIGHT = 0.01, 50.0, 14.0, 0.06, 0.06, 500.0
 #: What the handbook has too small by a sixth: the slope of CZ, 1/rad.
@@ -361,6 +363,10 @@ def prepare(guide: str, folder: Path) -> None:
         from tests.support.guide_light_aircraft import write_light_aircraft_flights
 
         write_light_aircraft_flights(folder)
+    rolled = re.search(r"<!-- roll of JSBSim: (\S+) -->", guide)
+    if rolled:
+        height = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)
+        write_csv(folder / rolled[1], measured(rolled_in_jsbsim(0.1917, (0.0, 5.0), height)))
     table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
     if table:
         write_table(folder / table[2], folder / table[1])

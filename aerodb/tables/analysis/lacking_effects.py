@@ -1,6 +1,6 @@
 """What a database does not know of an aircraft, and its curves over the angle of attack."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -8,8 +8,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.nomenclature import is_command, is_surface
 from aerodb.support import Array
-from aerodb.tables.analysis.nodes import neutral_point
 from aerodb.tables.analysis.sensitivity import slopes_by
+from aerodb.tables.analysis.unstated_inputs import height_outside_ground_effect, unstated_inputs
 from aerodb.tables.database import AeroDatabase
 
 #: What flight mechanics needs -> the body axis, and the inputs that it is by: any of them.
@@ -35,8 +35,7 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     stability, controls; "drag" where it is zero."""
     states = {state.name for state in database.states}
     inputs = [name for name in database.inputs if name not in states]
-    channels = {name: np.full(len(ANGLES), 0.01) for name in inputs}
-    channels |= {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
+    channels = small_angles(database, inputs)
     sizes: dict[str, dict[str, float]] = {
         name: {
             axis: float(np.max(np.abs(values)))
@@ -60,6 +59,15 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)
 
 
+def small_angles(database: AeroDatabase, inputs: Iterable[str]) -> dict[str, Array]:
+    """Return input -> values (k,) [SI] at which slopes are asked: `ANGLES`, and a little of all
+    else, outside ground effect, at 1 m/s."""
+    at = {name: np.full(len(ANGLES), 0.01) for name in inputs}
+    if (height := height_outside_ground_effect(database)) is not None:
+        at["height_above_ground"] = np.full(len(ANGLES), height)
+    return at | {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
+
+
 def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
     """Whether a control is there for a moment, not beside another."""
     largest = max((sizes.get(each, 0.0) for each in _CONTROLS.values()), default=0.0)
@@ -68,8 +76,9 @@ def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
 
 def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
     """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero and the
-    airspeed 1 m/s, with loads in the air of sea level; empty where nothing can be evaluated so."""
-    neutral = {**neutral_point(database), "V": 1.0}
+    airspeed 1 m/s, outside ground effect, with loads in the air of sea level; empty where nothing
+    can be evaluated so."""
+    neutral = {**unstated_inputs(database, {}), "V": 1.0}
     point = {name: np.full(len(alpha), value) for name, value in neutral.items()}
     point["alpha"] = alpha
     try:

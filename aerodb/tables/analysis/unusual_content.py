@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.tables.analysis.lacking_effects import ANGLES, curves
+from aerodb.tables.analysis.lacking_effects import ANGLES, curves, small_angles
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import AeroDatabase
 
@@ -67,8 +67,7 @@ def _lift(database: AeroDatabase, change: float, lift: np.ndarray) -> list[str]:
 
 
 def _moments(database: AeroDatabase, cm: np.ndarray) -> list[str]:
-    channels = {name: np.full(len(ANGLES), 0.01) for name in database.inputs}
-    channels |= {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
+    channels = small_angles(database, database.inputs)
     slopes: dict[str, dict[str, float]] = {
         name: {
             axis: float(np.mean(values))

@@ -7,7 +7,8 @@ from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.parts.frame import turned
 from aerodb.simulation import Condition, Simulation, flight_model, simulate, standstill, trim
-from aerodb.tables import AeroDatabase
+from aerodb.tables import AeroDatabase, curves, lacking_effects, unusual_content
+from tests.support.parts import TEXT
 from tests.support.three_wheels import (
     DAMPING,
     MAIN,
@@ -203,3 +204,22 @@ def test_a_start_on_the_ground_needs_legs() -> None:
     with pytest.raises(InputError) as raised:
         trim(wheels, Condition(30.0, 0.0, ground=True), {**MASSES, "ground_altitude": 5.0})
     assert "ground_altitude" in raised.value.remedy
+
+
+def test_legs_are_no_aerodynamics_of_an_import() -> None:
+    bare = read_native(TEXT)
+    text = (
+        TEXT + THREE_WHEELS[THREE_WHEELS.index("[parts.main]") :].split('cornering = "mu_side')[0]
+    )
+    text = text.replace(
+        "[parameters]\n",
+        "[parameters]\nmu_brake = { value = 0.2 }\nmu_roll = { value = 0.04 }\n",
+        1,
+    )
+    own = read_native(text.replace("[parameters]", '[free_inputs]\nbrake = "1"\n[parameters]', 1))
+    assert own.parts.keys() - bare.parts.keys() == {"main"}
+    alpha = np.deg2rad([-2.0, 4.0])
+    for axis, values in curves(bare, alpha).items():
+        np.testing.assert_allclose(curves(own, alpha)[axis], values, atol=1e-12)
+    assert unusual_content(own) == unusual_content(bare)
+    assert lacking_effects(own) == lacking_effects(bare)
