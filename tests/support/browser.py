@@ -32,6 +32,9 @@ WIDTHS = (1400, 400)
 #: Options of axe-core: all that it checks, and what the colour scheme of a page changes.
 _ALL = {"resultTypes": ["violations"]}
 _COLOURS = {**_ALL, "runOnly": ["color-contrast", "link-in-text-block"]}
+#: What axe-core finds, without the thousands of elements in which it finds nothing.
+_BARRIERS = """(options) => axe.run(options).then((found) => found.violations.map(
+  (each) => [each.id, each.help, each.nodes.slice(0, 3).map((node) => node.html.slice(0, 160))]))"""
 #: For what is waited for at most [ms].
 _PATIENCE = 300_000
 
@@ -132,10 +135,12 @@ class Clicks:
         self.page.wait_for_load_state("networkidle")
 
 
-def barriers(page: Any, options: dict[str, Any] = _ALL) -> list[tuple[str, str, list[Any]]]:
+def barriers(page: Any, options: dict[str, Any] = _ALL) -> list[list[Any]]:
     """What axe-core finds with these options of its: rule, help, elements."""
-    found = axe.Axe().run(page, options=options).response["violations"]
-    return [(v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]]) for v in found]
+    if page.evaluate("typeof axe === 'undefined'"):  # once for each page that is opened
+        page.evaluate(axe.Axe().axe_script)
+    found: list[list[Any]] = page.evaluate(_BARRIERS, options)
+    return found
 
 
 def look_everywhere(page: Any, path: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
+from aerodb.physics.frames import cross
 from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import transfer_moments
@@ -219,63 +220,83 @@ def flown(seed: int, truth: AeroDatabase, of: Vehicle | None = None) -> Flight:
     return flown_together([seed], truth, of)[0]
 
 
+class _Bodies:
+    """Mass, inertia, CG and line of thrust of k vehicles, each (k, ...)."""
+
+    def __init__(self, vehicles: Sequence[Vehicle]) -> None:
+        masses = [each.mass for each in vehicles]
+        self.mass = np.array([float(np.asarray(each.mass)) for each in masses])
+        self.cg = np.array([np.asarray(each.cg, dtype=float) for each in masses])
+        self.arm = np.array([each.thrust.point for each in vehicles]) - self.cg
+        xx, yy, zz, xz = (
+            np.array([float(np.asarray(getattr(each, f"I{a}"))) for each in masses])
+            for a in ("xx", "yy", "zz", "xz")
+        )
+        none = np.zeros_like(xx)
+        self.inertia = np.array([[xx, none, -xz], [none, yy, none], [-xz, none, zz]]).transpose(
+            2, 0, 1
+        )
+        self.inverse = np.linalg.inv(self.inertia)
+
+    def loads(
+        self, truth: AeroDatabase, state: Mapping[str, Array], rates: Array
+    ) -> tuple[Array, Array]:
+        """Specific force and angular acceleration (n, 3) in a state with (n,) each, n = k, or any
+        for one vehicle."""
+        channels = {**state, **dict(zip("pqr", rates.T, strict=True))}
+        about = truth.predict(channels).coefficients
+        about = transfer_moments(about, truth.reference.moment_reference, self.cg, truth.reference)
+        scale = state["qbar"] * AREA
+        force = np.array([about[a] for a in ("CX", "CY", "CZ")]) * scale
+        force[0] += state["thrust"]
+        lengths = np.array([[SPAN], [CHORD], [SPAN]])
+        moment = np.array([about[a] for a in ("Cl", "Cm", "Cn")]) * scale * lengths
+        moment[1] += self.arm[:, 2] * state["thrust"]
+        moment[2] -= self.arm[:, 1] * state["thrust"]
+        momentum = (rates[:, None, :] @ self.inertia)[:, 0]
+        turning = (moment - cross(rates.T, momentum.T)).T
+        return force.T / self.mass[:, None], (turning[:, None, :] @ self.inverse)[:, 0]
+
+
 def flown_together(
     seeds: Sequence[int],
     truth: AeroDatabase,
-    of: Vehicle | None = None,
+    of: Vehicle | Sequence[Vehicle] | None = None,
     prescribe: Callable[[int], dict[str, Callable[[Array], Array]]] = prescribed,
     seconds: float | None = None,
 ) -> list[Flight]:
     """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than
-    one. prescribe : seed -> what is prescribed; seconds : `SECONDS` if None."""
+    one. of : the vehicle, or one per seed; prescribe : seed -> what is prescribed; seconds :
+    `SECONDS` if None."""
     of = of or vehicle()
+    vehicles = [of] * len(seeds) if isinstance(of, Vehicle) else list(of)
+    together = _Bodies(vehicles)
     t = np.arange(round((seconds or SECONDS) * RATE)) / RATE
-    cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
-    xx, yy, zz, xz = (
-        float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz")
-    )
-    inertia = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-    inverse, lengths = np.linalg.inv(inertia), np.array([SPAN, CHORD, SPAN])
-
-    def loads(state: Mapping[str, Array], rates: Array) -> tuple[Array, Array]:
-        channels = {**state, **dict(zip("pqr", rates.T, strict=True))}
-        about = truth.predict(channels).coefficients
-        about = transfer_moments(about, truth.reference.moment_reference, cg, truth.reference)
-        scale = (state["qbar"] * AREA)[:, None]
-        pull = np.outer(state["thrust"], [1.0, 0.0, 0.0])
-        force = np.column_stack([about[a] for a in ("CX", "CY", "CZ")]) * scale + pull
-        arm = np.asarray(of.thrust.point) - cg
-        moment = np.column_stack(
-            [about[a] for a in ("Cl", "Cm", "Cn")]
-        ) * scale * lengths + np.cross(arm, pull)
-        speeding = (moment - np.cross(rates, rates @ inertia)) @ inverse
-        return force / float(np.asarray(properties.mass)), speeding
-
     fine = np.arange(2 * len(t) - 1) / (2 * RATE)
     states = [_state(prescribe(seed), fine) for seed in seeds]
-    together = {name: np.column_stack([state[name] for state in states]) for name in states[0]}
+    columns = {name: np.column_stack([state[name] for state in states]) for name in states[0]}
     rates = np.zeros((len(t), len(seeds), 3))
     for k in range(len(t) - 1):  # Runge-Kutta of fourth order, deflections at half steps
         at = [
-            {name: values[2 * k + half] for name, values in together.items()} for half in (0, 1, 2)
+            {name: values[2 * k + half] for name, values in columns.items()} for half in (0, 1, 2)
         ]
         now, h = rates[k], 1.0 / RATE
-        one = loads(at[0], now)[1]
-        two = loads(at[1], now + h / 2 * one)[1]
-        three = loads(at[1], now + h / 2 * two)[1]
-        four = loads(at[2], now + h * three)[1]
+        one = together.loads(truth, at[0], now)[1]
+        two = together.loads(truth, at[1], now + h / 2 * one)[1]
+        three = together.loads(truth, at[1], now + h / 2 * two)[1]
+        four = together.loads(truth, at[2], now + h * three)[1]
         rates[k + 1] = now + h / 6 * (one + 2 * two + 2 * three + four)
     found = []
-    for number, (seed, state) in enumerate(zip(seeds, states, strict=True)):
+    for number, (seed, state, its) in enumerate(zip(seeds, states, vehicles, strict=True)):
         on_grid, own = {name: values[::2] for name, values in state.items()}, rates[:, number]
-        force, speeding = loads(on_grid, own)
+        force, speeding = _Bodies([its]).loads(truth, on_grid, own)
         channels = {
             **on_grid,
             **dict(zip("pqr", own.T, strict=True)),
             **dict(zip(("ax", "ay", "az"), force.T, strict=True)),
             **dict(zip(("pdot", "qdot", "rdot"), speeding.T, strict=True)),
         }
-        found.append(Flight(f"taxi-{seed}", of.name, t, channels))
+        found.append(Flight(f"taxi-{seed}", its.name, t, channels))
     return found
 
 

@@ -158,13 +158,19 @@ def test_vehicle_data_are_as_wrong_as_the_vehicle_file_says() -> None:
         '[[increment]]\naxis = "Cm"\nterms = ["1", "alpha", "q_hat", "delta_elevator"]\n'
         "own_constants = true\n"
     )
+    draws = [np.random.default_rng([7, number]) for number in range(30)]
+    vehicles = [
+        _with_errors(plain, 0.03 * rng.standard_normal(), 0.02 * rng.standard_normal())
+        for rng in draws
+    ]
+    flew = flown_together(
+        range(90), truth, [each for each in vehicles for _ in range(3)], seconds=20.0
+    )
     told, alone = [], []
-    for number in range(30):
-        rng = np.random.default_rng([7, number])
-        flies = _with_errors(plain, 0.03 * rng.standard_normal(), 0.02 * rng.standard_normal())
+    for number, rng in enumerate(draws):
         scale = 1.0 + 0.02 * rng.standard_normal()
         flights, compared = [], []
-        for each in flown_together(range(3 * number, 3 * number + 3), truth, flies, seconds=20.0):
+        for each in flew[3 * number : 3 * number + 3]:
             seen = each.with_channels({"delta_elevator": scale * each["delta_elevator"]})
             made = total_coefficients(seen, stated, angular_acceleration="logged")
             noise = smooth_noise(rng, len(each.time), 0.1, 0.002)
