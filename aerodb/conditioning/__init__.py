@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .segmentation import (
         STATES,
         Segment,
+        carried,
         despite_ground,
         ground_and_air,
         segments,

@@ -155,10 +155,10 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     speed = median_filter(bridge(shown), window, mode="nearest")
     high = float(np.quantile(speed, 0.95))
     hovering = flagged(flight, "hover")
-    carried = _carried(flight) & ~hovering
+    by_rotors = carried(flight) & ~hovering
     lifted = [
         Segment("airborne", float(flight.time[a]), float(flight.time[b]), "its rotors carry it")
-        for a, b in runs(carried)
+        for a, b in runs(by_rotors)
     ]
     hover = [
         Segment("hover", float(flight.time[a]), float(flight.time[b]), HOVER)
@@ -168,7 +168,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         reason = f"airspeed hardly above {max(high, 0.0):.1f} m/s"
         parts = [
             Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason)
-            for a, b in runs(~hovering & ~carried)
+            for a, b in runs(~hovering & ~by_rotors)
         ]
         return tuple(sorted([*parts, *lifted, *hover], key=lambda segment: segment.start))
     stay = round(SETTLED / flight.step)
@@ -179,7 +179,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     slow &= ~hovering
     for first, last in runs(slow, stay, stay):
         on_ground[slice(*_rolling(flight, first, last))] = True
-    on_ground &= ~hovering & ~carried
+    on_ground &= ~hovering & ~by_rotors
     down = runs(on_ground, 1, stay)
     reason = (
         f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
@@ -209,7 +209,7 @@ def _standing(flight: Flight) -> list[Segment]:
     counts like any other flight of what has no wing."""
     if "V" not in flight or not any(is_command(name) for name in flight.channels):
         return []
-    slow = _carried(flight) & (bridge(flight["V"]) < HOVER_SPEED) & ~flagged(flight, "hover")
+    slow = carried(flight) & (bridge(flight["V"]) < HOVER_SPEED) & ~flagged(flight, "hover")
     reason = f"rotors carry it at less than {HOVER_SPEED:g} m/s"
     return [
         Segment("hover", float(flight.time[a]), float(flight.time[b]), reason)
@@ -217,8 +217,8 @@ def _standing(flight: Flight) -> list[Segment]:
     ]
 
 
-def _carried(flight: Flight) -> Mask:
-    """Where (n,) the mean command of the rotors is above `CARRYING` times its usual value."""
+def carried(flight: Flight) -> Mask:
+    """Return where (n,) the mean command of rotors is above `CARRYING` times its usual value."""
     names = [name for name in flight.channels if is_command(name)]
     if not names:
         return np.zeros(len(flight.time), dtype=bool)

@@ -15,6 +15,7 @@ import numpy as np
 
 from aerodb.recording import Recording, Topic
 from aerodb.support import Array
+from aerodb.vehicle import FULL
 
 #: Frame -> bearing [deg] and turning of each motor in order; 1 is anticlockwise from above.
 FRAMES: Final[Mapping[str, tuple[tuple[float, int], ...]]] = {
@@ -57,7 +58,8 @@ class FoundRotor:
     about it, or -1. moment_ratio : moment over thrust [m]. strength : thrust over that of the first
     rotor, at the same command. topic, field : what is logged of it, '' where nothing is; `low` and
     `high` : values that are commands of 0 and 1. fastest : speed [rev/s] of command 1; 0 where only
-    commands are logged. usual : command of most of the flight.
+    commands are logged. usual, largest : command of most of the
+    flight, and the 98th percentile of it in flight.
     """
 
     name: str
@@ -72,6 +74,12 @@ class FoundRotor:
     high: float = 1.0
     fastest: float = 0.0
     usual: float = 0.5
+    largest: float = 1.0
+
+    @property
+    def at_most(self) -> float:
+        """What is logged of the largest command, in the unit of the log."""
+        return self.low + self.largest * (self.high - self.low)
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,11 @@ class FoundRotors:
     def logged(self) -> bool:
         """Whether command or speed of every rotor is logged."""
         return bool(self.rotors) and all(each.topic for each in self.rotors)
+
+    @property
+    def beyond(self) -> tuple[FoundRotor, ...]:
+        """Rotors whose logged commands leave the range that parameters state."""
+        return tuple(each for each in self.rotors if each.largest > FULL)
 
 
 def rotors_of(recording: Recording, known: Mapping[str, Any]) -> FoundRotors:
@@ -228,6 +241,7 @@ def _told(
     return FoundRotor(
         rotor.name, rotor.position, rotor.axis, rotor.turns, rotor.moment_ratio, rotor.strength,
         topic, field, *ends, fastest, float(np.median(above)) if len(above) else 0.5,
+        float(np.quantile(above, 0.98)) if len(above) else 1.0,
     )  # fmt: skip
 
 

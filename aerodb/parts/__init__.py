@@ -24,7 +24,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .expand import KINDS, Expansion, expand
     from .leg import STANDING, contact_points
-    from .rotor import command_ranges
+    from .rotor import beyond_tilt, command_ranges
     from .section import flap_effectiveness
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -16,6 +16,7 @@ J is signed here, the unit vector of 4.10 is the turning direction, and the tilt
 command. The rolling moment acts towards the retreating side.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from aerodb.parts.engine import disc_of
 from aerodb.parts.entry import Disc, Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, across
 from aerodb.parts.writing import Writer
-from aerodb.quantities import Metres
+from aerodb.quantities import Metres, Radians
 from aerodb.quantities import Number as Share
 from aerodb.support import Array
 from aerodb.tables import (
@@ -67,7 +68,8 @@ class Rotor(Placed):
     thrust, torque : coefficients c_T, c_Q: a formula over J, n, u, v, w, or a pair [c0, c1] of
         c0 - c1 J.
     drag : c_D [N/(m/s)/(rev/s)]. roll : c_R [N m/(m/s)/(rev/s)].
-    tilt : [rad] about `tilt_axis`, right-handed, an expression of inputs.
+    tilt : [rad] about `tilt_axis`, right-handed, an expression of inputs. tilt_limits :
+        [rad], where it stops.
     bidirectional : whether it may turn backwards; another stands still at negative `speed`.
     command : lowest and highest value of the inputs of its speed; 0 to 1, or -1 to 1.
     """
@@ -82,8 +84,19 @@ class Rotor(Placed):
     turns: Literal[-1, 1] = 1
     tilt: Formula | None = None
     tilt_axis: tuple[Share, Share, Share] = (0.0, 1.0, 0.0)
+    tilt_limits: tuple[Radians, Radians] | None = None
     bidirectional: bool = False
     command: tuple[float, float] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _driven(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and not str(data.get("speed", "")).strip():
+            raise InputError(
+                "a rotor without speed",
+                remedy='write it in rev/s as a formula of its command: speed = "120*command_1"',
+            )
+        return data
 
     @model_validator(mode="after")
     def _directed(self) -> "Rotor":
@@ -94,6 +107,10 @@ class Rotor(Placed):
         size = np.linalg.norm(self.axis) * np.linalg.norm(self.tilt_axis)
         if self.tilt is not None and abs(cosine) > 1e-6 * size:
             raise InputError("tilt_axis is not across the axis", remedy="give one at right angles")
+        if self.tilt_limits is not None and self.tilt is None:
+            raise InputError("tilt_limits without tilt", remedy="write the angle as tilt")
+        if self.tilt_limits is not None and not self.tilt_limits[0] < self.tilt_limits[1]:
+            raise InputError("tilt_limits without range", remedy="write the smaller angle first")
         if self.command is not None and not self.command[0] < self.command[1]:
             raise InputError("command without range", remedy="write the smaller value first")
         return self
@@ -110,7 +127,12 @@ def write(entry: Rotor, writer: Writer, reference_point: Array, discs: Discs) ->
     u, v, w = (frame.velocity(k) for k in range(3))
     tilt: Name | None = None
     if entry.tilt is not None:
-        tilt = writer.define("tilt", writer.parsed(entry.tilt, "tilt"), "tilt")
+        told = writer.parsed(entry.tilt, "tilt")
+        if entry.tilt_limits is not None:
+            low, high = (number(each) for each in entry.tilt_limits)
+            told = writer.define("tilt_told", told, "tilt")
+            told = Call("max", (low, Call("min", (high, told))))
+        tilt = writer.define("tilt", told, "tilt")
         u, w = _turned(u, w, Negation(tilt))
     u, v, w = (writer.define(name, each) for name, each in zip("uvw", (u, v, w), strict=True))
     speed = writer.parsed(entry.speed, "speed")
@@ -144,6 +166,32 @@ def _turned(x: Expression, z: Expression, angle: Expression) -> tuple[Expression
     """Components in axes that stay, of those in axes turned about y by an angle [rad]."""
     cos, sin = Call("cos", (angle,)), Call("sin", (angle,))
     return plus(times(x, cos), times(z, sin)), Operation("-", times(z, cos), times(x, sin))
+
+
+def beyond_tilt(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[str, str]:
+    """Return rotor -> a sentence on the angle furthest beyond its limits of tilt, for channels (n,)
+    [SI]; empty where all stay within. Raises InputError for a channel that is missing."""
+    end = "_tilt_told"
+    names = [name.removesuffix(end) for name in database.variables if name.endswith(end)]
+    trees = [
+        database.variables[f"{name}{each}"].expression for name in names for each in ("_tilt", end)
+    ]
+    definitions = {name: variable.expression for name, variable in database.variables.items()}
+    program = database.compiled(trees, definitions, {**database.tables, **database.scattered})
+    values = program.run(database.resolved(program.inputs, channels)).values
+    found = {}
+    for k, name in enumerate(names):
+        stops, told = np.broadcast_arrays(*np.atleast_1d(*values[2 * k : 2 * k + 2]))
+        over = np.where(np.isfinite(told), np.abs(told - stops), 0.0)
+        worst = int(np.argmax(over))
+        if over[worst] > 0.0:
+            reached, limit = np.rad2deg(told[worst]), np.rad2deg(stops[worst])
+            found[name] = (
+                f"the tilt of {name} is told to be {reached:.4g} deg, beyond its limit of"
+                f" {limit:.4g} deg, where it stops. Correct `tilt` or `tilt_limits` of the part, or"
+                " the calibration of its command"
+            )
+    return found
 
 
 def command_ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:

@@ -24,6 +24,7 @@ _MEANING: Final = {
     "n": ("Hz", "revolutions per second"),
     "J": ("1", "advance ratio"),
     "tilt": ("rad", "angle by which its axis is turned"),
+    "tilt_told": ("rad", "angle by which its axis is to be turned, within its limits or not"),
     "induced": ("m/s", "velocity that it induces at its disc"),
     "compression": ("m", "depth of the unloaded wheel below the ground; negative above it"),
     "closing": ("m/s", "rate of its compression"),

@@ -6,9 +6,10 @@ from typing import Any
 
 from aerodb.conditioning import Conditioning, Suspicion, delays, ground_and_air, segments
 from aerodb.flight import Flight
-from aerodb.nomenclature import is_surface
+from aerodb.nomenclature import is_command, is_surface
 from aerodb.remarks import Remark, sentences
 from aerodb.suspicions.air import air_suspicions
+from aerodb.suspicions.commands import command_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
 from aerodb.suspicions.failed import FAILED, failed_suspicions
@@ -43,6 +44,7 @@ def against_vehicle(
     Channels (n,) are in SI units. Source: `docs/method/consistency.md`, section "Against the
     vehicle".
     """
+    rotors = command_suspicions(flight, vehicle)
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
     moving = _MOTION.isdisjoint(suspected)
     if moving and not listed:
@@ -53,18 +55,19 @@ def against_vehicle(
         listed += control_suspicions(flight, vehicle)
     else:
         listed += size_suspicions(flight, vehicle)
-    return tuple(each for each in (*listed, *pushed) if each.channel not in suspected)
+    return tuple(each for each in (*listed, *pushed, *rotors) if each.channel not in suspected)
 
 
 def limits_flight(suspicion: Suspicion) -> bool:
     """Return whether a suspicion limits the verdict on a flight: flight-path reconstruction judges
-    motion, and a surface, the density, masses and sizes are beyond its reach. A surface that may
-    have stood still is no fault, nor is what aerodynamics may explain as well. Where a sensor
-    failed, the stretch is left out, not the flight. Source:
+    motion, and a surface, a rotor's command, the density, masses and sizes are beyond its reach. A
+    surface that may have stood still is no fault, nor is what aerodynamics may explain as well.
+    Where a sensor failed, the stretch is left out, not the flight. Source:
     docs/method/consistency.md, section Verdict."""
     if suspicion.kind in (UNMOVED, POSSIBLE, FAILED):
         return False
-    return is_surface(suspicion.channel) or suspicion.channel in _OUT_OF_REACH
+    told = is_surface(suspicion.channel) or is_command(suspicion.channel)
+    return told or suspicion.channel in _OUT_OF_REACH
 
 
 def examined_beside(

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from aerodb.conditioning import Suspicion
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
+from aerodb.parts import beyond_tilt
 from aerodb.signals import low_passed
 from aerodb.support import Array
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER
+from aerodb.suspicions.rotor_order import order_suspicions
 from aerodb.tables import AeroDatabase, Number, times
 
 #: Axes on which thrust acts.
@@ -42,11 +44,15 @@ def rotor_suspicions(
     usable: Mapping[str, NDArray[np.bool_]],
     bandwidth: float | None,
 ) -> tuple[Suspicion, ...]:
-    """Return the rotor whose thrust is not the database's where the others' is; empty for none.
+    """Return the rotor whose thrust is not the database's where the others' is, or what is wrong
+    with the order of all (`order_suspicions`); empty for neither.
 
     measured, predicted, usable : axis -> (n,), as `aerodb.coefficients.compare` gives them.
     bandwidth : Hz, of the moments. Share of the thrust without unit.
     """
+    tilted = _tilted(flight, database)
+    if tilted:
+        return tilted
     names = [
         name.removesuffix("_thrust")
         for name, variable in database.variables.items()
@@ -59,7 +65,7 @@ def rotor_suspicions(
     if any(name not in flight for name in needed):
         return ()
     good = flight.usable([*needed, *(n for n in database.inputs if n in flight)])
-    for axis in axes:
+    for axis in (*axes, *({"Cn"} & measured.keys())):
         good &= usable[axis] & np.isfinite(measured[axis]) & np.isfinite(predicted[axis])
     if good.sum() < FEWEST:
         return ()
@@ -70,6 +76,9 @@ def rotor_suspicions(
         kept = low_passed(np.where(good, values, np.nan), flight.step, high)
         return np.asarray(kept[::every][good[::every]])
 
+    order = order_suspicions(flight, database, measured, good, banded)
+    if order:
+        return order
     effects = {name: _effect(flight, database, name, predicted) for name in names}
     lengths, left, shares = [], [], {name: list[Array]() for name in names}
     for axis in axes:
@@ -100,6 +109,16 @@ def rotor_suspicions(
         f" database, +- {error:.1%}"
     )
     return (Suspicion(ranked[0], "thrust", words, {"share": value, "standard_error": error}),)
+
+
+def _tilted(flight: Flight, database: AeroDatabase) -> tuple[Suspicion, ...]:
+    """Rotors that are told to tilt beyond their limits while all inputs are usable."""
+    names = [name for name in database.inputs if name in flight]
+    good = flight.usable(names)
+    if len(names) < len(database.inputs) or good.sum() < FEWEST:
+        return ()
+    found = beyond_tilt(database, {name: flight[name][good] for name in names})
+    return tuple(Suspicion(name, "limit", words, {}) for name, words in found.items())
 
 
 def _kind(database: AeroDatabase, part: str) -> str:

@@ -39,7 +39,13 @@ if TYPE_CHECKING:
     from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
     from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
     from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
-    from .rotorcraft import FLOW, lacks_airspeed, with_flow_over_ground, without_flow_over_ground
+    from .rotorcraft import (
+        FLOW,
+        FULL,
+        lacks_airspeed,
+        with_flow_over_ground,
+        without_flow_over_ground,
+    )
     from .template import UNKNOWN_INERTIA, placeholders, vehicle_template
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

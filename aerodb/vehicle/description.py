@@ -5,6 +5,7 @@ are in SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is 
 is an error that names the nearest known key.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
@@ -164,7 +165,7 @@ class LoggedRotor(Strict):
     def calibration(self) -> Surface:
         """From what is logged to the command: scale and offset are scalars, without unit."""
         scale = 1.0 / (self.range[1] - self.range[0])
-        limits = (-1.0 if self.reversible else 0.0, 1.0)
+        limits = (-math.inf if self.reversible else 0.0, math.inf)  # what is beyond is said
         return Surface(limits=limits, scale=scale, offset=-scale * self.range[0], lag=self.lag)
 
 

@@ -15,6 +15,10 @@ _WIND = ("wind_north", "wind_east", "wind_down")
 #: Airspeed and flow angles.
 FLOW: Final = ("V", "alpha", "beta")
 
+#: Command, in size, beyond which no motor is told to turn: pulses are rounded to a thousandth of
+#: their range, and no autopilot tells more than the whole.
+FULL: Final = 1.02
+
 
 def lacks_airspeed(flight: Flight, vehicle: Vehicle) -> bool:
     """Return whether the vehicle has rotors, and the flight velocity over the earth and attitude,

@@ -51,6 +51,8 @@ def init(
         second.write_text(database, encoding="utf-8")
         filled["database"] = str(second)
         session.say(f"{filled['airframe']}: {filled['rotors']} rotors")
+        for each in filled["beyond"]:
+            session.say(f"WARNING: {each}")
     elif filled:
         session.say(f"{filled['airframe'] or 'airframe unknown'}: {', '.join(filled['surfaces'])}")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
@@ -95,7 +97,14 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict
         if autopilot.has_wing:
             return draft_vehicle(name, parsed.recording, autopilot), "", filled
         vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot.rotors)
-        return vehicle, database, {**filled, "rotors": len(autopilot.rotors.rotors)}
+        beyond = [
+            f"{each.topic} {each.field} of rotor {each.name} reaches {each.at_most:.4g}, beyond"
+            f" {each.low:g} to {each.high:g}, which the log's parameters state: correct"
+            f" [rotors.{each.name}] range in {name}.toml"
+            for each in autopilot.rotors.beyond
+        ]
+        count = len(autopilot.rotors.rotors)
+        return vehicle, database, {**filled, "rotors": count, "beyond": beyond}
 
 
 @app.command()

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import InputError, nearest
+from aerodb.parts import beyond_tilt
 from aerodb.physics import VortexPair, air_at_stations, quaternion_from_euler
 from aerodb.report import FlownStretch, response_report
 from aerodb.simulation import (
@@ -126,6 +127,10 @@ def _flown(
     ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
     time = time if stands is None else time[: stands.samples]
     simulated = {name: run.channels[name][: len(time), 0] for name in (*RESPONSES, *moved)}
+    held = {name: np.full(len(time), value) for name, value in trimmed.channels.items()}
+    tilted = beyond_tilt(
+        model.database, {**held, **{n: v[: len(time), 0] for n, v in run.channels.items()}}
+    )
     document: dict[str, Any] = {
         "version": row.id,
         "manoeuvre": stated.name,
@@ -141,7 +146,7 @@ def _flown(
             if name in RESPONSES
         },
         "ended": ended,
-        "notes": [*trimmed.notes, *run.notes()],
+        "notes": [*trimmed.notes, *run.notes(), *tilted.values()],
     }
     if air:
         document["air"] = {

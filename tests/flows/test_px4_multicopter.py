@@ -135,6 +135,45 @@ def test_motors_that_never_turn_are_said(tmp_path: Path) -> None:
     assert (done.returncode, "rotor 3" in done.stderr) == (3, True)
 
 
+def test_a_motor_that_never_turned_limits_its_flight(flown: Path) -> None:
+    flight = fly([22], 12.0)
+    flight.commands[:, 2] = 0.0
+    write_px4(flown / "dead.ulg", flight)
+    words = ("flight", "ingest", "dead.ulg", "--vehicle", "quad", "-v")
+    done = aerodb(flown / "workspace", *words, folder=flown)
+    assert done.returncode == 0, done.stderr
+    assert "rotor 3 never turns: command_3 (actuator_motors control[2])" in done.stdout
+    assert asked(flown / "workspace", "flight", "show", "dead.ulg")["verdict"] == "limited"
+
+
+def test_the_order_of_another_frame_limits_its_flight(flown: Path) -> None:
+    flight = fly([23], 20.0)
+    flight.commands[:] = flight.commands[:, (3, 0, 1, 2)]
+    write_px4(flown / "order.ulg", flight)
+    words = ("flight", "ingest", "order.ulg", "--vehicle", "quad", "-v")
+    done = aerodb(flown / "workspace", *words, folder=flown)
+    assert done.returncode == 0, done.stderr
+    assert "the rotors of the log are in another order" in done.stdout
+    assert asked(flown / "workspace", "flight", "show", "order.ulg")["verdict"] == "limited"
+
+
+def test_pulses_beyond_what_the_log_states_are_said(tmp_path: Path) -> None:
+    known = parameters(**{f"PWM_MAIN_MAX{k}": 1500.0 for k in range(1, 5)})
+    write_px4(tmp_path / "over.ulg", fly([14], 12.0), known=known, pulses=(1100.0, 1900.0))
+    words = ("vehicle", "init", "quad", "--from", "over.ulg")
+    done = aerodb(tmp_path / "w", *words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "correct [rotors.4] range in quad.toml" in done.stdout
+
+
+def test_a_rotor_without_speed_is_refused(flown: Path) -> None:
+    text = (flown / "quad-rotors.toml").read_text()
+    (flown / "lame.toml").write_text(text.replace('speed = "command_3"', ""))
+    words = ("database", "import", "lame.toml", "--vehicle", "quad")
+    done = aerodb(flown / "workspace", *words, folder=flown)
+    assert (done.returncode, "[parts.rotor_3]: a rotor without speed" in done.stderr) == (3, True)
+
+
 def test_pulses_of_former_releases_are_commands_by_their_range(tmp_path: Path) -> None:
     known = parameters()
     for name in [name for name in known if name.startswith("CA_")]:

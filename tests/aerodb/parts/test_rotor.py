@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.native import read_native
-from aerodb.parts import command_ranges
+from aerodb.parts import beyond_tilt, command_ranges
 from aerodb.simulation import Condition, NoTrimError, flight_model, linear_model, simulate, trim
 from aerodb.tables import AeroDatabase, curves, evaluate, lacking_effects
 from tests.support.quadrotor import MASSES, QUADROTOR, thrust_at
@@ -279,3 +279,34 @@ def test_what_has_no_hover_says_why() -> None:
 def test_a_wrong_rotor_is_refused_with_its_place(keys: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError, match=says):
         rotor(*keys)
+
+
+LIMITED = ("speed = 80.0", "thrust = 0.1", 'tilt = "tilt"', 'tilt_limits = ["-5 deg", "95 deg"]')
+
+
+def test_a_tilt_stops_at_its_limits_and_what_is_beyond_is_said() -> None:
+    own = rotor(*LIMITED)
+    for told, stops in ((0.3, 0.3), (2.5, np.deg2rad(95.0)), (-0.2, np.deg2rad(-5.0))):
+        assert loads(own, tilt=told) == pytest.approx(
+            loads(rotor("speed = 80.0", "thrust = 0.1", 'tilt = "tilt"'), tilt=stops)
+        )
+    channels = {name: np.full(3, value) for name, value in FLOW.items()}
+    within = beyond_tilt(own, {**channels, "tilt": np.array([0.0, 1.6, -0.05])})
+    beyond = beyond_tilt(own, {**channels, "tilt": np.deg2rad([0.0, 104.0, np.nan])})
+    assert within == {}
+    assert "told to be 104 deg, beyond its limit of 95 deg" in beyond["one"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (("thrust = 0.1",), "a rotor without speed"),
+        ((*LIMITED[:2], LIMITED[3]), "tilt_limits without tilt"),
+        ((*LIMITED[:3], 'tilt_limits = ["95 deg", "0 deg"]'), "tilt_limits without range"),
+    ],
+)
+def test_what_a_rotor_lacks_is_said_with_its_place(keys: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said) as error:
+        rotor(*keys)
+    assert error.value.where == "database file: [parts.one]"
+    assert error.value.remedy

@@ -5,6 +5,7 @@ estimate would give.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,19 +43,31 @@ WEAK = (1.0, 1.0, 0.92, 1.0)
 
 @pytest.fixture(scope="module")
 def quad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Vehicle, AeroDatabase]:
-    log = tmp_path_factory.mktemp("draft") / "sound.ulg"
+    return drafted(tmp_path_factory.mktemp("draft") / "sound.ulg")
+
+
+def drafted(log: Path, turning: int = 1) -> tuple[Vehicle, AeroDatabase]:
+    """The drafts of a flight, with the true values; `turning` -1 turns all rotors the other way."""
     write_px4(log, fly([7], 30.0))
     recording = read_ulog(log)
     found = read_autopilot(recording).rotors
+    turned = tuple(replace(each, turns=turning * each.turns) for each in found.rotors)
+    found = replace(found, rotors=turned)
     vehicle, database = draft_rotorcraft("quad", recording, found)
     return parse_vehicle(vehicle), with_parameters(read_native(database), TRUE)
 
 
 def named(
-    quad: tuple[Vehicle, AeroDatabase], folder: Path, seeds: Sequence[int], **flown: Any
+    quad: tuple[Vehicle, AeroDatabase],
+    folder: Path,
+    seeds: Sequence[int],
+    order: Sequence[int] = (0, 1, 2, 3),
+    **flown: Any,
 ) -> list[tuple[Suspicion, ...]]:
+    """What is said of one flight per seed, whose log has the rotors of PX4 in an order."""
     vehicle, database = quad
     flights, found = fly(seeds, 30.0, **flown), []
+    flights.commands[:] = flights.commands[:, order]
     for column, seed in enumerate(seeds):
         log = folder / f"{seed}.ulg"
         write_px4(log, flights, column)
@@ -94,6 +107,19 @@ def test_a_weak_rotor_is_named_in_wind(quad: Any, tmp_path: Path) -> None:
 )
 def test_nothing_is_named(quad: Any, tmp_path: Path, flown: dict[str, Any]) -> None:
     assert named(quad, tmp_path, [400], **flown) == [()]
+
+
+def test_rotors_in_the_order_of_another_frame_are_named(quad: Any, tmp_path: Path) -> None:
+    betaflight = (3, 0, 1, 2)  # rear right, front right, rear left, front left
+    ((found,),) = named(quad, tmp_path, [500], order=betaflight, wind=(2.0, 1.0))
+    assert (found.channel, found.kind) == ("command_1", "swapped")
+    assert "command_1 is its command_4" in found.sentence
+    assert "command_4 is its command_3" in found.sentence
+
+
+def test_rotors_that_turn_the_other_way_are_named(tmp_path: Path) -> None:
+    ((found,),) = named(drafted(tmp_path / "sound.ulg", -1), tmp_path, [501])
+    assert (found.kind, "`turns`" in found.sentence) == ("sign", True)
 
 
 @pytest.mark.campaign
