@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 6,
     "conditioning": 12,
-    "consistency": 21,
+    "consistency": 22,
     "coefficients": 4,
     "compare": 5,
     "import": 2,

@@ -5,7 +5,8 @@
    (`intensities_of` -> `Intensities`, with `Gusts`).
 3. `kalman` filters and smooths that system (compiled).
 4. `smooth_flight` (`smoothing`) puts these together and returns a `SmoothedFlight`: one
-   `SmoothedPath` per record, with standard errors and, on request, random draws of the error.
+   `SmoothedPath` (`smoothed_path`) per record, with standard errors and, on request, random draws
+   of the error.
 5. `state_noise` (`state_error_spectrum`) turns the draws into the spectrum of the error of every
    channel: a `StateNoise`, stored with the flight; `state_noise_from` reads it back.
 
@@ -18,7 +19,8 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .gusts import Gusts, Intensities
-    from .smoothing import SmoothedFlight, SmoothedPath, intensities_of, smooth_flight
+    from .smoothed_path import SmoothedPath
+    from .smoothing import SmoothedFlight, intensities_of, smooth_flight
     from .state_error_spectrum import Source, StateNoise, state_noise, state_noise_from
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

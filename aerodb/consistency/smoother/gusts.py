@@ -68,8 +68,9 @@ _FIRST = 1.0
 #: Gain that ends a search on the fine grid that follows one on a coarse grid.
 _LAST = 0.1
 
-#: Step of the grid on which the intensities are searched, s: it holds frequencies up to 2.5 Hz,
-#: while gusts act below 2 Hz and drifts far below; faster noise is known from single samples.
+#: Step of the grid on which the intensities are searched, and on which a record is smoothed first,
+#: s: it holds frequencies up to 2.5 Hz, while gusts act below 2 Hz and drifts far below; faster
+#: noise is known from single samples.
 SEARCH_STEP: Final = 0.2
 
 #: Fewest such steps of a record; shorter ones are searched on the smoother's own grid.
@@ -77,8 +78,8 @@ _FEWEST_STEPS = 40
 
 
 def worth_a_coarse_search(durations: Sequence[float], coarse: float) -> bool:
-    """Return whether the intensities of records of these durations [s] are first searched on a grid
-    of `SEARCH_STEP` instead of `coarse` [s]."""
+    """Return whether records of these durations [s] are first searched and smoothed on a grid of
+    `SEARCH_STEP` instead of `coarse` [s]."""
     return 2.0 * coarse < SEARCH_STEP and min(durations) >= _FEWEST_STEPS * SEARCH_STEP
 
 
@@ -111,6 +112,11 @@ class Intensities:
         """Return the noise (c,) of these channels, in SI units, infinite for those that are not
         used; array of `noise`."""
         return np.array([self.noise.get(name, np.inf) for name in channels])
+
+    def scaled(self, factor: float) -> "Intensities":
+        """Return the intensities with the noise of block means that are `factor` times as large: of
+        blocks of ``1 / factor^2`` times as many samples."""
+        return replace(self, noise={name: factor * size for name, size in self.noise.items()})
 
 
 def transition(system: PathError, by: Intensities) -> Transition:
@@ -236,7 +242,6 @@ class _Search:
                 system.residual[:, :, None],
                 measurement_variances(system, by),
                 system.observation,
-                False,
             )
             likelihood[number] = result.log_likelihood
             rise[number] = _slope(system, by, result.score, self.names)
@@ -356,7 +361,6 @@ def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]
             system.residual[:, :, None],
             measurement_variances(system, by),
             system.observation,
-            False,
         )
         left = residual_after_smoothing(
             system, system.residual, system.observation, result.states[:, :, 0]

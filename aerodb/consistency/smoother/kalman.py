@@ -57,8 +57,8 @@ class Score:
 class SmootherPass:
     """Result of one pass of the smoother.
 
-    states : (n, m, k), smoothed. covariance : (n, m, m), of the smoothed states. variance : (n, q),
-        of the q states that it was asked for.
+    states : (n, m, k), smoothed. covariance : (p, m, m), of the smoothed states at the p steps, and
+        variance : (n, q), of the q states, that it was asked for.
     innovations : (n, c), of the first right-hand side, in units of their standard deviation (nan:
         no measurement).
     log_likelihood : of the first right-hand side. score : its derivatives.
@@ -77,7 +77,7 @@ def smooth(
     measured: Array,
     variance: Array,
     observation: Array,
-    covariances: bool = True,
+    covariances: NDArray[np.int64] | None = None,
     variances: slice = slice(0, 0),
 ) -> SmootherPass:
     """Smooth k right-hand sides that share their gains.
@@ -88,7 +88,7 @@ def smooth(
     measured : (n, c, k), measurements.
     variance : (n, c), variance of their noise; zero or less where there is no measurement.
     observation : (n, c, m), observation matrix.
-    covariances : whether to compute `covariance`; without, it is empty and the pass is faster.
+    covariances : (p,), steps whose `covariance` is computed; None: none, and the pass is faster.
     variances : the states whose variances alone are computed, which costs little.
 
     References
@@ -104,14 +104,16 @@ def smooth(
         model.block, model.diagonal_noise, model.first,
         measured, variance, observation, filtered, known, gain, spread, error,
     )  # fmt: skip
-    states, after = np.empty((n, m, k)), np.empty((n if covariances else 0, m, m))
+    steps = np.empty(0, np.int64) if covariances is None else covariances
+    states, after, place = np.empty((n, m, k)), np.empty((len(steps), m, m)), np.full(n, -1)
+    place[steps] = np.arange(len(steps))
     first, count = variances.start, variances.stop - variances.start
     own = np.empty((n if count else 0, count))
     sums, by_channel = np.zeros((3, m)), np.zeros(c)
     _backward(
         model.rows, model.columns, model.values, model.diagonal,
         variance, observation, filtered, known, gain, spread, error,
-        states, after, own, first, sums, by_channel,
+        states, after, place, own, first, sums, by_channel,
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
@@ -341,10 +343,13 @@ def _adjoint_measurements(
 def _backward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
     variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array,
-    error: Array, states: Array, after: Array, own: Array, first: int, sums: Array,
-    by_channel: Array,
+    error: Array, states: Array, after: Array, place: NDArray[np.int64], own: Array, first: int,
+    sums: Array, by_channel: Array,
 ) -> None:  # fmt: skip
-    """Backward pass of the smoother: fills states, covariances and the sums of the score."""
+    """Backward pass of the smoother: fills states, covariances and the sums of the score.
+
+    place (n,): where in `after` the covariance of a step goes; -1: nowhere.
+    """
     n, m, k = filtered.shape
     pull, load, half, turned = (
         np.zeros((m, k)),
@@ -366,8 +371,8 @@ def _backward(
                     column[a] += p[a, b] * weight
             for a in range(m):
                 states[i, a, q] = column[a]
-        if after.shape[0] > 0:
-            _posterior(p, load, half, turned, after[i])
+        if place[i] >= 0:
+            _posterior(p, load, half, turned, after[place[i]])
         for d in range(own.shape[1] if own.shape[0] > 0 else 0):
             # p - p load p of one state
             own[i, d] = p[first + d, first + d]

@@ -120,9 +120,7 @@ def path_error(
             record.name,
             "a smoother needs all states integrated: use output error",
         )
-    size = (
-        2 * max(0, round((coarse / record.step - 1) / 2)) + 1
-    )  # odd, so that a block has a middle sample
+    size = block_size(record.step, coarse)
     g = len(record.inputs) // size
     at = size * np.arange(g) + size // 2
     grid_record = _thinned(record, at, size, np.asarray(path.states[:, at]))
@@ -169,6 +167,14 @@ def path_error(
     return replace(
         system, output_sensitivity=output_sensitivity, state_sensitivity=state_sensitivity
     )
+
+
+def block_size(step: float, coarse: float) -> int:
+    """Return the number of samples, `step` [s] apart, in a block of about `coarse` [s].
+
+    It is odd, so that the block has a middle sample.
+    """
+    return 2 * max(0, round((coarse / step - 1) / 2)) + 1
 
 
 def predicted_outputs(system: PathError, error: Array) -> Array:
@@ -429,6 +435,8 @@ def _by_unknowns(
     """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, with
     the initial state fixed."""
     g, k = len(system.at), len(free)
+    if not free:
+        return np.zeros((g, len(system.channels), 0)), np.zeros((g, m, 0))
     plain = replace(system.grid_record, given={}, earth=system.path.record.earth)
     response = predict_outputs(plain, system.prompt_values, system.states[:, 0], free)
     output_sensitivity = np.stack(

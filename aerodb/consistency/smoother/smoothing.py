@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.plan import NO_WEIGHT
 from aerodb.consistency.reconstructed import ReconstructedPath, Reconstruction
-from aerodb.consistency.sensors import SensorParameter, earth_to_body
+from aerodb.consistency.sensors import SensorParameter
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
     SEARCH_STEP,
@@ -28,64 +26,27 @@ from aerodb.consistency.smoother.gusts import (
     residual_after_smoothing,
     slow_noise,
     transition,
-    variance_within_step,
     with_missing_noise,
     worth_a_coarse_search,
 )
 from aerodb.consistency.smoother.kalman import SmootherPass, Transition, propagate, smooth
 from aerodb.consistency.smoother.path_error import (
     COARSE,
-    FORCE,
     GUST,
-    GYRO,
-    POSITION,
-    VELOCITY,
     PathError,
-    apply_error,
-    delay_of_channel,
-    flow_rows,
+    block_size,
     path_error,
-    predicted_outputs,
     relinearised,
 )
+from aerodb.consistency.smoother.smoothed_path import SmoothedPath, expanded, interpolated
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.support import Array
 
-#: Channels for which the smoother gives a standard error.
-CHANNELS = (*STATES, "V", "alpha", "beta", "wind_north", "wind_east", "wind_down", *INPUTS)
-
-#: Passes over each record; each linearises the sensors again and adapts the gust intensity.
+#: First passes over each record; each linearises the sensors again and adapts the gust intensity.
 _PASSES = 2
 
 #: Airspeed and dynamic pressure whose residuals have a larger correlation are one measurement.
 _ONE_SENSOR = 0.7
-
-
-@dataclass(frozen=True)
-class SmoothedPath:
-    """One smoothed record: n samples, g grid points, d draws.
-
-    path : `ReconstructedPath` in moving air. steady : the reconstructed one that it started from.
-    wind : (3, n), including gusts, north, east, down [m/s].
-    sigma : channel of `CHANNELS` -> (n,), standard errors, SI.
-    grid : (g,), sample indices of the smoother's grid.
-    innovations : channel -> (g,), in units of their standard deviation (nan: none).
-    draws : channel of `CHANNELS` -> (d, g), random draws of the error (true minus smoothed) with
-        its correlation in time and across channels.
-    within : channel of `CHANNELS` -> one sigma of the gusts between grid points, which the draws do
-        not include, SI.
-    intensities : of this record.
-    """
-
-    path: ReconstructedPath
-    steady: ReconstructedPath
-    wind: Array
-    sigma: Mapping[str, Array]
-    grid: np.ndarray
-    innovations: Mapping[str, Array]
-    draws: Mapping[str, Array]
-    within: Mapping[str, float]
-    intensities: Intensities
 
 
 @dataclass(frozen=True)
@@ -153,9 +114,9 @@ def smooth_flight(
         by = intensities_of(result, (flight,), fixed=fixed, noise_floor=noise_floor, coarse=coarse)
     generator = np.random.default_rng(seed)
     paths, total = [], 0.0
-    for path in own:  # one system at a time: together they need more memory than the flight
-        system = path_error(path, values, free, coarse, _unused_channels(result, path))
-        smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
+    for path in own:  # one record at a time: together they need more memory than the flight
+        slow, system = _systems(path, values, free, coarse, _unused_channels(result, path))
+        smoothed, likelihood = _smoothed(slow, system, by, spread, values, draws, generator)
         paths.append(smoothed)
         total += likelihood
     return SmoothedFlight(flight, tuple(paths), values, by, total)
@@ -186,8 +147,8 @@ def intensities_of(
     def systems(step: float) -> list[PathError]:
         made = []
         for path in paths:
-            free, values, _ = _parameters(result, path.record.flight, fixed)
-            made.append(path_error(path, values, free, step, _unused_channels(result, path)))
+            _, values, _ = _parameters(result, path.record.flight, fixed)
+            made.append(path_error(path, values, (), step, _unused_channels(result, path)))
         return made
 
     durations = [len(path.record.inputs) * path.record.step for path in paths]
@@ -240,7 +201,35 @@ def _root(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
+def _systems(
+    path: ReconstructedPath,
+    values: Mapping[str, float],
+    free: Sequence[SensorParameter],
+    coarse: float,
+    unused: Sequence[str],
+) -> tuple[PathError, PathError]:
+    """The linear systems of a record on a slow grid, of `SEARCH_STEP`, and on that of `coarse` [s].
+
+    The second grid contains the points of the first; short records have one system for both. The
+    effect of the unknowns on a longer block is the mean of that on the shorter ones.
+    """
+    step = path.record.step
+    system = path_error(path, values, free, coarse, unused)
+    if not worth_a_coarse_search([len(path.record.inputs) * step], coarse):
+        return system, system
+    many = block_size(system.step, SEARCH_STEP)
+    slow = path_error(path, values, (), many * system.step, unused)
+    g = len(slow.at)
+    shown = system.output_sensitivity
+    return replace(
+        slow,
+        output_sensitivity=shown[: g * many].reshape(g, many, *shown.shape[1:]).mean(axis=1),
+        state_sensitivity=system.state_sensitivity[many * np.arange(g) + many // 2],
+    ), system
+
+
 def _smoothed(
+    slow: PathError,
     system: PathError,
     flight: Intensities,
     spread: Array,
@@ -248,38 +237,55 @@ def _smoothed(
     draws: int,
     generator: np.random.Generator,
 ) -> tuple[SmoothedPath, float]:
-    """Smooth one record: passes for linearisation and gust intensity, then one with the unknowns
-    and the draws. Returns the log-likelihood as well."""
-    by = with_missing_noise(flight, system)
-    error, observation = np.zeros((len(system.at), system.observation.shape[2])), system.observation
-    measured = system.residual
+    """Smooth one record: passes for linearisation and gust intensity on the grid of `slow`, then on
+    that of `system` one that shows which residuals remain coloured, and one with the draws. The
+    effect of the unknowns is smooth, and taken on the grid of `slow`. Returns the log-likelihood
+    as well."""
+    rarer = float(np.sqrt(slow.size / system.size))
+    by = with_missing_noise(flight, system).scaled(1.0 / rarer)
+    error, observation = np.zeros((len(slow.at), slow.observation.shape[2])), slow.observation
+    measured = slow.residual
     for _ in range(_PASSES):
-        result = smooth(
-            transition(system, by),
-            measured[:, :, None],
-            measurement_variances(system, by),
-            observation,
-            False,
-            GUST,
-        )
+        result = _pass(slow, by, measured, observation)
         error, by = result.states[:, :, 0], adapted_gusts(by, result)
-        measured, observation = relinearised(system, error, observation, by.of(system.channels))
+        measured, observation = relinearised(slow, error, observation, by.of(slow.channels))
+    slow_observation, by = observation, by.scaled(rarer)
+    here = (slow.at - system.at[0]) // system.size
+    if slow is not system:
+        measured, observation = relinearised(
+            system,
+            interpolated(error, here, len(system.at)),
+            system.observation,
+            by.of(system.channels),
+        )
+        error = _pass(system, by, measured, observation).states[:, :, 0]
     left = residual_after_smoothing(system, measured, observation, error)
     by = replace(
         by,
         noise={name: max(size, slow_noise(system, left, name)) for name, size in by.noise.items()},
     )
+    sensitivity = -slow.output_sensitivity @ spread
+    moved = _pass(slow, by.scaled(1.0 / rarer), sensitivity, slow_observation)
+    common = slow.state_sensitivity @ spread + moved.states
     model, noise = transition(system, by), measurement_variances(system, by)
     drawn, drawn_measured = _drawn(model, noise, observation, draws, generator)
-    sides = np.concatenate(
-        [measured[:, :, None], -system.output_sensitivity @ spread, drawn_measured], axis=2
-    )
-    result = smooth(model, sides, noise, observation)
-    k = spread.shape[1]
-    common = system.state_sensitivity @ spread + result.states[:, :, 1 : 1 + k]
+    sides = np.concatenate([measured[:, :, None], drawn_measured], axis=2)
+    at = np.unique(np.r_[0, here, len(system.at) - 1])
+    result = smooth(model, sides, noise, observation, at)
     # true minus smoothed: for given unknowns, plus the effect of one draw of the unknowns
-    lack = drawn - result.states[:, :, 1 + k :] + common @ generator.standard_normal((k, draws))
-    return _expanded(system, by, result, common, lack, values), result.log_likelihood
+    pushed = common @ generator.standard_normal((spread.shape[1], draws))
+    lack = drawn - result.states[:, :, 1:]
+    for number in range(draws):
+        lack[:, :, number] += interpolated(pushed[:, :, number], here, len(system.at))
+    common = common[np.clip(np.searchsorted(here, at), 0, len(here) - 1)]
+    return expanded(system, by, result, at, common, lack, values), result.log_likelihood
+
+
+def _pass(system: PathError, by: Intensities, measured: Array, observation: Array) -> SmootherPass:
+    """A pass over measurements (g, c) or (g, c, k), with the variances of the gusts."""
+    sides = measured[:, :, None] if measured.ndim == 2 else measured
+    noise = measurement_variances(system, by)
+    return smooth(transition(system, by), sides, noise, observation, variances=GUST)
 
 
 def _drawn(
@@ -303,90 +309,3 @@ def _drawn(
     return states, observation @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal(
         (g, c, draws)
     )
-
-
-def _expanded(
-    system: PathError,
-    by: Intensities,
-    result: SmootherPass,
-    common: Array,
-    lack: Array,
-    values: Mapping[str, float],
-) -> SmoothedPath:
-    """The smoothed path at the record's own rate, from error states on the grid."""
-    record, grid, n = system.path.record, system.at, len(system.path.record.inputs)
-    error = result.states[:, :, 0]
-    fine = _interpolated(error, grid, n)
-    mean_wind = np.array([values.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")])
-    states, wind = apply_error(system.path.states, fine), fine[:, GUST].T + mean_wind[:, None]
-    air = states[:3] - np.einsum("ijn,jn->in", earth_to_body(states), wind)
-    rows = _channel_rows(states[:, grid], air[:, grid], wind[:, grid], error.shape[1])
-    inside = rows[:, :, GUST] ** 2 @ (
-        variance_within_step(by.gusts, system.step) if len(grid) < n else np.zeros(3)
-    )
-    variance = (
-        np.sum((rows @ result.covariance) * rows, axis=2)
-        + np.sum((rows @ common) ** 2, axis=2)
-        + inside
-    )
-    variance[:, len(CHANNELS) - 6 :] += inertial_noise(record) ** 2
-    sigma = dict(
-        zip(CHANNELS, _interpolated(np.sqrt(np.maximum(variance, 0.0)), grid, n).T, strict=True)
-    )
-    state_sigma = np.stack([sigma[name] for name in STATES])
-    if error.shape[1] <= POSITION.start:
-        state_sigma[6:] = system.path.state_sigma[6:]
-        sigma |= dict(zip(STATES[6:], state_sigma[6:], strict=True))
-    path = replace(
-        system.path,
-        states=states,
-        air=air,
-        inputs=system.path.inputs - np.column_stack([fine[:, FORCE], fine[:, GYRO]]),
-        residuals=_residuals(system, error, values),
-        state_sigma=state_sigma,
-        air_sigma=np.stack([sigma[name] for name in ("V", "alpha", "beta")]),
-    )
-    scattered = rows @ lack
-    draws = {name: scattered[:, number].T for number, name in enumerate(CHANNELS)}
-    innovations = dict(zip(system.channels, result.innovations.T, strict=True))
-    within = dict(zip(CHANNELS, np.sqrt(inside.mean(axis=0)).tolist(), strict=True))
-    return SmoothedPath(path, system.path, wind, sigma, grid, innovations, draws, within, by)
-
-
-def _channel_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
-    """(g, CHANNELS, m) derivatives of every channel by the error states."""
-    flow = flow_rows(states, air, wind, m)
-    rows = np.zeros((len(flow), len(CHANNELS), m))
-    rows[:, :3, VELOCITY] = np.moveaxis(earth_to_body(states), 2, 0)
-    rows[:, 3:6], rows[:, 9:12] = flow[:, 3:], flow[:, :3]
-    if m > POSITION.start:
-        rows[:, 6:9, POSITION] = np.diag([1.0, 1.0, -1.0])
-    rows[:, 12:15, GUST] = np.eye(3)
-    rows[:, 15:18, FORCE], rows[:, 18:, GYRO] = -np.eye(3), -np.eye(3)
-    return rows
-
-
-def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -> Array:
-    """Interpolate (g, q) from the grid to samples 0 to n-1, delayed by `shift` samples; end values
-    are repeated."""
-    if len(grid) == n and shift == 0.0:
-        return values
-    at = np.arange(n) - shift
-    return np.column_stack([np.interp(at, grid, column) for column in values.T])
-
-
-def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
-    """Measured minus smoothed outputs, (n,) by channel, at the record's own rate, with delays."""
-    change = predicted_outputs(system, error) - system.base
-    remaining, n = {}, len(system.path.record.inputs)
-    for column, name in enumerate(system.channels):
-        turned = (
-            np.angle(np.exp(1j * change[:, column]))
-            if name in ("phi", "psi")
-            else change[:, column]
-        )
-        late = delay_of_channel(name, values) / system.path.record.step
-        remaining[name] = (
-            system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
-        )
-    return remaining

@@ -18,7 +18,8 @@ from scipy.fft import next_fast_len
 
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.consistency.output_error import inertial_noise
-from aerodb.consistency.smoother.smoothing import SmoothedFlight, SmoothedPath
+from aerodb.consistency.smoother.smoothed_path import SmoothedPath
+from aerodb.consistency.smoother.smoothing import SmoothedFlight
 from aerodb.errors import InputError
 from aerodb.signals import bridge
 from aerodb.support import Array

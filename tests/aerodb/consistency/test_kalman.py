@@ -63,9 +63,12 @@ def dense(model, measured, variance, seen):
 
 
 def test_states_covariances_and_likelihood(problem):
-    result, (states, covariance, likelihood) = smooth(*problem), dense(*problem)
+    result = smooth(*problem, covariances=np.arange(N))
+    states, covariance, likelihood = dense(*problem)
     np.testing.assert_allclose(result.states, states, atol=1e-11)
     np.testing.assert_allclose(result.covariance, covariance, atol=1e-11)
+    some = np.array([0, 3, N - 1])
+    assert np.array_equal(smooth(*problem, covariances=some).covariance, result.covariance[some])
     assert result.log_likelihood == pytest.approx(likelihood, rel=1e-12)
     assert np.array_equal(np.isnan(result.innovations), problem[2] == 0)
 
@@ -74,7 +77,7 @@ def test_the_likelihoods_slope_is_exact(problem):
     """Against central differences of the dense likelihood: noise, first variance, memory of a
     state, noise of a channel."""
     model, measured, variance, seen = problem
-    score = smooth(*problem, covariances=False).score
+    score = smooth(*problem).score
 
     def slope(change):
         up, down = (dense(change(sign * 1e-5), measured, variance, seen)[2] for sign in (1.0, -1.0))
@@ -102,7 +105,7 @@ def test_the_likelihoods_slope_is_exact(problem):
 
 def test_without_measurements_the_prior_remains(problem):
     model, measured, variance, seen = problem
-    result = smooth(model, measured, 0 * variance, seen)
+    result = smooth(model, measured, 0 * variance, seen, np.array([0]))
     assert not result.states.any()
     assert result.log_likelihood == 0.0
     assert result.covariance[0] == pytest.approx(np.diag(model.first))
