@@ -118,7 +118,8 @@ def with_accelerations(flight: Flight) -> dict[str, Array]:
     for name in flight.channels:
         good = flight.usable([name])
         if good.sum() > 1:
-            channels[name] = bridge(np.where(good, flight[name], np.nan))
+            values = flight[name]
+            channels[name] = bridge(values if good.all() else np.where(good, values, np.nan))
     for axis in "xyz":
         if f"a{axis}" not in channels and f"a{axis}_imu" in channels:
             channels[f"a{axis}"] = channels[f"a{axis}_imu"]

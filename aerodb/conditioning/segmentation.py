@@ -114,16 +114,20 @@ class _View:
     def __init__(self, flight: Flight) -> None:
         self.flight, self.time, self.step = flight, flight.time, flight.step
         self.flying = ~flagged(flag_on_ground(flight), "on_ground", "hover")
+        self._known: dict[str, Mask] = {}
 
     def get(self, *names: str) -> Array | None:
         """The first of these channels that the flight has."""
         for name in names:
-            if name in self.flight and self.flight.usable([name]).any():
-                return bridge(np.where(self.flight.usable([name]), self.flight[name], np.nan))
+            if name in self.flight and (good := self.known(name)).any():
+                values = self.flight[name]
+                return bridge(values if good.all() else np.where(good, values, np.nan))
         return None
 
     def known(self, name: str) -> Mask:
-        return self.flight.usable([name])
+        if name not in self._known:
+            self._known[name] = self.flight.usable([name])
+        return self._known[name]
 
     def segment(self, kind: str, first: int, last: int, reason: str, channel: str = "") -> Segment:
         return Segment(kind, float(self.time[first]), float(self.time[last]), reason, channel)

@@ -18,7 +18,7 @@ from aerodb.consistency.sensors import OUTPUTS, FlightRecord, installation_from_
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.physics import HIGHEST_LATITUDE, Earth, specific_force_at_cg
-from aerodb.signals import FEWEST_SAMPLES, bridge, smooth
+from aerodb.signals import FEWEST_SAMPLES, bridge, low_passed, smooth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
 
@@ -367,7 +367,7 @@ def _decimated(values: Array, step: float, decimation: int) -> Array:
     if not good.any():
         return values[::decimation]
     # cut-off at half the new sampling rate: the remaining noise is white at that rate
-    slow = smooth(values, step, 0.5 / (step * decimation), noise=0.0).value[::decimation]
+    slow = low_passed(values, step, 0.5 / (step * decimation))[::decimation]
     near = np.convolve(~good, np.ones(2 * decimation + 1), mode="same")[::decimation] > 0.5
     return np.where(near, np.nan, slow)
 

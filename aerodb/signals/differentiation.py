@@ -134,8 +134,14 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
 
 
 def _gain(frequency: Array, bandwidth: float) -> Array:
-    share = np.clip(0.5 + (1 - frequency / bandwidth) / ROLL_OFF, 0.0, 1.0)
-    return np.asarray(0.5 * (1 - np.cos(np.pi * share)))
+    """Gain at frequencies in ascending order [Hz]: one, the step of the roll-off, and zero."""
+    edges = bandwidth * np.array([1.0 - ROLL_OFF, 1.0 + ROLL_OFF])
+    first, last = np.searchsorted(frequency, edges)
+    share = np.clip(0.5 + (1 - frequency[first:last] / bandwidth) / ROLL_OFF, 0.0, 1.0)
+    gain = np.zeros(len(frequency))
+    gain[:first] = 1.0
+    gain[first:last] = 0.5 * (1 - np.cos(np.pi * share))
+    return gain
 
 
 def bridge(values: Array) -> Array:
