@@ -38,6 +38,7 @@ def close_loop_flow(
     measured: list[str] | None = None,
     effects: str = "",
     library: str = "",
+    select: list[str] | None = None,
 ) -> dict[str, Any]:
     """Trace the residuals of `flights` beside version `baseline` (full ids), and add confirmed
     effects.
@@ -45,8 +46,9 @@ def close_loop_flow(
     hold_out : as in the update. accept_* : effects to add although their verdict alone does not
     admit them. measured : what was measured outside flight, ``NAME=SIGMA, BY`` each. effects : the
     text of a file of user templates. library : the hash that the library
-    must have, or its beginning. Returns the loop's document with ``label``, ``gate`` and ``page``,
-    the file of its report; ``candidate`` is None if nothing was added.
+    must have, or its beginning. select : conditions of the samples that count.
+    Returns the loop's document with ``label``, ``gate`` and ``page``, the file of its
+    report; ``candidate`` is None if nothing was added.
     """
     where = {"workspace": workspace, "run": run}
     accept = Accept(
@@ -61,6 +63,7 @@ def close_loop_flow(
         baseline=baseline,
         model="",
         hold_out=hold_out,
+        select=select or (),
     )
     frozen = steps(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
@@ -72,6 +75,7 @@ def close_loop_flow(
         **where,
         library=frozen,
         database=access_workspace(workspace).database(baseline),
+        select=plan.select,
     )
     loop, (proof, beyond, stalls), left = until_all_gain(
         lambda out: steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out),

@@ -31,6 +31,7 @@ def update_flow(
     hold_out: list[str] | None = None,
     method: str = "regression",
     all_free: bool = False,
+    select: list[str] | None = None,
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) on version `baseline` (its
     id).
@@ -38,8 +39,9 @@ def update_flow(
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
     None for the default rule. method : by which to estimate (`aerodb.identification.METHODS`).
     all_free : whether to compare with an update that frees all terms of the baseline
-    (`beside_all_free`). Returns the update's document with ``label``, ``gate`` and ``page``, the
-    file of its report, and that comparison as ``held_or_free``.
+    (`beside_all_free`). select : conditions of the samples that count. Returns the
+    update's document with ``label``, ``gate`` and ``page``, the file of its report,
+    and that comparison as ``held_or_free``.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
@@ -52,6 +54,7 @@ def update_flow(
         model=model,
         hold_out=hold_out,
         method=method,
+        select=select or (),
     )
     update = steps(estimate, plan, **where)
     proof, beyond = steps(validate, plan, update, **where)

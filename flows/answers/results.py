@@ -62,6 +62,7 @@ class Update(Answer):
     remark_data: list[RemarkData]
     gate: Gate | None
     held_or_free: HeldOrFree | None = None
+    select: list[str] | None = None
 
 
 class MethodEstimate(Answer):

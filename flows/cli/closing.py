@@ -8,7 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Vehicle, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose
 from aerodb.flows.cli.updates import (
     chosen_flights,
     say_axes,
@@ -58,6 +58,7 @@ def close_loop(
     library: Annotated[
         str, typer.Option(help="Required hash of the library; refused if it differs.")
     ] = "",
+    select: Select = None,
     direct: Direct = False,
     verbose: Verbose = False,
 ) -> None:
@@ -68,6 +69,7 @@ def close_loop(
 
     Example: aerodb close-loop --vehicle my-glider
     """
+    from aerodb.conditioning import checked_conditions
     from aerodb.flows.close_loop import close_loop_flow
     from aerodb.tasks.references import vehicle_of
     from aerodb.tasks.steps import loop_options
@@ -95,6 +97,7 @@ def close_loop(
         "measured": measured,
         "effects": read_text(effects) if effects else "",
         "library": library,
+        **({"select": list(checked_conditions(select))} if select else {}),
     }
     document = session.run(close_loop_flow, parameters, direct)
     for entry in document["not_added"]:

@@ -9,7 +9,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.mode_tables import print_modes
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Verbose
+from aerodb.flows.cli.references import Select, Verbose
 from aerodb.flows.cli.vehicles import read_text
 
 #: Parameters of single records, which only the report lists.
@@ -58,13 +58,7 @@ def estimate(
             " rest tells of the aircraft too.",
         ),
     ] = False,
-    select: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Condition of the samples that count, such as `command_1 > 0.3`, `time < 20 s` or"
-            " `phase = hover`; repeat the option: all hold."
-        ),
-    ] = None,
+    select: Select = None,
     output: Annotated[
         Path | None, typer.Option(help="HTML page to write, with fitted responses and residuals.")
     ] = None,

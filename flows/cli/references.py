@@ -27,6 +27,13 @@ HoldOut = Annotated[
         " default: the newest fifth."
     ),
 ]
+Select = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Condition of the samples that count, such as `command_1 > 0.3`, `time < 20 s` or"
+        " `phase = hover`; repeat the option: all hold."
+    ),
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print the details.")]
 MappingFile = Annotated[
     str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")

@@ -9,7 +9,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Vehicle, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def update(
             " held-out flights, and say which to keep. The candidate has the declared terms only.",
         ),
     ] = False,
+    select: Select = None,
     direct: Direct = False,
     verbose: Verbose = False,
 ) -> None:
@@ -51,6 +52,7 @@ def update(
 
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
+    from aerodb.conditioning import checked_conditions
     from aerodb.flows.update import update_flow
     from aerodb.identification import chosen_methods
     from aerodb.increments import parse_model_file
@@ -71,6 +73,7 @@ def update(
         earlier = _as_before(catalogue, catalogue.version(vehicle, like))
         text, method = earlier.model, method or earlier.method
         flights, hold_out = flights or earlier.flights, hold_out or earlier.held_out
+        select = select or earlier.select
     elif model is not None:
         text = read_text(model)
         parse_model_file(text, str(model))
@@ -85,6 +88,7 @@ def update(
         "hold_out": held,
         **({} if method is None else {"method": method}),
         **({"all_free": True} if all_free else {}),
+        **({"select": list(checked_conditions(select))} if select else {}),
     }
     document = session.run(update_flow, parameters, direct)
     print_update(session, document, verbose)
@@ -114,12 +118,14 @@ def chosen_flights(catalogue: "Catalogue", vehicle: str, flights: list[str] | No
 
 @dataclass(frozen=True)
 class _EarlierUpdate:
-    """Model file, method, flights and held-out flights of the update that made a version."""
+    """Model file, method, flights, held-out flights and selection of the update that made a
+    version."""
 
     model: str
     method: str | None
     flights: list[str]
     held_out: list[str] | None
+    select: list[str] | None
 
 
 def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
@@ -136,7 +142,11 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     standing = [use for use in used if rows[use.flight].retracted_utc is None]
     held = [use.flight for use in standing if use.role == "held_out"]
     return _EarlierUpdate(
-        settings["model"], settings.get("method"), [use.flight for use in standing], held or None
+        settings["model"],
+        settings.get("method"),
+        [use.flight for use in standing],
+        held or None,
+        settings.get("select"),
     )
 
 

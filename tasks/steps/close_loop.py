@@ -41,7 +41,7 @@ def run_loop(
     without_gain : hypotheses that stay out, because their addition proved no gain.
     """
     source, baseline = (
-        flights_of(workspace, plan.vehicle, run),
+        flights_of(workspace, plan.vehicle, run, plan.select),
         access_workspace(workspace).database(plan.baseline),
     )
     return run_rounds(source, plan.hold_out.identified, baseline, library, accept, without_gain)
@@ -62,7 +62,7 @@ def prove_loop(
 
     Below five flights, each flight is predicted from the others.
     """
-    source = flights_of(workspace, plan.vehicle, run)
+    source = flights_of(workspace, plan.vehicle, run, plan.select)
     predictors: dict[str, AeroDatabase] = {}
     proof = validate_loop(source, plan.hold_out, library, loop, accept, predictors)
     beyond = outside_envelopes(source, predictors)
@@ -80,7 +80,10 @@ def what_is_left(
     Empty if there are fewer flights than the test needs.
     """
     return unexplained_residuals(
-        flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
+        flights_of(workspace, plan.vehicle, run, plan.select),
+        plan.hold_out.identified,
+        loop.candidate,
+        library,
     )
 
 
@@ -90,7 +93,10 @@ def which_levels_stay(
     """Return the large constants, dimensionless, that the identification flights share beside the
     candidate (docs/method/tracing.md, section 14)."""
     return unexplained_levels(
-        flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
+        flights_of(workspace, plan.vehicle, run, plan.select),
+        plan.hold_out.identified,
+        loop.candidate,
+        library,
     )
 
 
@@ -99,7 +105,7 @@ def with_bands(
 ) -> LoopResult:
     """Return the loop with the errors of its shapes, and the scatter between flights, in the bands
     of what it added; values stay, in SI units; see `with_model_error`."""
-    source = flights_of(workspace, plan.vehicle, run)
+    source = flights_of(workspace, plan.vehicle, run, plan.select)
     return replace(
         loop, candidate=with_model_error(source, plan.hold_out.identified, loop, library)
     )
@@ -113,5 +119,5 @@ def what_differs(
 
     Empty below five flights, or where these have the same conditions.
     """
-    source = flights_of(workspace, plan.vehicle, run)
+    source = flights_of(workspace, plan.vehicle, run, plan.select)
     return dependences_between_flights(source, plan.hold_out.identified, library, loop)

@@ -1,5 +1,6 @@
 """Comparison of a stored flight with a database version."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -162,9 +163,10 @@ def compare_with_database(
 
 
 def compare_loaded(
-    loaded: FlightCoefficients, database: AeroDatabase, vehicle: Vehicle
+    loaded: FlightCoefficients, database: AeroDatabase, vehicle: Vehicle, select: Sequence[str] = ()
 ) -> Comparison:
-    """Return the comparison of loaded coefficients with a database; cached in memory.
+    """Return the comparison of loaded coefficients with a database; cached in memory. select : the
+    conditions by which samples of these coefficients are usable.
 
     Coefficients are (n,). Raises CalculationError where the comparison fails in an unforeseen way,
     as `failing_alone` says.
@@ -173,7 +175,7 @@ def compare_loaded(
         f"the comparison with database {database.name}", f"flight {loaded.flight.id}"
     ):
         return cached(
-            ("comparison", loaded.key, database_document_sha256(database)),
+            ("comparison", loaded.key, database_document_sha256(database), tuple(select)),
             lambda: compare(loaded.flight, loaded.coefficients, database, vehicle.reference),
         )
 

@@ -2,11 +2,11 @@
 stored."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from aerodb.coefficients import Comparison
-from aerodb.conditioning import Segment
+from aerodb.conditioning import Segment, selected
 from aerodb.effects import FlightView, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
@@ -54,12 +54,14 @@ class StoredFlights:
     `run`.
 
     Implements `aerodb.loop.FlightSource`. What was read once is remembered (`memory_cache`): all
-    steps of a run see its flights as they were when the first asked for them.
+    steps of a run see its flights as they were when the first asked for them. select : conditions
+    of the samples that count (`aerodb.conditioning.selected`).
     """
 
     access: WorkspaceAccess
     vehicle_name: str
     run: str
+    select: tuple[str, ...] = ()
 
     @property
     def vehicle(self) -> Vehicle:
@@ -69,14 +71,19 @@ class StoredFlights:
 
     def _once(self, make: Callable[[], Value], *what: Hashable) -> Value:
         where = str(self.access.workspace.root)
-        return cached((where, self.vehicle_name, self.run, *what), make)
+        return cached((where, self.vehicle_name, self.run, self.select, *what), make)
 
     def _loaded(self, flight: str) -> FlightCoefficients:
-        return self._once(
-            lambda: load_coefficients(self.access, self.access.catalogue.flight(flight), self.run),
-            "coefficients",
-            flight,
-        )
+        return self._once(lambda: self._selected(flight), "coefficients", flight)
+
+    def _selected(self, flight: str) -> FlightCoefficients:
+        """The coefficients, usable where all conditions hold."""
+        loaded = load_coefficients(self.access, self.access.catalogue.flight(flight), self.run)
+        if not self.select:
+            return loaded
+        mask = selected(loaded.flight, self.select)
+        usable = {axis: each & mask for axis, each in loaded.coefficients.usable.items()}
+        return replace(loaded, coefficients=replace(loaded.coefficients, usable=usable))
 
     def flight(self, flight: str) -> Flight:
         """Return the consistent flight from which the coefficients are computed.
@@ -106,7 +113,7 @@ class StoredFlights:
 
         Coefficients (n,). Raises UnknownNameError for an unknown flight.
         """
-        return compare_loaded(self._loaded(flight), database, self.vehicle)
+        return compare_loaded(self._loaded(flight), database, self.vehicle, self.select)
 
     def view(
         self, flight: str, database: AeroDatabase, bandwidth: float | None = None
@@ -137,6 +144,8 @@ class StoredFlights:
             "database": database_document_sha256(database),
         }
         settings = {"library": library.sha256, "tracing": library.settings.sha256}
+        if self.select:
+            settings["select"] = " and ".join(self.select)
         if flight in library.stall:
             settings["stall"] = str(library.stall[flight])
         if flight in library.lift_hysteresis:
@@ -165,6 +174,7 @@ class StoredFlights:
         return known
 
 
-def flights_of(workspace: str, vehicle: str, run: str) -> StoredFlights:
-    """Return the flights of a vehicle (its name) in a workspace."""
-    return StoredFlights(access_workspace(workspace), vehicle, run)
+def flights_of(workspace: str, vehicle: str, run: str, select: Sequence[str] = ()) -> StoredFlights:
+    """Return the flights of a vehicle (its name) in a workspace; of their samples (n,) those count
+    for which all conditions of `select` hold."""
+    return StoredFlights(access_workspace(workspace), vehicle, run, tuple(select))

@@ -15,6 +15,7 @@ _REPEATED: Final = {
     "accept_suspected": "--accept-suspected",
     "accept_ambiguous": "--accept-ambiguous",
     "measured": "--measured",
+    "select": "--select",
 }
 
 

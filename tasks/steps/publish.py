@@ -76,7 +76,7 @@ def publish_candidate(
     inputs = input_remarks(access, plan.vehicle, plan.baseline, update.candidate, plan.flights, run)
     remarks = [
         *beyond_remarks(beyond, labels),
-        *map(said, (*_without_thrust(access, plan), *inputs)),
+        *map(said, (*_selected(plan), *_without_thrust(access, plan), *inputs)),
         *(Remark(REFUSED, text=reason) for reason in signs),
         *rival_remarks(rivals),
     ]
@@ -87,8 +87,10 @@ def publish_candidate(
         "held_out": list(plan.hold_out.held_out),
         "update": RESULT_VERSION["update"],
         **({} if plan.method == REGRESSION else {"method": plan.method}),
+        **_selection(plan),
     }
     document["method"] = plan.method
+    document |= _selection(plan)
     document["by"] = user()
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
     version = add_version(
@@ -136,6 +138,7 @@ def publish_loop(
         "identified": list(plan.hold_out.identified),
         "held_out": list(plan.hold_out.held_out),
         "close_loop": RESULT_VERSION["close_loop"],
+        **_selection(plan),
     }
     document = loop_document(
         vehicle=plan.vehicle,
@@ -164,6 +167,7 @@ def publish_loop(
     named = [*(entry.flight for entry in stalls), *(entry.flight for entry in beyond)]
     labels = access.catalogue.flight_labels(named)
     document["by"] = user()
+    document |= _selection(plan)
     document["derivatives"], refused = _derivatives(
         access, plan, loop.baseline, loop.candidate, run
     )
@@ -174,7 +178,7 @@ def publish_loop(
     remarks = [
         *map(said, stall_remarks(stalls, labels)),
         *beyond_remarks(beyond, labels),
-        *map(said, (*_without_thrust(access, plan), *inputs)),
+        *map(said, (*_selected(plan), *_without_thrust(access, plan), *inputs)),
         *(Remark(REFUSED, text=reason) for reason in signs),
     ]
     add_remarks(document, remarks)
@@ -220,6 +224,16 @@ def _derivatives(
     changes = derivative_changes(flights, baseline, candidate)
     refused = tuple(reason for each in changes if (reason := each.refusal(largest)))
     return derivatives_document(changes, largest), refused
+
+
+def _selection(plan: UpdatePlan) -> dict[str, list[str]]:
+    """The conditions of the samples that counted, where there are any."""
+    return {"select": list(plan.select)} if plan.select else {}
+
+
+def _selected(plan: UpdatePlan) -> list[str]:
+    told = " and ".join(plan.select)
+    return [f"Of all flights, only samples with {told} counted."] if told else []
 
 
 def _without_thrust(access: WorkspaceAccess, plan: UpdatePlan) -> list[str]:

@@ -28,7 +28,7 @@ def freeze_library(
     read, no residual. Raises InputError if the library's hash is not the `expected` one.
     """
     source, baseline = (
-        flights_of(workspace, plan.vehicle, run),
+        flights_of(workspace, plan.vehicle, run, plan.select),
         access_workspace(workspace).database(plan.baseline),
     )
     return frozen_library(source, plan.hold_out.identified, baseline, effects, expected, measured)
@@ -40,17 +40,25 @@ def find_sensor_rivals(
     """Return the errors of sensors that explain what a declared update changes
     (`aerodb.loop.sensor_rivals`), in SI units. Raises InputError where a flight lacks what is
     needed."""
-    source = flights_of(workspace, plan.vehicle, run)
+    source = flights_of(workspace, plan.vehicle, run, plan.select)
     baseline = access_workspace(workspace).database(plan.baseline)
     return sensor_rivals(source, plan.hold_out.identified, baseline, update.candidate, library)
 
 
 def trace_flight(
-    flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
+    flight: str,
+    *,
+    workspace: str,
+    run: str,
+    library: Library,
+    database: AeroDatabase,
+    select: Sequence[str] = (),
 ) -> FlightNormalEquations:
     """Return the normal equations of a flight (its id) compared with a database; stored if new.
+
+    select : conditions of the samples that count.
 
     Reads coefficients and vehicle. Matrices (k, k). Raises UnknownNameError for an unknown id.
     """
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
-    return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)
+    return flights_of(workspace, vehicle, run, select).normal_equations(flight, database, library)

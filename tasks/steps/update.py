@@ -53,7 +53,7 @@ class UpdatePlan:
     comparisons.
 
     left_out : flight -> its axes that contain a thrust that it lacks.
-    method : by which an update estimates.
+    method : by which an update estimates. select : conditions of the samples that count.
     """
 
     vehicle: str
@@ -64,6 +64,7 @@ class UpdatePlan:
     keys: tuple[str, ...]
     left_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     method: str = REGRESSION
+    select: tuple[str, ...] = ()
 
     @property
     def flights(self) -> tuple[str, ...]:
@@ -80,13 +81,14 @@ def plan_update(
     model: str,
     hold_out: list[str] | None,
     method: str = REGRESSION,
+    select: Sequence[str] = (),
 ) -> UpdatePlan:
     """Split flights into identification and validation flights; list those excluded, with reasons.
 
     compared : documents of `compare_with_version` on `baseline` (its id). hold_out : references of
     flights, an empty list for none, None for the default rule (docs/method/updates.md, section
     "Hold-out"). Raises InputError where no flight is usable, UnknownNameError for an unknown
-    reference.
+    reference. select : conditions of the samples that count (`aerodb.conditioning.selected`).
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -122,7 +124,7 @@ def plan_update(
         if entry["flight"] not in out and entry.get("left_out")
     }
     why = tuple((each.flight, each.reason) for each in excluded)
-    return UpdatePlan(vehicle, baseline, model, split, why, keys, left_out, method)
+    return UpdatePlan(vehicle, baseline, model, split, why, keys, left_out, method, tuple(select))
 
 
 def _by_itself(flight: str, reason: str) -> _Excluded:
@@ -202,7 +204,7 @@ def estimate(plan: UpdatePlan, *, workspace: str, run: str) -> Update:
     where no declared term is excited."""
     access = access_workspace(workspace)
     return estimate_declared(
-        StoredFlights(access, plan.vehicle, run),
+        StoredFlights(access, plan.vehicle, run, plan.select),
         plan.hold_out.identified,
         parse_model_file(plan.model),
         access.database(plan.baseline),
@@ -217,7 +219,7 @@ def validate(
     identify it if there are any, and both errors of those of them that leave the envelope."""
     access = access_workspace(workspace)
     return validate_declared(
-        StoredFlights(access, plan.vehicle, run),
+        StoredFlights(access, plan.vehicle, run, plan.select),
         plan.hold_out,
         update,
         parse_model_file(plan.model),
@@ -237,7 +239,7 @@ def beside_all_free(
     held out, and where a term of the baseline is no number times a regressor.
     """
     access = access_workspace(workspace)
-    source = StoredFlights(access, plan.vehicle, run)
+    source = StoredFlights(access, plan.vehicle, run, plan.select)
     database = access.database(plan.baseline)
     model = with_all_terms_free(parse_model_file(plan.model), database)
     by_method = _by_method(access, plan, run)
@@ -265,11 +267,14 @@ def _by_method(access: WorkspaceAccess, plan: UpdatePlan, run: str) -> ByMethod 
         model: ModelFile,
         consider: Mapping[str, Sequence[ConsiderParameter]] | None,
     ) -> Update:
-        from aerodb.identification import METHODS, update_by  # loads the simulation
+        from aerodb.identification import METHODS, update_by, within  # loads the simulation
         from aerodb.tasks.steps.methods import identification_flights
 
         database = access.database(plan.baseline)
-        given = identification_flights(access, flights, database, run)
+        given = [
+            within(each, plan.select)
+            for each in identification_flights(access, flights, database, run)
+        ]
         return update_by(METHODS[plan.method], given, model, database, consider)
 
     return estimated

@@ -90,6 +90,44 @@ def test_a_selection_is_stored_with_its_estimate(flown: Path) -> None:
     assert (refused.returncode, "no sample is selected" in refused.stderr) == (3, True)
 
 
+def test_an_update_of_a_selection_is_its_estimate_and_is_repeated_by_like(flown: Path) -> None:
+    (flown / "model.toml").write_text(MODEL)
+    words = ("--vehicle", "quad", "--model", str(flown / "model.toml"))
+    chosen = ("--select", "command_1 > 0.3", "--select", "time>10 s")
+    hold = ("--hold-out", "none", "--flights", "quad.ulg")
+    made = asked(flown / "workspace", "update", *words, *hold, *chosen)
+    assert made["select"] == ["command_1 > 0.3", "time > 10 s"]
+    assert any("command_1 > 0.3 and time > 10 s" in each for each in made["remarks"])
+    of = ("--flights", "quad.ulg")
+    told = asked(flown / "workspace", "estimate", *words, *chosen, *of)["parameters"]
+    alone = {each["parameter"]: each["estimates"]["regression"]["value"] for each in told}
+    again = asked(flown / "workspace", "update", "--vehicle", "quad", "--like", made["label"])
+    assert again["candidate"] == made["candidate"]
+    whole = asked(flown / "workspace", "update", *words, *hold)
+    assert "select" not in whole
+    assert whole["candidate"] != made["candidate"]
+    own, other = (
+        {each["name"]: each["after"] for each in one["parameters"]} for one in (made, whole)
+    )
+    for name in ("rotor_cT0", "rotor_cQ"):
+        assert abs(own[name] - alone[name]) < 0.2 * abs(other[name] - alone[name]), name
+
+
+def test_a_closed_loop_of_two_halves_has_the_errors_of_the_whole(flown: Path) -> None:
+    """The mean square over a flight is that over its first half and that over the other."""
+    words = ("close-loop", "--vehicle", "quad", "--baseline", "v0001", "--flights", "quad.ulg")
+    early, late, whole = (
+        asked(flown / "workspace", *words, *select)
+        for select in (("--select", "time < 15 s"), ("--select", "time >= 15 s"), ())
+    )
+    assert (early["select"], late["select"]) == (["time < 15 s"], ["time >= 15 s"])
+    for axis in ("CZ", "Cl", "Cm"):
+        first, second, all_ = (each["axes"][axis]["rms_before"] for each in (early, late, whole))
+        assert all_**2 == pytest.approx((first**2 + second**2) / 2.0, rel=0.03)
+    done = aerodb(flown / "workspace", *words, "--select", "time < 15 s", "-v")
+    assert "time < 15 s counted" in done.stdout
+
+
 def test_a_weak_rotor_is_named_when_its_flight_is_ingested(flown: Path) -> None:
     write_px4(flown / "weak.ulg", fly([21], 30.0, strength=(1.0, 1.0, 0.92, 1.0)))
     done = aerodb(

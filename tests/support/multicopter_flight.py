@@ -28,6 +28,7 @@ ROTORS: Final = ((0.16, 0.17, -0.02, 1), (-0.16, -0.17, -0.02, 1),
 #: attitude [rad].
 GYRO, ACCELEROMETER, VELOCITY, ATTITUDE = 0.01, 0.15, 0.03, 0.002
 RATE = 250.0
+NO_BIASES: Final = np.zeros(6)
 
 
 @dataclass(frozen=True)
@@ -197,10 +198,12 @@ def write_px4(
     *,
     known: Mapping[str, float] | None = None,
     pulses: tuple[float, float] | None = None,
+    biases: Array = NO_BIASES,
 ) -> None:
     """One of the flights as PX4 logs it, with noise of the sensors.
 
-    known : parameters. pulses [us] of commands 0 and 1, as former releases log them.
+    known : parameters. pulses [us] of commands 0 and 1, as former releases log them. biases : of
+    the three gyros [rad/s] and accelerometers [m/s2].
     """
     draw = np.random.default_rng(10_000 + flown.seeds[column])
     time = 100.0 + flown.time
@@ -227,8 +230,8 @@ def write_px4(
     commands = np.zeros((len(time), 12))
     commands[:, :4] = flown.commands[:, :, column]
     topics = [
-        Topic("vehicle_angular_velocity", time, fields("xyz", noisy(flown.rates[:, :, column], GYRO))),
-        Topic("vehicle_acceleration", time, fields("xyz", noisy(flown.force[:, :, column], ACCELEROMETER))),
+        Topic("vehicle_angular_velocity", time, fields("xyz", noisy(flown.rates[:, :, column] + biases[:3], GYRO))),
+        Topic("vehicle_acceleration", time, fields("xyz", noisy(flown.force[:, :, column] + biases[3:], ACCELEROMETER))),
         Topic("vehicle_attitude", time, fields("q", turned)),
         Topic("vehicle_local_position", time[slow], local),
         Topic("vehicle_air_data", time[slow], {

@@ -1,0 +1,44 @@
+"""A weak rotor is named when its flight is ingested, and none in a sound flight: one of each."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.campaigns.weak_rotors import SHARE, WEAK, conditions, prepared, report, rightly, said
+
+
+@pytest.fixture(scope="module")
+def prepared_in(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("weak-rotors")
+    return prepared(folder), folder
+
+
+def test_conditions_differ_by_seed() -> None:
+    one, other = conditions(1), conditions(2)
+    assert all(str(one[key]) != str(other[key]) for key in one)
+
+
+def test_a_weak_rotor_is_named_and_no_sound_one(prepared_in: tuple[Path, Path]) -> None:
+    weak, sound = said(*prepared_in, 1, True), said(*prepared_in, 1001, False)
+    ((channel, kind, share),) = weak["named"]
+    assert (channel, kind) == (f"rotor_{WEAK}", "thrust")
+    assert share == pytest.approx(SHARE - 1.0, abs=0.04)
+    assert sound["named"] == []
+
+
+def test_a_rotor_that_is_not_the_weak_one_counts_as_wrong() -> None:
+    right = {"seed": 1, "weak": True, "named": [[f"rotor_{WEAK}", "thrust", -0.08]]}
+    other = {"seed": 2, "weak": True, "named": [["rotor_1", "thrust", 0.05]]}
+    sound = {"seed": 3, "weak": False, "named": [["rotor_1", "thrust", 0.05]]}
+    assert [rightly(line) for line in (right, other, sound)] == [True, False, False]
+    told = report([right, other, sound])
+    assert f"rotor {WEAK} weak: 1 of 2 right" in told
+    assert "sound: 0 of 1 right" in told
+
+
+@pytest.mark.campaign
+def test_rates(prepared_in: tuple[Path, Path]) -> None:
+    weak = [said(*prepared_in, seed, True) for seed in range(1, 11)]
+    sound = [said(*prepared_in, seed, False) for seed in range(1001, 1101)]
+    assert sum(map(rightly, weak)) >= 9
+    assert all(map(rightly, sound)), report(sound)
