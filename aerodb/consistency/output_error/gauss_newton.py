@@ -158,13 +158,17 @@ def make_problem(
     )
 
 
-def information(problem: ReconstructionProblem, sums: ChannelNormalEquations) -> Array:
+def information(
+    problem: ReconstructionProblem,
+    sums: ChannelNormalEquations,
+    noise: Mapping[str, float] | None = None,
+) -> Array:
     """(k, k) information matrix of the unknowns: measurements and priors.
 
-    Inverse squares of SI units; each channel is divided by its residual variance, priors add to the
-    diagonal.
+    Inverse squares of SI units; each channel is divided by its variance `noise` (channel ->
+    variance, SI; None: that of its residual), priors add to the diagonal.
     """
-    noise = sums.variance(problem.noise_floor)
+    noise = sums.variance(problem.noise_floor) if noise is None else noise
     total = np.diag(problem.prior**-2.0)
     for name, part in sums.information.items():
         total = total + part / noise[name]
@@ -176,18 +180,21 @@ def search(
     vector: Array,
     least_gain: float = SMALL_GAIN,
     close: bool = False,
+    noise: Mapping[str, float] | None = None,
 ) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence, first over thinned samples.
 
     least_gain : gain of log-likelihood below which a step ends the search.
     close : the start is within a few standard errors of the optimum; thinned samples, which are
         fewer, would not lead closer.
+    noise : channel -> one sigma (SI) that the same sensors had elsewhere, for the first step from a
+        start that is not close; None: that of the residuals there.
     """
     brief = None if close else problem.thinned()
     if brief is not None:
         with suppress(InputError):  # no usable sample of a channel is left
             rough = max(ROUGH_GAIN, least_gain)
-            vector = gauss_newton(brief, vector, brief.sums(vector), rough).vector
+            vector = gauss_newton(brief, vector, brief.sums(vector), rough, noise).vector
     return gauss_newton(problem, vector, problem.sums(vector), least_gain)
 
 
@@ -196,18 +203,23 @@ def gauss_newton(
     vector: Array,
     sums: ChannelNormalEquations,
     least_gain: float = SMALL_GAIN,
+    known: Mapping[str, float] | None = None,
 ) -> ReconstructionSolution:
     """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
     and fades when it does. A step that is expected to gain less than `SETTLED` is the last; the
     sums are those before it.
 
     least_gain : gain of log-likelihood below which a step ends the search.
+    known : channel -> one sigma (SI) that weighs the first step. A start that is far off makes all
+        residuals large, and their ratios say nothing of the sensors.
     """
     damping, cost, idle = 0.0, problem.cost(vector, sums), 0
     size = np.array([item.size for item in problem.items])
     for iteration in range(1, MOST_ITERATIONS + 1):
         noise = sums.variance(problem.noise_floor)
-        matrix = information(problem, sums)
+        if iteration == 1 and known is not None:
+            noise |= {name: known[name] ** 2 for name in noise if name in known}
+        matrix = information(problem, sums, noise)
         slope = (
             sum((sums.gradient[name] / noise[name] for name in noise), np.zeros(len(vector)))
             - vector / problem.prior**2

@@ -122,7 +122,7 @@ def reconstruct(
     start = np.zeros(len(problem.items)) if near is None else _start(problem, near, found)
     known = set() if near is None else {path.record.name for path in near.paths}
     close = all(record.name in known for record in records)
-    solution = search(problem, start, least_gain, close)
+    solution = search(problem, start, least_gain, close, None if near is None else near.noise)
     if not errors:
         white = _white(problem, solution.equations)
         paths = tuple(
