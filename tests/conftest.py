@@ -1,5 +1,6 @@
 """Where tests find measured flight data, and what they share."""
 
+import gc
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from tests.support.shared_workspace import SharedWorkspaces
 
 _BEGUN = pytest.StashKey[float]()
+
+#: New objects between two searches for garbage, as in a command (`aerodb.flows.cli.main`).
+_OBJECTS = 50_000
 
 
 @pytest.fixture(scope="session")
@@ -49,6 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Drawn examples are the same in every run of the suite, and others in every campaign; how long
     one takes is no fault."""
+    gc.set_threshold(_OBJECTS)
     same = (
         {"derandomize": True, "database": None}
         if not config.getoption("--full-campaign")
@@ -71,6 +76,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.campaign)
         if item.get_closest_marker("campaign") and not config.getoption("--full-campaign"):
             item.add_marker(pytest.mark.skip(reason="runs in `make campaign`"))
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected is no garbage: looked through again and again, it takes a
+    tenth of the time of tests that make many objects."""
+    gc.collect()
+    gc.freeze()
 
 
 #: Files in which PostgreSQL's transactions, locks and types are the subject.
