@@ -9,8 +9,8 @@
    data from the probe to the CG; `with_flow_over_ground` stands for air data of a vehicle that
    rotors carry.
 
-Modules: `description` (the file), `on_flights`, `template`, `five_hole`, `probe` and
-`rotorcraft`.
+Modules: `description` (the file), `mass_properties` (with events of mass), `on_flights`,
+`template`, `five_hole`, `probe` and `rotorcraft`.
 """
 
 from typing import TYPE_CHECKING
@@ -19,12 +19,10 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .description import (
-        MASS_CHANNELS,
         Accuracy,
         AirData,
         LoggedRotor,
         LogSource,
-        MassProperties,
         Reference,
         Sensor,
         Surface,
@@ -37,6 +35,7 @@ if TYPE_CHECKING:
         with_measured,
     )
     from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
+    from .mass_properties import MASS_CHANNELS, MassEvent, MassProperties
     from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
     from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
     from .rotorcraft import (

@@ -14,13 +14,12 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel, is_surface
-from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
+from aerodb.quantities import Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Strict, validated, validated_toml
 from aerodb.units import quantity
 from aerodb.vehicle.five_hole import FiveHole
+from aerodb.vehicle.mass_properties import MASS_CHANNELS, MassProperties
 
-#: Channels of the mass [kg], CG [m, from the datum] and inertia [kg m2].
-MASS_CHANNELS = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
 #: What `[measured]` can state beside deflections and errors of sensors.
 _MEASURABLE = (*MASS_CHANNELS, "thrust")
 #: Ends of the names of errors: of a sensor, a surface or a mass property.
@@ -75,42 +74,6 @@ class AirData(Strict):
     upwash: tuple[Number, Number] = (0.0, 0.0)
     beta: Literal["sideslip", "flank"] = "sideslip"
     five_hole: FiveHole | None = None
-
-
-class MassProperties(Strict):
-    """Mass, CG and inertia: constant, tabulated over fuel mass, or logged.
-
-    ``source = "constant"``: one value each. ``"fuel_table"``: `fuel_mass` increases, all others are
-    lists of the same length. ``"channels"``: the log holds them.
-    """
-
-    source: Literal["constant", "fuel_table", "channels"] = "constant"
-    fuel_mass: tuple[Annotated[float, in_unit("kg"), Field(ge=0)], ...] = ()
-    mass: Kilograms | tuple[Kilograms, ...] | None = None
-    cg: Point | tuple[Point, ...] | None = None
-    Ixx: Inertia | tuple[Inertia, ...] | None = None
-    Iyy: Inertia | tuple[Inertia, ...] | None = None
-    Izz: Inertia | tuple[Inertia, ...] | None = None
-    Ixz: Inertia | tuple[Inertia, ...] | None = None
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        fields = {name: getattr(self, name) for name in ("mass", "cg", "Ixx", "Iyy", "Izz", "Ixz")}
-        if self.source == "channels":
-            return self
-        absent = [name for name, value in fields.items() if value is None]
-        if absent:
-            raise ValueError(f"mass properties are incomplete: {', '.join(absent)} missing")
-        if self.source == "fuel_table":
-            if len(self.fuel_mass) < 2 or np.any(np.diff(self.fuel_mass) <= 0):
-                raise ValueError("fuel_mass must hold at least two increasing values")
-            for name, value in fields.items():
-                if np.shape(value)[:1] != (len(self.fuel_mass),):
-                    raise ValueError(f"{name} must have one entry per fuel_mass")
-        for name in ("Ixx", "Iyy", "Izz"):
-            if np.any(np.asarray(fields[name], dtype=float) <= 0):
-                raise ValueError(f"{name} must be positive")
-        return self
 
 
 class LogSource(Strict):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.support import Array
-from aerodb.vehicle.description import MASS_CHANNELS, Vehicle
+from aerodb.vehicle.description import Vehicle
+from aerodb.vehicle.mass_properties import MASS_CHANNELS, after_events
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
@@ -37,7 +38,8 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
     """Return mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample.
 
     The keys are the channels mass, cg_x, cg_y, cg_z, Ixx, Iyy, Izz and Ixz; each (n,). Raises
-    InputError when the vehicle file expects logged values that the flight does not have.
+    InputError when the vehicle file expects logged values that the flight does not have. Events of
+    mass that the file states for this flight count from their time on.
     """
     properties, n = vehicle.mass, len(flight.time)
     names = MASS_CHANNELS
@@ -57,7 +59,8 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
         + [np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in names[4:]]
     )
     if properties.source == "constant":
-        return {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
+        constant = {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
+        return after_events(flight, constant, properties.event)
     if "fuel_mass" not in flight:
         raise InputError(
             "the fuel table needs channel fuel_mass, which is not logged",
@@ -65,10 +68,11 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
             "log fuel_mass, state in [fuel] of the vehicle file where what was used is logged, or"
             " state constants in [mass]",
         )
-    return {
+    burnt = {
         name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k])
         for k, name in enumerate(names)
     }
+    return after_events(flight, burnt, properties.event)
 
 
 def with_mass_channels(flight: Flight, vehicle: Vehicle) -> Flight:
