@@ -8,13 +8,13 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 6,
-    "conditioning": 12,
+    "conditioning": 13,
     "consistency": 22,
     "coefficients": 4,
-    "compare": 5,
+    "compare": 6,
     "import": 2,
     "fly": 4,
-    "estimate": 9,
+    "estimate": 10,
     "update": 15,
     "gram": 14,
     "close_loop": 46,

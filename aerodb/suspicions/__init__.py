@@ -9,15 +9,16 @@
 3. `lift`: the weight and the lift slope against what a wing of this size and shape can have.
 4. `drag`: where thrust is logged, the sign of the drag that it leaves.
 5. `vane`: the angle of attack against that of rates and accelerations.
-6. `controls`: each surface against the motion that it causes: size, sign, effect, delay
+6. `mass_events`: a mass that leaves or comes aboard, and, beside a database, how the CG moves.
+7. `controls`: each surface against the motion that it causes: size, sign, effect, delay
    (`surfaces`, `equation_error`).
-7. `commands`: the command of each rotor: logged, moving and within its range.
-8. `database`: a flight against its vehicle's database, once there is one: level and slope of the
+8. `commands`: the command of each rotor: logged, moving and within its range.
+9. `database`: a flight against its vehicle's database, once there is one: level and slope of the
    lift, sign, size and delay of each control, a factor that all moments share (`derivatives`),
    aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`), a rotor
    that thrusts less or more than the others (`rotors`), rotors in another order (`rotor_order`).
 
-`against_vehicle` runs the first seven (`examined_beside` after `examine`) and
+`against_vehicle` runs the first eight (`examined_beside` after `examine`) and
 `against_database` the last. They return suspicions
 (`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.

@@ -38,6 +38,7 @@ from aerodb.suspicions.loads import (
     mass_beside,
     thrust_beside,
 )
+from aerodb.suspicions.mass_events import shift_beside
 from aerodb.suspicions.rotors import rotor_suspicions
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
@@ -97,7 +98,8 @@ def against_database(
         shared = mass_beside(measured, predicted, usable, flight.step, moments)
         shared += cg_beside(axes, database.reference)
     rotors = rotor_suspicions(flight, database, measured, predicted, usable, bandwidth)
-    return (*lift, *surfaces, *pushed, *shared, *rotors)
+    jumps = shift_beside(flight, vehicle, measured, predicted, usable, bandwidth)
+    return (*lift, *surfaces, *pushed, *shared, *rotors, *jumps)
 
 
 def _lift(

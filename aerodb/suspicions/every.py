@@ -15,6 +15,7 @@ from aerodb.suspicions.drag import drag_suspicions
 from aerodb.suspicions.failed import FAILED, failed_suspicions
 from aerodb.suspicions.lift import lift_suspicions
 from aerodb.suspicions.loads import POSSIBLE
+from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.suspicions.masses import mass_suspicions
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.suspicions.surfaces import size_suspicions
@@ -51,7 +52,11 @@ def against_vehicle(
         listed += lift_suspicions(flight, vehicle)
     pushed: tuple[Suspicion, ...] = ()
     if moving and not listed:
-        pushed = (*drag_suspicions(flight, vehicle), *vane_suspicions(flight))
+        pushed = (
+            *drag_suspicions(flight, vehicle),
+            *vane_suspicions(flight),
+            *mass_event_suspicions(flight, vehicle),
+        )
         listed += control_suspicions(flight, vehicle)
     else:
         listed += size_suspicions(flight, vehicle)

@@ -94,7 +94,7 @@ def after_events(
         total = mass + change
         if np.any(total <= 0.0):
             raise InputError(
-                f"{-change:g} kg leave at {event.time:g} s, more than the {mass.min():g} kg there are",
+                f"{-change:g} kg leave at {event.time:g} s, more than the {mass.min():g} kg aboard",
                 f"[[mass.event]] of flight {event.flight}",
                 "mass is the change in kg, negative where something is dropped",
             )
