@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 6,
     "conditioning": 13,
-    "consistency": 22,
+    "consistency": 23,
     "coefficients": 4,
     "compare": 6,
     "import": 2,

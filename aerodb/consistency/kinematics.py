@@ -4,13 +4,15 @@ No aerodynamics enter, so whatever disagrees with this motion is a sensor error 
 earth is flat, or rotating and oblate for long records (`aerodb.physics.Earth`). States, in this
 order (`STATES`): u v w [m/s] velocity over the earth in body axes, phi theta psi [rad], north east
 altitude [m]. Inputs (`INPUTS`): specific force ax ay az [m/s2] at the CG and rates p q r [rad/s].
-The fourth-order Runge-Kutta rule takes inputs as linear between samples; the sensitivities are the
-exact derivatives of that discrete rule, integrated in the same pass. Attitude is integrated as a
+The fourth-order Runge-Kutta rule takes inputs midway between samples from cubics through four of
+them: straight lines would lose (w h)^2/12 of a motion of frequency w, 0.3 % at 1.5 Hz and 50 samples
+a second. The sensitivities are the exact derivatives of that discrete rule, integrated in the same
+pass. Attitude is integrated as a
 quaternion (`motion`), so that any manoeuvre is possible; only if states are taken from measurement
 are Euler angles used throughout (here), and the pitch attitude must then stay away from +-90 deg.
 """
 
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numba import njit
@@ -20,6 +22,9 @@ from aerodb.consistency.motion import march, quaternion_start
 from aerodb.errors import InputError
 from aerodb.physics import Earth
 from aerodb.support import Array
+
+#: What inputs do between samples.
+Between = Literal["cubic", "linear", "held"]
 
 STATES: Final = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 INPUTS: Final = ("ax", "ay", "az", "p", "q", "r")
@@ -120,11 +125,12 @@ def _input_directions(u: Array, kind: NDArray[np.int64], gain: Array, du: Array)
 
 @njit(cache=True, nogil=True)
 def _march(
-    inputs: Array, given: Array, is_given: NDArray[np.bool_], x: Array, dx: Array,
-    kind: NDArray[np.int64], gain: Array, step: float, gravity: float, held: bool,
-    states: Array, sensitivity: Array,
+    inputs: Array, midway: Array, given: Array, given_midway: Array, is_given: NDArray[np.bool_],
+    x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float, gravity: float,
+    held: bool, states: Array, sensitivity: Array,
 ) -> None:  # fmt: skip
-    """Runge-Kutta integration; fills states (9, n) and sensitivity (9, n, k)."""
+    """Runge-Kutta integration; fills states (9, n) and sensitivity (9, n, k). `midway` values are
+    (n - 1, ...), between the samples."""
     n, columns = inputs.shape[0], kind.shape[0]
     slope, stage, total = np.empty(9), np.empty(9), np.empty(9)
     dslope, dstage, dtotal, du = (
@@ -145,13 +151,14 @@ def _march(
                 dtotal[j, k], dslope[j, k] = 0.0, 0.0
         for part in range(4):
             ahead = 0.0 if part == 0 else (1.0 if part == 3 else 0.5)
-            late = 0.0 if held else ahead
+            late = i + 1 if part == 3 and not held else i
+            between = part == 1 or part == 2
             for j in range(6):
-                u[j] = (1.0 - late) * inputs[i, j] + late * inputs[i + 1, j]
+                u[j] = midway[i, j] if between else inputs[late, j]
             for j in range(9):
                 stage[j] = x[j] + ahead * step * slope[j]
                 if is_given[j]:
-                    stage[j] = (1.0 - late) * given[i, j] + late * given[i + 1, j]
+                    stage[j] = given_midway[i, j] if between else given[late, j]
             weight = step / 6.0 if part == 0 or part == 3 else step / 3.0
             if columns > 0:
                 for j in range(9):
@@ -175,6 +182,21 @@ def _march(
                 sensitivity[j, i + 1, k] = dx[j, k]
 
 
+def _midway(values: Array, between: Between) -> Array:
+    """Values (n - 1, k) midway between samples (n, k). Of cubics through the two on either side; of
+    parabolas through three in the first and the last step."""
+    if between == "held":
+        return values[:-1]
+    middle = 0.5 * (values[:-1] + values[1:])
+    if between == "cubic" and len(values) > 2:
+        bend = np.empty_like(middle)
+        second = values[2:] - 2.0 * values[1:-1] + values[:-2]
+        bend[1:-1] = (second[:-1] + second[1:]) / 16.0
+        bend[0], bend[-1] = second[0] / 8.0, second[-1] / 8.0
+        middle -= bend
+    return middle
+
+
 def integrate(
     inputs: Array,
     step: float,
@@ -184,7 +206,7 @@ def integrate(
     initial_directions: Array | None = None,
     input_kind: NDArray[np.int64] | None = None,
     gain: Array | None = None,
-    held: bool = False,
+    between: Between = "cubic",
     earth: Earth | None = None,
     every: int = 1,
 ) -> tuple[Array, Array]:
@@ -202,7 +224,8 @@ def integrate(
         sensitivities.
     input_kind : (k,), which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none.
     gain : (6,), of ``true = gain (measured - bias)``; None: ones.
-    held : inputs are held until the next sample instead of being linear between samples.
+    between : what inputs do between samples. ``cubic``: the smooth motion that was sampled;
+        ``linear``, ``held`` (until the next sample): as published analyses take them.
     earth : rotating oblate earth with its local origin; its own gravity replaces `gravity`, and
         rates are relative to inertial space, as gyros measure them. None: flat earth.
     every : one sample of so many is returned, from the first on; all are integrated. Only for
@@ -233,6 +256,8 @@ def integrate(
     kind = np.full(start.shape[1], -1, dtype=np.int64) if input_kind is None else input_kind
     scale = np.ones(6) if gain is None else gain
     kept = (n - 1) // every + 1
+    sampled = np.ascontiguousarray(inputs)
+    midway, held = _midway(sampled, between), between == "held"
     states, sensitivity = np.empty((9, kept)), np.empty((9, kept, start.shape[1]))
     taken = np.zeros(9, dtype=np.bool_) if given is None else np.isfinite(given[0])
     if given is None or not taken.any():
@@ -244,7 +269,8 @@ def integrate(
         states[:, 0] = initial
         x, dx = quaternion_start(np.asarray(initial, dtype=np.float64), start)
         march(
-            np.ascontiguousarray(inputs),
+            sampled,
+            midway,
             x,
             dx,
             kind,
@@ -268,8 +294,10 @@ def integrate(
         table = np.nan_to_num(given)
         x[taken], dx[taken] = table[0][taken], 0.0
         _march(
-            np.ascontiguousarray(inputs),
+            sampled,
+            midway,
             table,
+            _midway(table, between),
             taken,
             x,
             dx,

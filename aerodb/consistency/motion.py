@@ -321,10 +321,12 @@ def _normalise(x: Array, dx: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def march(
-    inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float,
-    gravity: float, earth: Array | None, held: bool, every: int, states: Array, sensitivity: Array,
+    inputs: Array, midway: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array,
+    step: float, gravity: float, earth: Array | None, held: bool, every: int, states: Array,
+    sensitivity: Array,
 ) -> None:  # fmt: skip
-    """Integrate by fourth-order Runge-Kutta from x (10,) and dx (10, k).
+    """Integrate by fourth-order Runge-Kutta from x (10,) and dx (10, k), with inputs (n, 6) and
+    those midway between them (n - 1, 6).
 
     Fills states (9, r) and sensitivity (9, r, k), with Euler angles, with one sample of `every`
     kept. states[3, 0] and states[5, 0] set the turn in which bank and heading are counted. Without
@@ -359,10 +361,10 @@ def march(
         all_total[:] = 0.0
         for part in range(4):
             ahead = 0.0 if part == 0 else (1.0 if part == 3 else 0.5)
-            late = 0.0 if held else ahead
+            late = i + 1 if part == 3 and not held else i
             weight = step / 6.0 if part == 0 or part == 3 else step / 3.0
             for j in range(6):
-                u[j] = (1.0 - late) * inputs[i, j] + late * inputs[i + 1, j]
+                u[j] = midway[i, j] if part == 1 or part == 2 else inputs[late, j]
             for j in range(10):
                 stage[j] = x[j] + ahead * step * slope[j]
             for k in range(10 * columns):

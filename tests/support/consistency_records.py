@@ -25,7 +25,7 @@ def attas(
     path: Path, airspeed_at: str = "boom", rate_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> FlightRecord:
     """One ATTAS manoeuvre: alpha, beta at the boom, attitude, pressure altitude (columns as in the
-    data's SOURCE.md).
+    data's SOURCE.md). Inputs are linear between samples, as the published analysis takes them.
 
     airspeed_at : where the airspeed column is taken to be, "boom" or "cg". rate_bias : removed from
     the rates that move the accelerometers to the CG.
@@ -47,8 +47,9 @@ def attas(
     )
     outputs = {"V": speed, "altitude": data[:, 15] * FOOT, **angles}
     return FlightRecord(
-        path.stem, 0.04, np.column_stack([force, rates]), outputs, path.stem, BOOM, gravity=9.80
-    )
+        path.stem, 0.04, np.column_stack([force, rates]), outputs, path.stem, BOOM, gravity=9.80,
+        between="linear",
+    )  # fmt: skip
 
 
 def _at_boom(speed: np.ndarray, angles: dict[str, np.ndarray], rates: np.ndarray) -> np.ndarray:
@@ -94,7 +95,7 @@ def harv(path: Path) -> tuple[FlightRecord, np.ndarray]:
         given=given,
         pivot=pivot,
         gravity=32.174 * FOOT,
-        held=True,
+        between="held",
     ), first
 
 

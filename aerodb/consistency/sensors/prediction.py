@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.consistency.kinematics import INPUTS, STATES, STEEPEST, integrate
+from aerodb.consistency.kinematics import INPUTS, STATES, STEEPEST, Between, integrate
 from aerodb.consistency.sensors.models import Installation, SensorModels
 from aerodb.consistency.sensors.parameters import (
     FURTHER_OUTPUTS,
@@ -45,7 +45,7 @@ class FlightRecord:
     pivot : channel -> value about which its scale acts; zero if absent (the scale of a heading
         needs one).
     gravity : [m/s2]; over a rotating earth only for what is not integrated.
-    held : inputs are held until the next sample instead of being linear between samples.
+    between : of inputs, between samples (`kinematics.integrate`).
     first : index of its first sample in the flight. start : time of that sample in the flight [s].
     installation : of the other sensors.
     pressure : (n,), static pressure behind the density [Pa] (`models.SensorModels`).
@@ -66,7 +66,7 @@ class FlightRecord:
     density: Array | None = None
     pivot: Mapping[str, float] = field(default_factory=dict)
     gravity: float = GRAVITY
-    held: bool = False
+    between: Between = "cubic"
     first: int = 0
     start: float = 0.0
     installation: Installation = field(default_factory=Installation)
@@ -388,7 +388,7 @@ def _path(
         np.array(first).reshape(-1, 9).T,
         np.array(kinds, dtype=np.int64),
         gain,
-        record.held,
+        record.between,
         record.earth,
         round(record.step / fine.step),
     )

@@ -283,7 +283,7 @@ def test_jsbsim_flies_the_same_earth():
     truth = np.column_stack([table[:, 6:12], north, east, table[:, 14] * FOOT])
 
     def off(kind: Earth | None) -> np.ndarray:
-        states, _ = integrate(table[:, :6], step, truth[0], 9.80665, earth=kind, held=True)
+        states, _ = integrate(table[:, :6], step, truth[0], 9.80665, earth=kind, between="held")
         return np.abs(states.T - truth)[-1]
 
     ours, flat = off(earth), off(None)
