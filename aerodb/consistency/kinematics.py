@@ -5,11 +5,11 @@ earth is flat, or rotating and oblate for long records (`aerodb.physics.Earth`).
 order (`STATES`): u v w [m/s] velocity over the earth in body axes, phi theta psi [rad], north east
 altitude [m]. Inputs (`INPUTS`): specific force ax ay az [m/s2] at the CG and rates p q r [rad/s].
 The fourth-order Runge-Kutta rule takes inputs midway between samples from cubics through four of
-them: straight lines would lose (w h)^2/12 of a motion of frequency w, 0.3 % at 1.5 Hz and 50 samples
-a second. The sensitivities are the exact derivatives of that discrete rule, integrated in the same
-pass. Attitude is integrated as a
-quaternion (`motion`), so that any manoeuvre is possible; only if states are taken from measurement
-are Euler angles used throughout (here), and the pitch attitude must then stay away from +-90 deg.
+them: straight lines would lose (w h)^2/12 of a motion of frequency w, 0.3 % at 1.5 Hz and 50 Hz
+sampling. The sensitivities are the exact derivatives of that discrete rule, integrated in the same
+pass. Attitude is integrated as a quaternion (`motion`), so that any manoeuvre is possible; only if
+states are taken from measurement are Euler angles used throughout (here), and the pitch attitude
+must then stay away from +-90 deg.
 """
 
 from typing import Final, Literal
