@@ -92,7 +92,9 @@ def against_database(
         surfaces += _standing(flight, axes, fits)
     area = database.reference.area
     pushed = thrust_beside(flight, vehicle, area, measured, predicted, usable)
-    shared = [] if lift or surfaces else _shared(axes, fits, bool(database.parts))
+    # Air that no sensor measures moves the vehicle, and its controls answer: dampings seem small.
+    untold = lift or surfaces or "V" in flight.estimated
+    shared = [] if untold else _shared(axes, fits, bool(database.parts))
     if not (lift or surfaces or shared):
         moments = _known(axes, fits)
         shared = mass_beside(measured, predicted, usable, flight.step, moments)

@@ -10,6 +10,7 @@ what the file holds, and a run goes on where the last one ended.
 import argparse
 import json
 from collections.abc import Sequence
+from contextlib import chdir
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,15 +33,15 @@ MODEL = 'parameters = ["rotor_cT0", "rotor_cT1", "rotor_cQ", "rotor_drag"]\nown_
 
 def prepared(folder: Path) -> Path:
     """A workspace with the vehicle, and a released database that sound flights have corrected."""
+    folder = folder.resolve()
     root = folder / "workspace"
     stem, flights = folder / "quad", fly(range(4), SECONDS, gusts=0.1)
     logs = [folder / f"first-{column}.ulg" for column in range(4)]
     for column, log in enumerate(logs):
         write_px4(log, flights, column)
     (folder / "model.toml").write_text(MODEL)
-    done = asked(root, "vehicle", "init", "quad", "--from", str(logs[0]))
-    for name in ("quad.toml", "quad-rotors.toml"):
-        Path(name).replace(folder / name)  # written where the command runs
+    with chdir(folder):  # files are written where the command runs
+        done = asked(root, "vehicle", "init", "quad", "--from", str(logs[0]))
     assert done["rotors"] == 4
     asked(root, "vehicle", "add", f"{stem}.toml")
     asked(root, "database", "import", f"{stem}-rotors.toml", "--vehicle", "quad")

@@ -32,6 +32,7 @@ GUIDES = (
     "simulators",
     "from-csv-or-mat",
     "parts",
+    "multicopter",
     "build-up",
     "without-a-tunnel",
 )

@@ -30,6 +30,8 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tasks.steps.importing import known_vehicle
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.guide_build_up import write_build_up_flights
+from tests.support.multicopter_flight import fly as fly_quadrotor
+from tests.support.multicopter_flight import write_px4
 from tests.support.paths import ROOT
 from tests.support.small_glider import write_csv
 from tests.support.three_wheels import MASSES, SPRING, measured, rolled_in_jsbsim
@@ -363,6 +365,11 @@ def prepare(guide: str, folder: Path) -> None:
         from tests.support.guide_light_aircraft import write_light_aircraft_flights
 
         write_light_aircraft_flights(folder)
+    if "<!-- flights of a quadrotor: 4, and one with rotor 3 weak -->" in guide:
+        sound, weak = fly_quadrotor(range(61, 65), 30.0, gusts=0.1), (1.0, 1.0, 0.92, 1.0)
+        for column in range(4):
+            write_px4(folder / f"flight-{column + 1}.ulg", sound, column)
+        write_px4(folder / "flight-5.ulg", fly_quadrotor([65], 30.0, strength=weak))
     rolled = re.search(r"<!-- roll of JSBSim: (\S+) -->", guide)
     if rolled:
         height = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)
