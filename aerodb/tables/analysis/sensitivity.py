@@ -68,22 +68,32 @@ def slopes_by_parameter(
 
     Raises InputError naming channels that are missing.
     """
+    sides = _sides(database, parameter)
+    if sides is None:
+        return {}
+    ends = ends_about(database, parameter)
+    below, above = (side.predict(channels).coefficients for side in sides)
+    return {
+        axis: (above[axis] - below[axis]) / (ends[1] - ends[0])
+        for axis in above
+        if np.any(above[axis] != below[axis])
+    }
+
+
+@lru_cache(maxsize=64)  # a page asks along dozens of lines for the same parameters
+def _sides(database: AeroDatabase, parameter: str) -> tuple[AeroDatabase, AeroDatabase] | None:
+    """What of a database depends on a parameter, at both `ends_about` it; None if nothing does."""
     part = replace(
         database,
         terms=tuple(t for t in database.terms if parameter in depends_on(t.expression, database)),
         increments=database.increments if database.depends_on_lift_increments else (),
     )
     if not part.terms:
-        return {}
-    ends = ends_about(database, parameter)
+        return None
     below, above = (
-        with_parameters(part, {parameter: end}).predict(channels).coefficients for end in ends
+        with_parameters(part, {parameter: end}) for end in ends_about(database, parameter)
     )
-    return {
-        axis: (above[axis] - below[axis]) / (ends[1] - ends[0])
-        for axis in above
-        if np.any(above[axis] != below[axis])
-    }
+    return below, above
 
 
 def ends_about(database: AeroDatabase, parameter: str) -> tuple[float, float]:
