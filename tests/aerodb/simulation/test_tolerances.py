@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.simulation import Oscillation, check_responses, parse_tolerances, response_agreement
+from aerodb.simulation import (
+    Oscillation,
+    check_responses,
+    oscillation,
+    parse_tolerances,
+    response_agreement,
+)
 from aerodb.tasks.steps import default_tolerances
 
 TIME = np.linspace(0.0, 10.0, 501)
@@ -111,6 +117,36 @@ def test_figures_of_an_oscillation_have_bands_of_their_own() -> None:
         found = check_responses(tolerances, turning, turning, (), oscillations=swings)
         assert [result.passed for result in found] == [passed]
     assert check_responses(tolerances, flown(), flown(), ()) == ()
+
+
+@pytest.mark.parametrize(
+    ("database", "period", "damping", "passed"),
+    [
+        ("wind tunnel", 4.18, 0.207, [False, True]),
+        ("updated from flight", 5.04, 0.202, [True, True]),
+    ],
+)
+def test_a_published_dutch_roll_fails_before_and_passes_after(
+    database: str, period: float, damping: float, passed: list[bool]
+) -> None:
+    """A regional airliner (000): 4.18 s and .207 in the wind tunnel, 5.04 s and .202 after the update,
+    5.12 s and .198 in flight; judged by the tolerances of `version validate`."""
+    time = np.arange(0.0, 30.0, 0.02)
+
+    def yaw_rate(period: float, damping: float) -> np.ndarray:
+        turn = 2.0 * np.pi / period
+        decay = damping / np.sqrt(1.0 - damping**2) * turn
+        return 0.1 * np.exp(-decay * time) * np.sin(turn * time)
+
+    ours, flight = yaw_rate(period, damping), yaw_rate(5.12, 0.198)
+    swings = {"r": (oscillation(time, ours), oscillation(time, flight))}
+    assert swings["r"][0].period == pytest.approx(period, rel=1e-3)
+    assert swings["r"][0].zeta == pytest.approx(damping, rel=1e-3)
+    found = check_responses(
+        default_tolerances(), {"r": ours}, {"r": flight}, ("yaw",), oscillations=swings
+    )
+    judged = {each.name: each.passed for each in found}
+    assert [judged[f"Dutch roll: {name}"] for name in ("period", "damping")] == passed, database
 
 
 def test_a_test_names_a_paragraph_that_is_listed() -> None:
