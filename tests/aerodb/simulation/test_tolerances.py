@@ -143,9 +143,13 @@ def test_a_published_dutch_roll_fails_before_and_passes_after(
     assert swings["r"][0].period == pytest.approx(period, rel=1e-3)
     assert swings["r"][0].zeta == pytest.approx(damping, rel=1e-3)
     found = check_responses(
-        default_tolerances(), {"r": ours}, {"r": flight}, ("yaw",), oscillations=swings
+        parse_tolerances(default_tolerances()),
+        {"r": ours},
+        {"r": flight},
+        ("yaw",),
+        oscillations=swings,
     )
-    judged = {each.name: each.passed for each in found}
+    judged = {each.check: each.passed for each in found}
     assert [judged[f"Dutch roll: {name}"] for name in ("period", "damping")] == passed, database
 
 
