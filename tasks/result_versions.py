@@ -16,8 +16,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 4,
     "estimate": 10,
     "update": 15,
-    "gram": 14,
-    "close_loop": 46,
+    "gram": 15,
+    "close_loop": 47,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

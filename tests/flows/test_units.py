@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from aerodb.exchange import read_native
-from aerodb.tables import height_outside_ground_effect
+from aerodb.tables import height_outside_ground_effect, neutral_point
 from aerodb.tasks.references import value_of
 from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -114,6 +114,7 @@ def test_a_height_that_is_not_stated_is_outside_ground_effect(tmp_path: Path) ->
     database = read_native(NEAR_GROUND)
     height = height_outside_ground_effect(database)
     assert height == pytest.approx(1.2 * 4.0)
+    assert neutral_point(database)["height_above_ground"] == height
     flat = read_native(NEAR_GROUND.replace("ground(height_above_ground/b_ref)", "alpha"))
     assert height_outside_ground_effect(flat) is None
 

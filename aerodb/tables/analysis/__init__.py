@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .evaluation import Evaluation, Place, evaluate_database
     from .lacking_effects import curves, lacking_effects
     from .linear_terms import LinearTable, depends_on, linear_tables
-    from .nodes import neutral_point, table_grids, vary
+    from .nodes import table_grids, vary
     from .parameter_estimates import (
         parameter_covariance,
         with_estimated_parameters,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .slices import Slice, acts_on, changed_parameters, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .tabulation import Tabulation, tabulate
-    from .unstated_inputs import height_outside_ground_effect, unstated_inputs
+    from .unstated_inputs import height_outside_ground_effect, neutral_point, unstated_inputs
     from .unusual_content import unusual_content
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

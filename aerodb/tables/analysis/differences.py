@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
-from aerodb.tables.analysis.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
+from aerodb.tables.analysis.nodes import TableGrid, table_axes, table_grids, vary
 from aerodb.tables.analysis.part_changes import changed_parts
 from aerodb.tables.analysis.slopes import new_increments
+from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.parameter import sigma_of

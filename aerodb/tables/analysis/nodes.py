@@ -1,11 +1,11 @@
-"""Table nodes as points over channels, and the neutral point of a database.
+"""Table nodes as points over channels.
 
 A table's breakpoints are in the unit of its argument, which is an expression. Lineage and
 comparison between versions need nodes over channels; these exist only where the expression is one
 channel, scaled and offset (``alpha``, ``57.3*alpha``).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,6 @@ from aerodb.support import Array
 from aerodb.tables.analysis.arguments import table_calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
-from aerodb.tables.increment import Increment
 
 #: An argument counts as a scaled channel where the inverse reproduces every breakpoint to this
 #: fraction of the largest one.
@@ -103,25 +102,6 @@ def air_beside(stated: Mapping[str, Any]) -> dict[str, Any]:
     alone = 2.0 * stated["qbar"] / speed**2 if "qbar" in stated else DENSITY_0
     rho = stated.get("rho", alone)
     return {"rho": rho, "qbar": stated.get("qbar", 0.5 * rho * speed**2)}
-
-
-def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
-    """Inputs of `database` at zero, moved to the nearest point inside the envelopes of
-    `increments`.
-
-    V is 1 m/s, and with loads the air is that of `air_beside`.
-
-    States are left out, so that they have their steady value.
-    """
-    states = {state.name for state in database.states}
-    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs if name not in states}
-    if database.has_loads:
-        point |= {n: v for n, v in air_beside({"V": 1.0}).items() if n in point}
-    for increment in increments:
-        for name, interval in increment.envelope.items():
-            if name not in states:
-                point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
-    return point
 
 
 def vary(point: Mapping[str, float], over: Mapping[str, Array]) -> dict[str, Array]:

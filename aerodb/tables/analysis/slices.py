@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.analysis.arguments import scattered_over
-from aerodb.tables.analysis.nodes import neutral_point, table_grids
+from aerodb.tables.analysis.nodes import table_grids
 from aerodb.tables.analysis.sensitivity import slopes_by_parameter
 from aerodb.tables.analysis.slopes import new_increments
+from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
 from aerodb.tables.parameter import covariance_of

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.support import Array
-from aerodb.tables.analysis.nodes import neutral_point, table_grids
+from aerodb.tables.analysis.nodes import table_grids
+from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
 from aerodb.tables.reference import body_to_wind

@@ -1,6 +1,6 @@
 """Values of the inputs that a user does not state: a state in which the aircraft can be."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from aerodb.tables.analysis.arguments import breakpoints_over
 from aerodb.tables.analysis.nodes import air_beside
 from aerodb.tables.database import AeroDatabase
+from aerodb.tables.increment import Increment
 
 _HEIGHT: Final = "height_above_ground"
 #: Heights [spans] that are tried, the highest first. Ground effect is gone one span above ground
@@ -54,3 +55,18 @@ def unstated_inputs(database: AeroDatabase, stated: Mapping[str, Any]) -> dict[s
         air = air_beside({"V": values.get("V", 1.0), **stated})
         values |= {name: air[name] for name in air if name in values}
     return values
+
+
+def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
+    """Return inputs [SI] of `database` where none is stated (`unstated_inputs`), moved to the
+    nearest point inside the envelopes of `increments`.
+
+    States are left out, so that they have their steady value.
+    """
+    states = {state.name for state in database.states}
+    point: dict[str, float] = unstated_inputs(database, {})
+    for increment in increments:
+        for name, interval in increment.envelope.items():
+            if name not in states:
+                point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
+    return point

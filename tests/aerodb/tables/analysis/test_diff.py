@@ -12,7 +12,8 @@ from aerodb.report.diff_documents import diff_document
 from aerodb.report.diff_figures import diff_figure
 from aerodb.tables.analysis.consolidation import consolidate
 from aerodb.tables.analysis.differences import diff
-from aerodb.tables.analysis.nodes import neutral_point, table_axes, table_grids
+from aerodb.tables.analysis.nodes import table_axes, table_grids
+from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
