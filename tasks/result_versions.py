@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 10,
-    "update": 15,
+    "update": 16,
     "gram": 15,
     "close_loop": 47,
 }

@@ -48,6 +48,8 @@ class Hypothesis:
     increment : aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` adds
         exactly these to a database.
     tangent : columns of a flight, for sensors and for shapes without an expression.
+    secant : of a sensor whose large errors are not its tangent times their size: columns of a
+        flight for one of a size, in its unit.
     formula : text, part of the library's hash.
     needs : channels without which a flight cannot show it.
     source : literature or data.
@@ -67,6 +69,9 @@ class Hypothesis:
     because: str
     increment: tuple[tuple[str, Expression], ...] = ()
     tangent: Callable[[FlightView], Columns] | None = field(default=None, compare=False, repr=False)
+    secant: Callable[[FlightView, float], Columns] | None = field(
+        default=None, compare=False, repr=False
+    )
     formula: str = ""
     needs: tuple[str, ...] = ()
     source: str = ""
@@ -110,16 +115,20 @@ class Hypothesis:
             and (self.subject == other.subject or own == others)
         )
 
-    def columns(self, view: FlightView) -> Columns:
-        """Columns of one flight, body axis -> (n,), finite, on the axes that the flight has.
+    def columns(self, view: FlightView, size: float = 0.0) -> Columns:
+        """Columns of one flight, body axis -> (n,), finite, on the axes that the flight has: for an
+        error of `size`, in its unit, where it has a `secant`.
 
         Empty where the flight lacks a channel in `needs`.
         """
         if not view.has(self.needs):
             return {}
-        derivatives = (
-            self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
-        )
+        if self.secant is not None and size:
+            derivatives: Columns = self.secant(view, size)
+        elif self.tangent is not None:
+            derivatives = self.tangent(view)
+        else:
+            derivatives = _evaluated(self.increment, view)
         return {axis: _finite(derivatives[axis]) for axis in self.axes if axis in view.usable}
 
 

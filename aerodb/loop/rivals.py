@@ -251,25 +251,21 @@ class _Explains:
 
 
 def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
-    """The error of a hypothesis, if it explains the change."""
-    columns = []
-    for each in change.flights:
-        if not each.view.has(hypothesis.needs):
-            return None
-        made = hypothesis.columns(each.view)
-        columns.append({a: made[a][rows] for a, rows in each.rows.items() if a in made})
-    pairs = {axis: change.beside(columns, axis) for axis in sorted(change.axes)}
-    weights = {axis: change.floors[axis] ** -2 for axis in pairs}
-    cc, cd, dd = (
-        sum(weights[axis] * float(products[k]) for axis, products in pairs.items())
-        for k in range(3)
-    )
+    """The error of a hypothesis, if it explains the change. Its columns are those of its size,
+    where that matters."""
+    columns = _columns(change, hypothesis, 0.0)
+    if columns is None:
+        return None
+    cc, cd, dd = _products(change, columns)
     if cc <= 0.0 or dd <= 0.0 or not np.isfinite(cc + dd):
         return None
+    if hypothesis.secant is not None and _believable(hypothesis, cd / cc):
+        columns = _columns(change, hypothesis, cd / cc) or columns
+        cc, cd, dd = _products(change, columns)
     shown, size = change.shown(columns), cd / cc
     whole = (
         _believable(hypothesis, size)
-        and all(change.is_explained(columns, axis, size) for axis in pairs)
+        and all(change.is_explained(columns, axis, size) for axis in sorted(change.axes))
         and not shown.excludes(size, DIFFERENCE)
     )
     part = (
@@ -283,6 +279,31 @@ def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
     error = shown.error if np.isfinite(shown.error) else abs(size)
     half = float(stdtrit(shown.freedom, 1.0 - 0.025)) * error
     return _Explains(hypothesis, columns, size if whole else shown.size, half)
+
+
+def _columns(
+    change: _Change, hypothesis: Hypothesis, size: float
+) -> list[Mapping[str, Array]] | None:
+    """The columns of an error of a size (SI) per flight, axis -> (m,); None where a flight lacks
+    what it needs."""
+    if not all(each.view.has(hypothesis.needs) for each in change.flights):
+        return None
+    made = [(each, hypothesis.columns(each.view, size)) for each in change.flights]
+    return [{a: all_[a][rows] for a, rows in each.rows.items() if a in all_} for each, all_ in made]
+
+
+def _products(
+    change: _Change, columns: Sequence[Mapping[str, Array]]
+) -> tuple[float, float, float]:
+    """Products over all axes that change, in floors: column with itself, with the change, and
+    change with itself."""
+    pairs = {axis: change.beside(columns, axis) for axis in sorted(change.axes)}
+    weights = {axis: change.floors[axis] ** -2 for axis in pairs}
+    cc, cd, dd = (
+        sum(weights[axis] * float(products[k]) for axis, products in pairs.items())
+        for k in range(3)
+    )
+    return cc, cd, dd
 
 
 def _best(change: _Change, found: Sequence[_Explains]) -> list[_Explains]:

@@ -38,6 +38,7 @@ def sensor(
     subject: str = "",
     declared: float = 0.0,
     measured: Sequence[str] = (),
+    secant: Callable[[FlightView, float], Columns] | None = None,
 ) -> Hypothesis:
     """A sensor hypothesis; its sigma is the context's prior for `parameter`, else `declared`, else
     `natural`.
@@ -65,6 +66,7 @@ def sensor(
         prior_sigma=context.sigma(parameter, declared, natural),
         because=because,
         tangent=tangent,
+        secant=secant,
         formula=formula,
         needs=needs,
         source=source,

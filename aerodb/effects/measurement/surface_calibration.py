@@ -18,6 +18,8 @@ Source: 003, eq. 6; docs/reference/conventions.md, "Axes, signs, units" (logs ho
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import BELIEVED, bias_prior, predicted_change, sensor
@@ -25,6 +27,9 @@ from aerodb.effects.surfaces import Deflection
 from aerodb.effects.template import LibraryContext, Template, read_alone
 
 SOURCE = "003, eq. 6"
+#: Nodes from 0 to 1 of the mean slope over an error's size, and their weights (Gauss and Legendre).
+_NODES, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(5))
+_NODES = _NODES + 0.5
 
 
 def scale(view: FlightView, channels: tuple[str, ...]) -> Columns:
@@ -42,6 +47,28 @@ def bias(view: FlightView, surface: Deflection) -> Columns:
     Each column is (n,), per unit of the deflection.
     """
     return predicted_change(view, **surface.with_sides(1.0))
+
+
+def bias_of(view: FlightView, size: float, surface: Deflection) -> Columns:
+    """Columns of surface_bias of a `size`, which is the change of the prediction over that size.
+
+    Each column is (n,), per unit of the deflection. Drag that grows with the deflection to either
+    side changes its sign within an error of some degrees, and its tangent does not.
+    """
+    whole = surface.with_sides(size)
+
+    def there(share: float) -> FlightView:
+        moved = {n: view[n] - share * each for n, each in whole.items() if n in view.channels}
+        return replace(view, channels={**view.channels, **moved}, _slopes={})
+
+    parts = [bias(there(share), surface) for share in _NODES]
+    return {
+        axis: sum(
+            (weight * part[axis] for weight, part in zip(_WEIGHTS, parts, strict=True)),
+            np.zeros(len(view.time)),
+        )
+        for axis in parts[0]
+    }
 
 
 def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side: float) -> Columns:
@@ -142,6 +169,7 @@ def _bias(context: LibraryContext) -> list[Hypothesis]:
             source=SOURCE,
             subject=surface.name,
             declared=stated,
+            secant=partial(bias_of, surface=surface),
         )
         known_by = found.known_by or ("the vehicle file" if stated else "")
         hypotheses.append(replace(found, known_by=known_by))

@@ -284,3 +284,25 @@ def test_a_bend_counts_by_its_mean_slope_over_what_a_sensor_may_be_wrong() -> No
         - slopes_by(_database(False), "beta", channels)["CX"]
     )
     assert np.allclose(slope, -0.05 * np.clip(beta / 0.0044, -1.0, 1.0), atol=1e-12)
+
+
+def test_a_large_zero_error_of_a_surface_is_the_change_of_the_prediction() -> None:
+    """Drag that grows with the elevator to either side: 5 deg of zero error turn the sign of its
+    slope, and the tangent at the logged deflection is not the change."""
+    _, _, view, library = _prepared(False)
+    (error,) = (item for item in library if item.parameter == "delta_elevator_bias")
+    bent = replace(
+        view.database,
+        terms=(*view.database.terms, Term("even", "CX", parse("-0.05*abs(delta_elevator)"))),
+    )
+    there, size = replace(view, database=bent, _slopes={}), np.deg2rad(5.0)
+    channels = {**there.channels}
+    logged_ = bent.predict(channels).coefficients["CX"]
+    true = bent.predict({**channels, "delta_elevator": channels["delta_elevator"] - size})
+    change = true.coefficients["CX"] - logged_
+
+    def off(at: float) -> float:
+        return rms(size * error.columns(there, at)["CX"] - change) / rms(change - change.mean())
+
+    assert off(size) < 0.15
+    assert off(0.0) > 4.0 * off(size)
