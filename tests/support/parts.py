@@ -1,6 +1,7 @@
 """A light aircraft made of 40 strips, fuselage and propeller, as its file is written."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -121,7 +122,12 @@ MASSES = {"mass": 1100.0, "cg_x": -2.0, "Ixx": 1300.0, "Iyy": 1800.0, "Izz": 270
 
 def aircraft(values: dict[str, float] | None = None) -> AeroDatabase:
     """The aircraft, with other values of some parameters."""
-    return with_parameters(read_native(TEXT), values or {})
+    return with_parameters(_read(), values or {})
+
+
+@cache
+def _read() -> AeroDatabase:
+    return read_native(TEXT)
 
 
 VEHICLE = """\
