@@ -192,10 +192,19 @@ class _Change:
         )
 
     def is_explained(self, columns: Sequence[Mapping[str, Array]], axis: str, size: float) -> bool:
-        """Whether an error of this size (SI) leaves hardly anything of the change on an axis."""
+        """Whether an error of this size (SI) leaves hardly anything of the change on an axis, or no
+        more of what was measured there than the update does."""
         c, x, d, n = self.beside(columns, axis)
         least = n * (_UNSEEN * self.floors[axis]) ** 2
-        return size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + least
+        if size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + least:
+            return True
+        by_update, by_error = 0.0, 0.0
+        for each, column in zip(self.flights, columns, strict=True):
+            if axis in each.left:
+                left = each.left[axis]
+                other = left + each.changed[axis] - size * column.get(axis, np.zeros_like(left))
+                by_update, by_error = by_update + left @ left, by_error + other @ other
+        return bool(by_error <= by_update + least)
 
     def errors(self, columns: Sequence[Mapping[str, Array]], size: float) -> Array:
         """Square errors per stretch (k,), in floors, of an error of this size (SI) alone."""

@@ -1,7 +1,8 @@
 """The errors of sensors that a declared update would absorb are its rivals, and only they."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 
 from aerodb.increments import (
@@ -12,9 +13,10 @@ from aerodb.increments import (
     parse_model_file,
 )
 from aerodb.loop import SensorRival, freeze_library, sensor_rivals
-from aerodb.tables.database import AeroDatabase
+from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.expression import parse
 from tests.aerodb.loop.test_axis_models import database, flights
-from tests.support.flights_in_memory import FlightsInMemory
+from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
 MODEL = """\
 [[increment]]
@@ -77,6 +79,33 @@ def test_a_wrong_sensor_of_axes_that_do_not_change_is_no_rival(source: FlightsIn
     text = MODEL[MODEL.index('[[increment]]\naxis = "Cm"') :]
     found = rivals(FlightsInMemory(source.vehicle, wrong), database(0.0), text)
     assert "beta_scale@all" not in {rival.hypothesis for rival in found}
+
+
+def test_a_surface_is_a_rival_where_an_axis_lacks_its_term() -> None:
+    """The rudder reads 30 % too much. Its share in side force and roll is not declared: other terms
+    there take what they can of it, and the rudder explains what was measured as well as they do."""
+    complete = database(1.0)
+    rolling = replace(
+        complete, terms=(*complete.terms, Term("more", "Cl", parse("0.2*delta_rudder")))
+    )
+    source = noisy_flights(range(60, 64), rolling, np.random.default_rng(5), 1.0)
+    wrong = {
+        id: (flight.with_channels({"delta_rudder": 1.3 * flight["delta_rudder"]}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    text = """\
+[[increment]]
+axis = "CY"
+terms = ["beta"]
+[[increment]]
+axis = "Cl"
+terms = ["beta", "p_hat", "delta_aileron"]
+[[increment]]
+axis = "Cn"
+terms = ["beta", "r_hat", "delta_rudder"]
+"""
+    found = rivals(FlightsInMemory(source.vehicle, wrong), rolling, text)
+    assert "surface_scale@all:rudder" in {rival.hypothesis for rival in found}
 
 
 def test_nothing_to_judge_passes() -> None:
