@@ -203,7 +203,8 @@ class _Change:
             if axis in each.left:
                 left = each.left[axis]
                 other = left + each.changed[axis] - size * column.get(axis, np.zeros_like(left))
-                by_update, by_error = by_update + left @ left, by_error + other @ other
+                by_update += float(left @ left)
+                by_error += float(other @ other)
         return bool(by_error <= by_update + least)
 
     def errors(self, columns: Sequence[Mapping[str, Array]], size: float) -> Array:
