@@ -202,8 +202,9 @@ def _basis(columns: Mapping[str, Array]) -> Array:
     varying = [values - values.mean() for values in columns.values()]
     scaled = [values / size for values in varying if (size := float(np.linalg.norm(values))) > 0.0]
     whole = np.column_stack([np.full(n, n**-0.5), *scaled])
-    left, sizes, _ = np.linalg.svd(whole, full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-6 * sizes[0]])
+    squares, turned = np.linalg.eigh(whole.T @ whole)
+    kept = squares > 1e-12 * squares[-1]
+    return np.asarray(whole @ (turned[:, kept] / np.sqrt(squares[kept])))
 
 
 def _later(values: Array) -> Array:
@@ -223,20 +224,22 @@ def _jump(stretch: _Stretch) -> _Jump | None:
     gains[inside] = _later(rest * y)[inside] ** 2 / np.maximum(size[inside], 1e-12 * (y @ y))
     at, whole = int(np.argmax(gains)), float(rest @ rest)
     left = whole - float(gains[at])
-    if not left > 0.0:
+    if not 0.0 < left < whole:
+        return None
+    jumps = -y * (np.arange(len(y)) >= at)
+    alone = jumps - basis @ (basis.T @ jumps)
+    exact = float(alone @ rest) / float(alone @ alone)
+    residual = rest - exact * alone
+    independent = len(y) / max(1.0, samples_per_independent(residual))
+    gain = 0.5 * independent * np.log(whole / left)
+    if gain < LIKELIER + np.log(len(y)):
         return None
     fit = _fit(stretch, at, step)
     if fit is None:
         return None
     share, error = float(fit.estimates[-1]), float(fit.standard_errors[-1])
-    exact = np.linalg.lstsq(_with_step(basis, y, at), y)[0]
-    residual = y - _with_step(basis, y, at) @ exact
-    independent = len(y) / max(1.0, samples_per_independent(residual))
-    gain = 0.5 * independent * np.log(whole / left)
-    if (
-        gain < LIKELIER + np.log(len(y))
-        or not abs(share) > max(LEAST, ERRORS * error)
-        or not _is_sharp(residual, float(exact[-1]) * y, at, max(1, round(SHARP / step)))
+    if not abs(share) > max(LEAST, ERRORS * error) or not _is_sharp(
+        residual, exact * y, at, max(1, round(SHARP / step))
     ):
         return None
     lost = 0.5 * independent * np.log((whole - gains) / left)
@@ -244,14 +247,11 @@ def _jump(stretch: _Stretch) -> _Jump | None:
     return _Jump(at, int(likely[0]), int(likely[-1]), share, error, float(gain))
 
 
-def _with_step(basis: Array, y: Array, at: int) -> Array:
-    return np.column_stack([basis, -y * (np.arange(len(y)) >= at)])
-
-
 def _fit(stretch: _Stretch, at: int, step: float) -> Regression | None:
     """The share below the band's edge, where noise of the vanes hardly weakens the slopes."""
     band = min(BAND[1], 0.4 / step)
-    columns = _with_step(stretch.basis, stretch.normal, at)
+    jumps = -stretch.normal * (np.arange(len(stretch.normal)) >= at)
+    columns = np.column_stack([stretch.basis, jumps])
     try:
         smooth_columns = np.column_stack([low_passed(each, step, band) for each in columns.T])
         names = tuple(f"{k}" for k in range(columns.shape[1]))
