@@ -234,7 +234,7 @@ def _jump(stretch: _Stretch) -> _Jump | None:
     gain = 0.5 * independent * np.log(whole / left)
     if gain < LIKELIER + np.log(len(y)):
         return None
-    fit = _fit(stretch, at, step)
+    fit = _fit(stretch, jumps, step)
     if fit is None:
         return None
     share, error = float(fit.estimates[-1]), float(fit.standard_errors[-1])
@@ -247,10 +247,10 @@ def _jump(stretch: _Stretch) -> _Jump | None:
     return _Jump(at, int(likely[0]), int(likely[-1]), share, error, float(gain))
 
 
-def _fit(stretch: _Stretch, at: int, step: float) -> Regression | None:
-    """The share below the band's edge, where noise of the vanes hardly weakens the slopes."""
+def _fit(stretch: _Stretch, jumps: Array, step: float) -> Regression | None:
+    """The share, of a column (n,) of `jumps`, below the band's edge, where noise of the vanes
+    hardly weakens the slopes."""
     band = min(BAND[1], 0.4 / step)
-    jumps = -stretch.normal * (np.arange(len(stretch.normal)) >= at)
     columns = np.column_stack([stretch.basis, jumps])
     try:
         smooth_columns = np.column_stack([low_passed(each, step, band) for each in columns.T])

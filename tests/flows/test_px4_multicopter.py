@@ -173,26 +173,28 @@ def test_motors_that_never_turn_are_said(tmp_path: Path) -> None:
     assert (done.returncode, "rotor 3" in done.stderr) == (3, True)
 
 
+def _said_of_a_limited(flown: Path, log: str) -> str:
+    """What `flight ingest` says of a log whose flight ends up limited."""
+    words = ("flight", "ingest", log, "--vehicle", "quad", "-v")
+    done = aerodb(flown / "workspace", *words, folder=flown)
+    assert done.returncode == 0, done.stderr
+    assert asked(flown / "workspace", "flight", "show", log)["verdict"] == "limited"
+    return done.stdout
+
+
 def test_a_motor_that_never_turned_limits_its_flight(flown: Path) -> None:
     flight = fly([22], 12.0)
     flight.commands[:, 2] = 0.0
     write_px4(flown / "dead.ulg", flight)
-    words = ("flight", "ingest", "dead.ulg", "--vehicle", "quad", "-v")
-    done = aerodb(flown / "workspace", *words, folder=flown)
-    assert done.returncode == 0, done.stderr
-    assert "rotor 3 never turns: command_3 (actuator_motors control[2])" in done.stdout
-    assert asked(flown / "workspace", "flight", "show", "dead.ulg")["verdict"] == "limited"
+    said = _said_of_a_limited(flown, "dead.ulg")
+    assert "rotor 3 never turns: command_3 (actuator_motors control[2])" in said
 
 
 def test_the_order_of_another_frame_limits_its_flight(flown: Path) -> None:
     flight = fly([23], 20.0)
     flight.commands[:] = flight.commands[:, (3, 0, 1, 2)]
     write_px4(flown / "order.ulg", flight)
-    words = ("flight", "ingest", "order.ulg", "--vehicle", "quad", "-v")
-    done = aerodb(flown / "workspace", *words, folder=flown)
-    assert done.returncode == 0, done.stderr
-    assert "the rotors of the log are in another order" in done.stdout
-    assert asked(flown / "workspace", "flight", "show", "order.ulg")["verdict"] == "limited"
+    assert "the rotors of the log are in another order" in _said_of_a_limited(flown, "order.ulg")
 
 
 def test_pulses_beyond_what_the_log_states_are_said(tmp_path: Path) -> None:
