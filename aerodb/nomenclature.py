@@ -167,6 +167,17 @@ AXES: Final[tuple[str, ...]] = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 FORCE_AXES: Final[tuple[str, ...]] = AXES[:3]
 MOMENT_AXES: Final[tuple[str, ...]] = AXES[3:]
 
+#: What a roll on the ground is compared with, in the place of the axes: place along and across the
+#: runway, velocities along both, heading and airspeed -> unit.
+ROLL_OUTPUTS: Final[dict[str, str]] = {
+    "along": "m",
+    "across": "m",
+    "speed": "m/s",
+    "drift": "m/s",
+    "psi": "rad",
+    "V": "m/s",
+}
+
 #: Axis -> the quantity, and its sign.
 _AXIS_TEXT: Final[dict[str, tuple[str, str]]] = {
     "CX": ("force along body x over qbar S", "positive forward"),

@@ -3,15 +3,20 @@ after."""
 
 from typing import Any
 
+from aerodb.errors import InputError
 from aerodb.flows.run import Steps, requires
+from aerodb.identification import REGRESSION
 from aerodb.tasks.steps import (
     beside_all_free,
     compare_with_version,
     estimate,
     find_sensor_rivals,
     freeze_library,
+    is_on_ground,
+    plan_rolls,
     plan_update,
     publish_candidate,
+    update_from_rolls,
     validate,
     with_gate,
     write_update_page,
@@ -44,8 +49,13 @@ def update_flow(
     and that comparison as ``held_or_free``.
     """
     where = {"workspace": workspace, "run": run}
+    if is_on_ground(baseline, model, workspace=workspace):
+        return _on_ground(
+            steps, where, vehicle, baseline, flights, model, hold_out, method, all_free, select
+        )
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
     plan = steps(
+        plan_rolls,
         plan_update,
         compared,
         **where,
@@ -65,3 +75,37 @@ def update_flow(
     document = steps(with_gate, document, **where)
     compared_with = {} if variants is None else {"held_or_free": variants}
     return {**document, "page": steps(write_update_page, document, **where), **compared_with}
+
+
+def _on_ground(
+    steps: Steps,
+    where: dict[str, Any],
+    vehicle: str,
+    baseline: str,
+    flights: list[str],
+    model: str,
+    hold_out: list[str] | None,
+    method: str,
+    all_free: bool,
+    select: list[str] | None,
+) -> dict[str, Any]:
+    """The update of parameters of the legs, from rolls on the ground."""
+    if all_free or select:
+        raise InputError(
+            f"{'--all-free' if all_free else '--select'} with parameters of the legs",
+            "update",
+            "leave it out: rolls on the ground are found by themselves",
+        )
+    plan = steps(
+        plan_rolls,
+        flights,
+        **where,
+        vehicle=vehicle,
+        baseline=baseline,
+        model=model,
+        hold_out=hold_out,
+        **({} if method == REGRESSION else {"method": method}),
+    )
+    document = steps(update_from_rolls, plan, **where)
+    document = steps(with_gate, document, **where)
+    return {**document, "page": steps(write_update_page, document, **where)}

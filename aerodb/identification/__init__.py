@@ -14,8 +14,9 @@ The way through:
 `candidate` turns them into a database.
 
 Of parameters of a database's legs (`ground_parameters`) only rolls on the ground tell: `ground_fit`
-flies these from start to stop (`ground_roll`, `ground_records`), in an unknown steady wind;
-`likelihood_bounds` says what the rolls exclude where they determine no value.
+flies these from start to stop (`ground_roll`, `recorded_rolls`), in an unknown steady wind;
+`likelihood_bounds` says what the rolls exclude where they determine no value. `updated_by_rolls`
+makes the estimates a candidate; `roll_errors` and `validated_rolls` say what it leaves of rolls.
 
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
 (`online`).
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics
-    from .ground_records import RolledFlight, ground_fit, ground_rolls
+    from .ground_records import RolledFlight, Rolls, ground_fit, ground_rolls, recorded_rolls
     from .ground_roll import ground_parameters
     from .identification_flight import IdentificationFlight, within
     from .method_comparison import MethodAgreement, compare_methods
@@ -61,6 +62,8 @@ if TYPE_CHECKING:
     from .online import ONLINE_METHODS, OnlineEstimation, OnlineSettings
     from .problem import fits_of
     from .recorded_trim import with_recorded_trim
+    from .roll_errors import RollError, flown_to_stop, roll_errors, validated_rolls
+    from .roll_update import RollUpdate, updated_by_rolls
     from .wake_encounter import WakeEncounter, identify_wake
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

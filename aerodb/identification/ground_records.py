@@ -1,6 +1,6 @@
 """Rolls of a flight on the ground, as records of a model with unknown parameters."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -50,6 +50,8 @@ _SLOPED: Final = 4.0
 _PARTS: Final = 8
 #: and least slope that counts: it decelerates by 0.005 m/s2.
 _LEAST_SLOPE: Final = 5e-4
+#: Reasons that an error names.
+_REASONS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,23 +63,48 @@ class RolledFlight:
     name: str
 
 
-def ground_problem(
-    flights: Sequence[RolledFlight],
-    names: Sequence[str],
-    database: AeroDatabase,
-    wind: tuple[float, float] | None = None,
-) -> tuple[GroundRoll, list[TimeHistory], list[str]]:
-    """Return the model of all rolls of some flights with parameters of a database unknown, the
-    records, and what was assumed.
+@dataclass(frozen=True, eq=False)
+class Rolls:
+    """Rolls of some flights as records, beside the legs of a database.
 
-    wind : north and east [m/s]; None: unknown, steady in each roll.
+    Parameters
+    ----------
+    model : what rolls. starts : record -> altitude [m], phi, theta [rad] at the start.
+    flights : record -> id of its flight. notes : record -> what was assumed. left_out : id of a
+        flight without a usable roll -> why. said : what was assumed of all.
+    """
 
-    Raises InputError naming what the flights lack, where there is no roll. SI units.
+    model: FlightModel
+    records: tuple[TimeHistory, ...]
+    starts: Mapping[str, Mapping[str, float]]
+    flights: Mapping[str, str]
+    notes: Mapping[str, Sequence[str]]
+    left_out: Mapping[str, str]
+    said: tuple[str, ...] = ()
+
+    def of(self, flights: Collection[str]) -> "Rolls":
+        """The rolls (time histories (n,), SI units) of some of the flights (ids)."""
+        return replace(
+            self, records=tuple(r for r in self.records if self.flights[r.name] in flights)
+        )
+
+    @property
+    def assumed(self) -> list[str]:
+        """What was assumed and left out (lengths in [m], times in [s]), a sentence each."""
+        notes = [f"{r.name}: {text}" for r in self.records for text in self.notes[r.name]]
+        reasons = dict.fromkeys(self.left_out.values())
+        notes += [*self.said, *(f"left out: {reason}" for reason in reasons)]
+        return [f"{each[0].upper()}{each[1:]}." for each in notes]
+
+
+def recorded_rolls(flights: Sequence[RolledFlight], database: AeroDatabase) -> Rolls:
+    """Return the rolls of some flights, time histories (n,) in SI units.
+
+    Raises InputError naming what the flights lack, where there is no roll.
     """
     model = flight_model(database)
-    records, starts, notes = list[TimeHistory](), dict[str, dict[str, float]](), list[str]()
-    items = [unknown(name, database) for name in names]
-    reasons = dict[str, None]()
+    records, starts = list[TimeHistory](), dict[str, dict[str, float]]()
+    names, notes, left_out = dict[str, str](), dict[str, list[str]](), dict[str, str]()
     for each in flights:
         seen = despite_ground(each.flight)
         try:
@@ -87,47 +114,64 @@ def ground_problem(
                 name = f"{each.name}#{number}"
                 record, start, said = _record(name, prepared, each.vehicle, model, whole)
                 records.append(record)
-                starts[name] = start
-                items += _unknowns(record, wind)
-                notes += [f"{name}: {text}" for text in said]
+                starts[name], names[name], notes[name] = start, each.flight.id, said
         except InputError as error:
-            reasons[str(error).split("\n", 1)[0]] = None
+            left_out[each.flight.id] = str(error).split("\n", 1)[0]
             continue
         if not rolls:
-            reasons[_why(each.flight)] = None
+            left_out[each.flight.id] = _why(each.flight)
     if not records:
+        reasons = "; ".join([*dict.fromkeys(left_out.values())][:_REASONS])
         raise InputError(
-            f"no roll on the ground can be used: {'; '.join([*reasons][:3])}",
+            f"no roll on the ground can be used: {reasons}",
             "estimate",
             "name flights that roll to a stop, with velocities or positions over the ground",
         )
-    notes += [f"left out: {reason}" for reason in reasons]
-    outputs = tuple(
-        name for name in OUTPUTS if any(np.isfinite(r.outputs[name]).any() for r in records)
-    )
     latitude = next(filter(None, (_mean(f.flight, "latitude", slice(None)) for f in flights)), None)
+    general: tuple[str, ...] = ()
     if latitude is None:
-        notes.append("latitude is not known: the earth's rotation was left out")
+        general = ("latitude is not known: the earth's rotation was left out",)
     else:
         model = flight_model(database, earth=Earth(latitude))
-    return GroundRoll(model, Parameters(tuple(items)), outputs, starts), records, notes
+    return Rolls(model, tuple(records), starts, names, notes, left_out, general)
+
+
+def roll_model(
+    rolls: Rolls,
+    names: Sequence[str],
+    database: AeroDatabase,
+    wind: tuple[float, float] | None = None,
+) -> GroundRoll:
+    """Return the model of rolls with parameters of a database unknown.
+
+    wind : north and east [m/s]; None: unknown, steady in each roll. SI units.
+    """
+    items = [unknown(name, database) for name in names]
+    for record in rolls.records:
+        items += _unknowns(record, wind)
+    outputs = tuple(
+        name for name in OUTPUTS if any(np.isfinite(r.outputs[name]).any() for r in rolls.records)
+    )
+    return GroundRoll(rolls.model, Parameters(tuple(items)), outputs, rolls.starts)
 
 
 def ground_fit(
     function: Callable[..., Fit],
-    flights: Sequence[RolledFlight],
+    rolls: Rolls,
     names: Sequence[str],
     database: AeroDatabase,
     wind: tuple[float, float] | None = None,
 ) -> Fit:
     """Return the fit of parameters of a database's legs by a method that flies, in SI units.
 
-    The other arguments are those of `ground_problem`, whose errors it raises. A parameter that the
-    rolls do not determine is ``not excited``, with the values that they do not exclude.
+    The other arguments are those of `roll_model`. A parameter that the rolls do not determine is
+    ``not excited``, with the values that they do not exclude.
     """
-    model, records, notes = ground_problem(flights, names, database, wind)
-    fit = with_bounds(function, model, records, fitted_roll(function, model, records), names)
-    return replace(fit, notes=(*fit.notes, *(f"{n[0].upper()}{n[1:]}." for n in notes)))
+    model = roll_model(rolls, names, database, wind)
+    fit = with_bounds(
+        function, model, rolls.records, fitted_roll(function, model, rolls.records), names
+    )
+    return replace(fit, notes=(*fit.notes, *rolls.assumed))
 
 
 def _why(flight: Flight) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.estimation import Fit, Parameters, TimeHistory, Values
 from aerodb.physics import quaternion_from_euler, to_body
-from aerodb.simulation import FlightModel, simulate
+from aerodb.simulation import FlightModel, Simulation, simulate
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, depends_on
 
@@ -106,8 +106,8 @@ class GroundRoll:
         """NaN (o, k), SI units, as `rates`."""
         return np.full((len(self.outputs), state.shape[1]), np.nan)
 
-    def simulated(self, values: Values, record: TimeHistory) -> Array:
-        """Return outputs (n, o, k), SI units and rad, from the start on; NaN after a divergence."""
+    def flown(self, values: Values, record: TimeHistory) -> Simulation:
+        """Return the k runs of n samples from the start on, SI units; NaN after a divergence."""
         wind = [np.atleast_1d(values[f"wind_{way}[{record.name}]"]) for way in ("north", "east")]
         state = self.initial_state(values, record)
         k = max(state.shape[1], *(len(each) for each in wind))
@@ -135,7 +135,7 @@ class GroundRoll:
         n = len(record.time)
         for way, blown in zip(("north", "east"), wind, strict=True):
             series[f"wind_{way}"] = np.broadcast_to(blown, (n, k))
-        run = simulate(
+        return simulate(
             self.flight,
             record.time,
             start,
@@ -143,10 +143,14 @@ class GroundRoll:
             parts=max(1, int(np.ceil(record.step / _LONGEST_STEP - 1e-9))),
             parameters={name: values[name] for name in self.flight.parameters if name in values},
         )
+
+    def simulated(self, values: Values, record: TimeHistory) -> Array:
+        """Return outputs (n, o, k), SI units and rad, from the start on; NaN after a divergence."""
+        run = self.flown(values, record)
         rows = {name: run.channels[name] for name in self.outputs}
         if "psi" in rows:  # from -180 to 180 deg: made continuous
             turned = np.unwrap(rows["psi"], axis=0)
-            rows["psi"] = turned - turned[0] + psi
+            rows["psi"] = turned - turned[0] + values[f"initial_psi[{record.name}]"]
         return np.stack(np.broadcast_arrays(*rows.values()), axis=1)
 
 
@@ -158,7 +162,7 @@ def fitted_roll(
 
     From a wind of zero, parameters would first take what the wind does. SI units.
     """
-    own = model.flight.parameters
+    own = [name for name in model.flight.parameters if name in model.parameters.names]
     begun = _in_crosswinds(model, records)
     held = tuple(
         replace(item, free=False) if item.name in own else item for item in begun.parameters.items

@@ -60,6 +60,7 @@ class AxisValidation:
     repeatability : how much flights differ among themselves; see `repeatability`.
     theil : Theil statistics of the prediction after the update.
     explained : fraction of the measured variance that the candidate explains.
+    unit : of the errors: dimensionless, but for the outputs of rolls (`ROLL_OUTPUTS`).
     outcome : judgement of the error after, on held-out flights where there are any. ``not
         repaired``: the declared structure does not describe the axis. ``unchanged``: the update
         does not affect it.
@@ -79,6 +80,7 @@ class AxisValidation:
     theil: Theil | None
     explained: float
     outcome: Outcome
+    unit: str = "1"
 
 
 def choose_hold_out(
@@ -301,7 +303,7 @@ def _axis_validation(
         ),
         theil=theil(np.concatenate(predicted), np.concatenate(measured)) if measured else None,
         explained=explained,
-        outcome=_outcome(first or 0.0, error or 0.0, floor, explained),
+        outcome=axis_outcome(first or 0.0, error or 0.0, floor, explained),
     )
 
 
@@ -319,7 +321,12 @@ def repeatability(residuals: Sequence[float]) -> float:
     return float(np.std(residuals, ddof=1)) if len(residuals) > 1 else 0.0
 
 
-def _outcome(before: float, after: float, floor: float, explained: float) -> Outcome:
+def axis_outcome(before: float, after: float, floor: float, explained: float) -> Outcome:
+    """Return what an error after an update is beside that before and the noise floor, all rms in
+    one unit.
+
+    explained : part of the measured variance.
+    """
     if after <= NEAR_FLOOR * floor:
         return "at noise floor"
     if abs(after - before) <= UNCHANGED * before:

@@ -29,8 +29,9 @@ _MOST: Final = 3
 class Decision:
     """Five lines to decide on.
 
-    verdict : one sentence. lines : label (``found``, ``strongest``, ``proved``, ``gate``, ``left``,
-    ``next``) with its texts, one below the other; those that do not apply are absent.
+    verdict : one sentence. lines : label (``found``, ``strongest``, ``proved``, ``stops``,
+    ``gate``, ``left``, ``next``) with its texts, one below the other; those that do not apply are
+    absent.
     """
 
     verdict: str
@@ -57,6 +58,7 @@ def decision(
             _changes(document, units, rest) if made else _suspicions(document, units, rest),
         ),
         ("proved", [_proof(document)] if made else []),
+        ("stops", _stops(document, rest)),
         ("gate", [_gate(document)] if made else []),
         ("left", [_left(document, rest)]),
         ("next", [next_step(document, given)] if loop or made else []),
@@ -228,11 +230,25 @@ def _proof(document: Mapping[str, Any]) -> str:
         else "on the flights that identified, which proves little"
     )
     fell = "" if best["after"] < best["before"] else "no error falls; "
-    error = f"{fell}error of {best['axis']} {number(best['before'])} -> {number(best['after'])}"
+    error = f"{fell}error of {best['label']} {number(best['before'])} -> {number(best['after'])}"
     if best["of_flown"] is not None:
         before = best["of_flown"] * best["before"] / best["after"] if best["after"] else None
         error += f" ({_share(before)} -> {_share(best['of_flown'])} of what was flown)"
     return f"{where}: {error}" + (f"; worse: {listed(worse)}" if worse else "")
+
+
+def _stops(document: Mapping[str, Any], rest: str) -> list[str]:
+    """Where rolls on the ground stand still: by both databases and in flight; those that were held
+    out first."""
+    known = [each for each in document.get("rolls", ()) if each["stopped"] and each["before"]]
+    told = []
+    for each in sorted(known, key=lambda each: not each["held_out"]):
+        named = (("before", "before"), ("after", "after"), ("in flight", "stopped"))
+        stops = [(word, each[key]) for word, key in named if each[key]]
+        told.append(
+            ", ".join(f"{word} {at['distance']:.1f} m in {at['time']:.2f} s" for word, at in stops)
+        )
+    return [*told[:_MOST], *_more(len(told), rest)]
 
 
 def _share(share: float | None) -> str:
@@ -262,7 +278,7 @@ def _left(document: Mapping[str, Any], rest: str) -> str:
     causes stay open."""
     rows = _far_rows(document)
     axes = [
-        f"{row['axis']} {_share(row['of_flown'])} of what was flown,"
+        f"{row['label']} {_share(row['of_flown'])} of what was flown,"
         f" {number(row['times_floor'], 2)} noise floors"
         for row in rows[:_MOST]
     ]

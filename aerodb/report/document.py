@@ -97,6 +97,7 @@ def axis_document(entry: AxisValidation) -> dict[str, Any]:
         "repeatability": entry.repeatability,
         "explained": entry.explained,
         "outcome": entry.outcome,
+        **({} if entry.unit == "1" else {"unit": entry.unit}),
     }
 
 

@@ -53,7 +53,7 @@ def _errors(panel: Any, rows: Sequence[Mapping[str, Any]]) -> None:
         first = {"label": "after"} if k == 0 else {}
         panel.plot(after, k, "s", color=UPDATED, ms=5.5, **first)
     plain_panel(panel)
-    panel.set_yticks(range(len(rows)), [row["axis"] for row in rows])
+    panel.set_yticks(range(len(rows)), [row["label"] for row in rows])
     panel.set_ylim(len(rows) - 0.4, -0.6)
     panel.set_xlabel("error, part of what was flown [%]")
     if rows:

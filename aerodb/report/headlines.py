@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.increments import UNCHANGED
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, ROLL_OUTPUTS
 from aerodb.report.former_documents import former_within_flights
 from aerodb.report.glossary import advice_words, effect_words, listed, the
 from aerodb.report.numbers import for_people, number
@@ -16,6 +16,8 @@ from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
 
+#: Axes in the usual order, and what rolls on the ground have in their place.
+_ORDER: Final = (*AXES, *WIND_AXES, *ROLL_OUTPUTS)
 _WHOLE: Final = {
     "held-out": "on {n} held-out flight{s}",
     "cross-validated": "with each flight predicted from the others",
@@ -113,7 +115,7 @@ def changed_axes(document: Mapping[str, Any]) -> set[str]:
         changed |= {
             axis
             for axis, error in document["axes"].items()
-            if axis in AXES and error["rms_before"] != error["rms_after"]
+            if axis in (*AXES, *ROLL_OUTPUTS) and error["rms_before"] != error["rms_after"]
         }
     return changed
 
@@ -138,7 +140,7 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
     other |= {own for own, same in _SAME if same in changed and own not in changed}
     return [
         axis
-        for axis in (*AXES, *WIND_AXES)
+        for axis in _ORDER
         if axis in document["axes"] and (axis in changed or axis not in other)
     ]
 
@@ -250,21 +252,27 @@ def by_parts(document: Mapping[str, Any]) -> bool:
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return rows of the error table in the usual axis order, errors dimensionless.
+    """Return rows of the error table in the usual axis order, errors dimensionless, of rolls on the
+    ground in display units.
 
-    Each row has the error before and after (held-out where there is one), the error on the
-    identification flights, without constants, the noise floor, the error in parts of what the axis
-    varied in flight, the outcome and Theil's fit.
+    Each row has the axis, its ``label`` with the unit, the error before and after (held-out where
+    there is one), the error on the identification flights, without constants, the noise floor, the
+    error in parts of what the axis varied in flight, the outcome and Theil's fit.
     """
     rows = []
-    for axis in sorted(document["axes"], key=[*AXES, *WIND_AXES].index):
+    for axis in sorted(document["axes"], key=_ORDER.index):
         entry = document["axes"][axis]
         held = "held_out_" if entry["held_out_rms_after"] is not None else ""
+        factor, unit = for_people(entry["unit"]) if "unit" in entry else (1.0, "")
+        entry = {
+            key: value * factor if _is_error(key, value) else value for key, value in entry.items()
+        }
         after, floor = entry[f"{held}rms_after"], entry["noise_floor"]
         explained = entry["explained"]
         rows.append(
             {
                 "axis": axis,
+                "label": f"{axis} [{unit}]" if unit else axis,
                 "before": entry[f"{held}rms_before"],
                 "after": after,
                 "used_before": entry["rms_before"],
@@ -279,3 +287,8 @@ def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _is_error(key: str, value: Any) -> bool:
+    """Whether an entry of an axis is an error in its unit."""
+    return isinstance(value, float) and key != "explained"

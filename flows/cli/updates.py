@@ -235,7 +235,7 @@ def say_decision(session: Session, document: dict[str, Any], given: "Sequence[st
         ["axis", "error before", "after", "of flown", "noise floor", "outcome"],
         [
             [
-                row["axis"],
+                row["label"],
                 _number(row["before"]),
                 _number(row["after"]),
                 "-" if row["of_flown"] is None else f"{100 * row['of_flown']:.0f} %",
@@ -289,7 +289,11 @@ def say_axes(session: Session, document: dict[str, Any]) -> None:
             "outcome",
         ],
         [
-            [axis, *(_number(v[k]) for k in _COLUMNS), v["outcome"]]
+            [
+                f"{axis} [{v['unit']}]" if "unit" in v else axis,
+                *(_number(v[k]) for k in _COLUMNS),
+                v["outcome"],
+            ]
             for axis, v in document["axes"].items()
         ],
         numbers=tuple(range(1, 8)),

@@ -23,6 +23,7 @@ from aerodb.identification import (
     ground_parameters,
     no_database_beside,
     parse_state_space,
+    recorded_rolls,
     state_space_fit,
     with_recorded_trim,
     within,
@@ -152,7 +153,18 @@ def fit_of_rolls(
     method: Method, flights: Sequence[RolledFlight], model: ModelFile, database: AeroDatabase
 ) -> Fit:
     """Return the fit of a method over all rolls of flights on the ground, covariance (k, k). Raises
-    InputError for a method that does not fly, and what `ground_fit` raises."""
+    what `method_for_rolls` and `recorded_rolls` raise."""
+    function = method_for_rolls(method, model)
+    rolls = recorded_rolls(flights, database)
+    return ground_fit(function, rolls, model.parameters, database, model.wind)
+
+
+def method_for_rolls(method: Method, model: ModelFile) -> Callable[..., Fit]:
+    """Return the function of a method that flies rolls on the ground.
+
+    Raises InputError for a method that does not fly, and for a model file that declares more than
+    parameters of the legs.
+    """
     if method.kind != "dynamic" or method.disturbed:
         raise InputError(
             f"{method.name} takes no roll on the ground", "estimate", "use output-error"
@@ -163,7 +175,7 @@ def fit_of_rolls(
             "model file",
             "write two model files: the ground and the air are two estimates",
         )
-    return ground_fit(method.load(), flights, model.parameters, database, model.wind)
+    return method.load()
 
 
 def _in_flight(

@@ -61,7 +61,7 @@ def publish_candidate(
         baseline=plan.baseline,
         hold_out=plan.hold_out,
         excluded=plan.excluded,
-        looks={flight: _looks(access, flight) for flight in plan.hold_out.held_out},
+        looks={flight: looks(access, flight) for flight in plan.hold_out.held_out},
         update=update,
         proof=proof,
         beyond=beyond,
@@ -101,7 +101,7 @@ def publish_candidate(
         list(plan.keys),
         settings,
         document,
-        _roles(plan),
+        roles_of(plan),
         run,
     )
     move(access, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
@@ -145,7 +145,7 @@ def publish_loop(
         baseline=plan.baseline,
         hold_out=plan.hold_out,
         excluded=plan.excluded,
-        looks={flight: _looks(access, flight) for flight in plan.hold_out.held_out},
+        looks={flight: looks(access, flight) for flight in plan.hold_out.held_out},
         library=library.sha256,
         rounds=loop.rounds,
         traced=loop.traced,
@@ -193,7 +193,7 @@ def publish_loop(
             list(plan.keys),
             settings,
             document,
-            _roles(plan),
+            roles_of(plan),
             run,
         )
         move(access, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
@@ -276,7 +276,8 @@ def _keep_report(
     return result.key
 
 
-def _roles(plan: UpdatePlan) -> list[FlightRole]:
+def roles_of(plan: UpdatePlan) -> list[FlightRole]:
+    """Return the roles of the plan's flights, excluded ones with the reason."""
     roles = [FlightRole(flight, "identified") for flight in plan.hold_out.identified]
     roles += [FlightRole(flight, "held_out") for flight in plan.hold_out.held_out]
     return [*roles, *(FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded)]
@@ -319,7 +320,7 @@ def add_version(
     )
 
 
-def _looks(access: WorkspaceAccess, flight: str) -> int:
+def looks(access: WorkspaceAccess, flight: str) -> int:
     """Return how many versions of this vehicle a flight has already validated."""
     return sum(
         1

@@ -34,7 +34,7 @@ _REJECTED: Final = "rejected by the check of consistency"
 
 
 @dataclass(frozen=True)
-class _Excluded:
+class Excluded:
     """A flight (id) that cannot be used and why.
 
     counted : the reason without what is this flight's own, as it is counted with those of other
@@ -91,33 +91,19 @@ def plan_update(
     reference. select : conditions of the samples that count (`aerodb.conditioning.selected`).
     """
     access = access_workspace(workspace)
-    catalogue = access.catalogue
     excluded = [_incomparable(entry) for entry in compared if entry["key"] is None]
-    rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
     excluded += [
-        _by_itself(row.id, f"retracted: {row.retract_reason}")
-        for row in rows
-        if row.retracted_utc is not None
+        _rejected(row.id, row.remarks)
+        for entry in compared
+        if entry["key"] is not None
+        and (row := access.catalogue.flight(entry["flight"])).verdict == "rejected"
+        and row.retracted_utc is None
     ]
-    excluded += [_rejected(row.id, row.remarks) for row in rows if row.verdict == "rejected"]
-    excluded += _repeated(
-        access, vehicle, {row.id for row in rows} - {each.flight for each in excluded}
+    split, excluded = split_flights(
+        access, vehicle, baseline, [entry["flight"] for entry in compared], excluded, hold_out
     )
     out = {each.flight for each in excluded}
-    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(access, row))
-    if not usable:
-        raise _none_usable(vehicle, excluded)
-    requested = (
-        None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
-    )
-    split = choose_hold_out(
-        [row.id for row in usable], catalogue.roles_in_line(baseline), requested
-    )
-    keys = tuple(
-        entry["key"]
-        for entry in compared
-        if entry["key"] is not None and entry["flight"] not in out
-    )
+    keys = tuple(entry["key"] for entry in compared if entry["flight"] not in out)
     left_out = {
         entry["flight"]: tuple(entry["left_out"])
         for entry in compared
@@ -127,28 +113,64 @@ def plan_update(
     return UpdatePlan(vehicle, baseline, model, split, why, keys, left_out, method, tuple(select))
 
 
-def _by_itself(flight: str, reason: str) -> _Excluded:
-    return _Excluded(flight, reason, (reason, ""), (reason, ""))
+def split_flights(
+    access: WorkspaceAccess,
+    vehicle: str,
+    baseline: str,
+    flights: Sequence[str],
+    excluded: Sequence[Excluded],
+    hold_out: list[str] | None,
+) -> tuple[HoldOut, list[Excluded]]:
+    """Split flights (ids) for an update of `baseline` into identification and validation, without
+    those that are excluded, retracted or repeats; return these too, with reasons.
+
+    hold_out : as of `plan_update`, which raises the same errors.
+    """
+    catalogue, left = access.catalogue, list(excluded)
+    rows = [catalogue.flight(each) for each in flights]
+    out = {each.flight for each in left}
+    left += [
+        by_itself(row.id, f"retracted: {row.retract_reason}")
+        for row in rows
+        if row.retracted_utc is not None and row.id not in out
+    ]
+    left += _repeated(access, vehicle, {*flights} - {each.flight for each in left})
+    out = {each.flight for each in left}
+    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(access, row))
+    if not usable:
+        raise _none_usable(vehicle, left)
+    requested = (
+        None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
+    )
+    split = choose_hold_out(
+        [row.id for row in usable], catalogue.roles_in_line(baseline), requested
+    )
+    return split, left
 
 
-def _rejected(flight: str, remarks: Sequence[Remark]) -> _Excluded:
+def by_itself(flight: str, reason: str) -> Excluded:
+    """A flight (its id) that is excluded for a reason of its own."""
+    return Excluded(flight, reason, (reason, ""), (reason, ""))
+
+
+def _rejected(flight: str, remarks: Sequence[Remark]) -> Excluded:
     errors = [remark for remark in remarks if remark.kind == UNUSABLE]
     own = [remark.clause if remark in errors else remark.sentence for remark in remarks]
     remedies = "\n".join(remark.subjects[1] for remark in errors)
     reason = f"rejected: {'; '.join(sentences(remarks))}"
-    return _Excluded(flight, reason, (_REJECTED, ""), (f"rejected: {'; '.join(own)}", remedies))
+    return Excluded(flight, reason, (_REJECTED, ""), (f"rejected: {'; '.join(own)}", remedies))
 
 
-def _incomparable(compared: Mapping[str, Any]) -> _Excluded:
+def _incomparable(compared: Mapping[str, Any]) -> Excluded:
     """A flight (document of `compare_with_version`) that cannot be compared with the baseline."""
     flight, cause = compared["flight"], compared["cause"]
     own = cause["where"] in ("", *(f"flight {flight[:n]}" for n in (12, len(flight))))
     shared = cause["what"] if own else f"{cause['where']}: {cause['what']}"
     counted = (shared, cause["remedy"])
-    return _Excluded(flight, compared["reason"], counted, counted)
+    return Excluded(flight, compared["reason"], counted, counted)
 
 
-def _none_usable(vehicle: str, excluded: Sequence[_Excluded]) -> InputError:
+def _none_usable(vehicle: str, excluded: Sequence[Excluded]) -> InputError:
     """The error that no flight can be used: how many flights each reason excludes, the most
     frequent reasons first; rejections are one reason, whatever their numbers, but for a flight
     alone."""
@@ -170,7 +192,7 @@ def _none_usable(vehicle: str, excluded: Sequence[_Excluded]) -> InputError:
     return InputError(f"no usable flight: {'; '.join(shown)}", where, "\n".join([*remedies, see]))
 
 
-def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[_Excluded]:
+def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[Excluded]:
     """Return those of `flights` (ids) that repeat another, with a reason: samples must not count
     twice."""
     repeats = {
@@ -181,7 +203,7 @@ def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[
     labels = access.catalogue.flight_labels(
         row.original for rows in repeats.values() for row in rows
     )
-    return [_by_itself(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
+    return [by_itself(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
 def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:

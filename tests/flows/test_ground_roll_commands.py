@@ -91,3 +91,48 @@ def test_friction_from_a_log_in_calm_and_in_a_crosswind(
         assert both["mu_side"]["value"] == pytest.approx(SIDE, rel=0.05)
         wind = next(each for name, each in both.items() if name.startswith("wind_east"))
         assert wind["value"] == pytest.approx(5.0, abs=0.3)
+
+
+@pytest.mark.heavy
+def test_friction_becomes_a_version_that_is_held_out_and_released(workspace: Path) -> None:
+    """Three rolls in a crosswind, each predicted from the others: brakes and side force are those
+    of JSBSim's vehicle, which stands still where its log says."""
+    flights = ingested(workspace, 5.0, 3)
+    accepted = ("--accept", "content", "--reason", "it only rolls")
+    asked(workspace / "w", "version", "promote", "v0001", "--name", "released", *accepted)
+    named = [word for flight in flights for word in ("--flights", flight)]
+    given = ("--model", str(workspace / "both.toml"), "--direct")
+    found = asked(workspace / "w", "update", *given, *named)
+    changes = {each["name"]: each for each in found["parameters"]}
+    for name, true, bound in (("mu_brake", BRAKES, 0.02), ("mu_side", SIDE, 0.05)):
+        assert changes[name]["after"] == pytest.approx(true, rel=bound)
+        assert abs(changes[name]["after"] - true) < 4.0 * changes[name]["standard_error"]
+    assert found["validation"]["kind"] == "cross-validated"
+    along = found["axes"]["along"]
+    assert along["unit"] == "m"
+    assert along["held_out_rms_before"] > 1.4 * along["held_out_rms_after"]
+    assert along["noise_floor"] == pytest.approx(3.0, rel=0.05)
+    assert along["outcome"] == found["axes"]["psi"]["outcome"] == "at noise floor"
+    for roll in found["rolls"]:
+        assert roll["after"]["distance"] == pytest.approx(roll["stopped"]["distance"], abs=4.0)
+        assert roll["after"]["time"] == pytest.approx(roll["stopped"]["time"], abs=0.6)
+        assert roll["before"]["distance"] < roll["after"]["distance"] - 20.0
+        assert roll["wind"] == pytest.approx([0.0, 5.0], abs=0.5)
+    assert found["gate"]["passed"]
+    node = asked(workspace / "w", "version", "lineage", found["label"], "--node", "mu_brake")
+    assert node["parameter"]["made_by"] == found["candidate"]
+    assert node["parameter"]["flown"]["brake"] == [1.0, 1.0]
+    page = Path(found["page"]).read_text(encoding="utf-8")
+    assert "along [m]" in page
+    assert "across [m]" in page
+
+
+def test_an_update_of_the_legs_says_what_rolls_do_not_determine(workspace: Path) -> None:
+    """In calm the side force keeps its value, with bounds: brakes alone are updated."""
+    (flight,) = ingested(workspace, 0.0, 1)
+    given = ("--model", str(workspace / "both.toml"), "--direct", "--flights", flight)
+    found = asked(workspace / "w", "update", "--baseline", "v0001", *given)
+    assert [each["name"] for each in found["parameters"]] == ["mu_brake"]
+    assert any("mu_side stays as it is: these records tell only" in s for s in found["remarks"])
+    assert found["validation"]["kind"] == "not validated"
+    assert not found["gate"]["passed"]

@@ -370,10 +370,13 @@ def prepare(guide: str, folder: Path) -> None:
         for column in range(4):
             write_px4(folder / f"flight-{column + 1}.ulg", sound, column)
         write_px4(folder / "flight-5.ulg", fly_quadrotor([65], 30.0, strength=weak))
-    rolled = re.search(r"<!-- roll of JSBSim: (\S+) -->", guide)
-    if rolled:
+    rolls = " ".join(re.findall(r"<!-- rolls? of JSBSim: (.+?) -->", guide)).split()
+    if rolls:
         height = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)
-        write_csv(folder / rolled[1], measured(rolled_in_jsbsim(0.1917, (0.0, 5.0), height)))
+        channels = rolled_in_jsbsim(0.1917, (0.0, 5.0), height)
+        for seed, name in enumerate(rolls):
+            (folder / name).parent.mkdir(exist_ok=True)
+            write_csv(folder / name, measured(channels, seed))
     table = re.search(r"<!-- table: (\S+) of (\S+) -->", guide)
     if table:
         write_table(folder / table[2], folder / table[1])

@@ -9,8 +9,14 @@ from aerodb.errors import InputError
 from aerodb.estimation import Fit, output_error
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
-from aerodb.identification import RolledFlight, ground_fit, ground_parameters, ground_rolls
-from aerodb.identification.ground_records import ground_problem
+from aerodb.identification import (
+    RolledFlight,
+    ground_fit,
+    ground_parameters,
+    ground_rolls,
+    recorded_rolls,
+)
+from aerodb.identification.ground_records import roll_model
 from aerodb.identification.ground_roll import fitted_roll
 from aerodb.identification.likelihood_bounds import with_bounds
 from aerodb.simulation import Condition, flight_model, simulate, trim
@@ -45,10 +51,17 @@ def by_position(
     each: Flight, names: tuple[str, ...] = NAMES, wind: tuple[float, float] | None = None
 ) -> Fit:
     """By positions with 3 m of noise, and heading, without what the pitot tube says of the wind."""
-    model, records, _ = ground_problem([RolledFlight(each, WHEELS, "roll")], names, OWN, wind)
+    rolls = recorded_rolls([RolledFlight(each, WHEELS, "roll")], OWN)
+    model, records = roll_model(rolls, names, OWN, wind), rolls.records
     model = replace(model, outputs=("north", "east", "psi"))
     return with_bounds(
         output_error, model, records, fitted_roll(output_error, model, records), names
+    )
+
+
+def by_all(each: Flight, names: tuple[str, ...] = NAMES) -> Fit:
+    return ground_fit(
+        output_error, recorded_rolls([RolledFlight(each, WHEELS, "roll")], OWN), names, OWN
     )
 
 
@@ -104,18 +117,16 @@ def rolled(slope: float = 0.0, mu_brake: float = 0.22, seed: int = 0) -> Flight:
 def test_a_planted_friction_is_found_uphill() -> None:
     """The slope decelerates by 0.04 m/s2, a tenth of rolling friction: seen in the altitudes."""
     names = ("mu_brake", "mu_roll")
-    model, records, notes = ground_problem(
-        [RolledFlight(rolled(0.004, 0.2), WHEELS, "roll")], names, OWN, (-2.0, 0.0)
-    )
-    found = fitted_roll(output_error, model, records)
+    rolls = recorded_rolls([RolledFlight(rolled(0.004, 0.2), WHEELS, "roll")], OWN)
+    found = fitted_roll(output_error, roll_model(rolls, names, OWN, (-2.0, 0.0)), rolls.records)
     for name, value in (("mu_brake", 0.2), ("mu_roll", ROLLING)):
         assert abs(found[name].value - value) < 3.0 * found[name].standard_error
         assert found[name].standard_error < 0.03 * value
-    assert any("climbs by 0.4" in note for note in notes)
+    assert any("climbs by 0.4" in note for note in rolls.assumed)
 
 
 def test_a_right_friction_stays() -> None:
-    found = ground_fit(output_error, [RolledFlight(rolled(), WHEELS, "roll")], ("mu_brake",), OWN)
+    found = by_all(rolled(), ("mu_brake",))
     assert abs(found["mu_brake"].value - 0.22) < 3.0 * found["mu_brake"].standard_error
 
 
@@ -130,9 +141,7 @@ def test_what_a_roll_lacks_is_said(gone: tuple[str, ...], said: str) -> None:
     whole = rolled()
     left = {name: values for name, values in whole.channels.items() if name not in gone}
     with pytest.raises(InputError) as raised:
-        ground_fit(
-            output_error, [RolledFlight(replace(whole, channels=left), WHEELS, "roll")], NAMES, OWN
-        )
+        by_all(replace(whole, channels=left))
     assert said in raised.value.what
 
 
@@ -141,8 +150,7 @@ def test_what_can_still_be_said_is_said(gone: tuple[str, ...]) -> None:
     """Without attitude all of the roll, without height the part that is too slow to fly."""
     whole = rolled()
     left = {name: values for name, values in whole.channels.items() if name not in gone}
-    given = [RolledFlight(replace(whole, channels=left), WHEELS, "roll")]
-    found = ground_fit(output_error, given, ("mu_brake",), OWN)
+    found = by_all(replace(whole, channels=left), ("mu_brake",))
     estimate = found["mu_brake"]
     assert abs(estimate.value - 0.22) < 3.0 * estimate.standard_error
     assert estimate.standard_error < 0.05 * 0.22
@@ -155,7 +163,8 @@ def test_a_bounce_is_left_out() -> None:
     theta = whole["theta"] + np.where(whole.time < 3.0, np.deg2rad(5.0), 0.0)
     bounced = whole.with_channels({"theta": theta})
     (roll,) = ground_rolls(bounced)
-    _, (record,), notes = ground_problem([RolledFlight(bounced, WHEELS, "roll")], NAMES, OWN)
+    rolls = recorded_rolls([RolledFlight(bounced, WHEELS, "roll")], OWN)
+    (record,), notes = rolls.records, rolls.assumed
     assert record.time[0] == pytest.approx(3.0, abs=0.3)
     assert roll.start == 0
     assert any("nose wheel in the air" in note for note in notes)
