@@ -55,7 +55,6 @@ def update_flow(
         )
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
     plan = steps(
-        plan_rolls,
         plan_update,
         compared,
         **where,
