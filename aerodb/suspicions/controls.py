@@ -16,6 +16,7 @@ import numpy as np
 from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
+from aerodb.suspicions.assignment import assignment_suspicions
 from aerodb.suspicions.changing import changing_suspicions
 from aerodb.suspicions.equation_error import MOTION, EquationError, equation_errors
 from aerodb.suspicions.evidence import (
@@ -65,13 +66,20 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     exchanged = _exchanged(axes, fits, controls)
     if exchanged is not None:
         return (*listed, exchanged)
+    claims = []
     for role, fit in fits.items():
         own = {name: control for name, control in controls.items() if control.role == role}
-        listed += _claims(axes[role], fit, own)
+        claims += _claims(axes[role], fit, own)
+    sides = side_suspicions(flight, vehicle, controls)
+    if not sides and all(claim.kind in ("unit", "sign") for claim in claims):
+        assigned = assignment_suspicions(axes, controls)
+        if assigned:
+            return (*listed, *assigned)
+    listed += claims
     said = {each.channel for each in listed}
     listed += [s for s in changing_suspicions(flight, axes, controls) if s.channel not in said]
     said = {each.channel for each in listed}
-    listed += [s for s in side_suspicions(flight, vehicle, controls) if s.channel not in said]
+    listed += [s for s in sides if s.channel not in said]
     standing = [
         s for role, fit in fits.items() for s in _standing(flight, axes[role], fit, controls)
     ]

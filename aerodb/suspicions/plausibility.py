@@ -8,6 +8,7 @@ few percent, biases and delays raise no suspicion: flight-path reconstruction es
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
 from aerodb.support import Array
 from aerodb.suspicions.drag import ACCELERATION
-from aerodb.suspicions.evidence import LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
+from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
 from aerodb.suspicions.hypotheses import explain
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
@@ -42,6 +43,12 @@ LOAD_SPREAD = 0.7
 FARTHEST = 100.0
 #: The same in spans, where the vehicle is known: slender aircraft are three spans long.
 FARTHEST_SPANS = 5.0
+#: Channels of one kind and size, the more often mistaken one first.
+_ALIKE = (("alpha", "beta", "theta", "phi", "psi"), ("p", "q", "r"), ("ax", "ay", "az"))
+#: Share of the motion by which two sensors of one flight differ at least: noise alone is more.
+SAME = 1e-3
+#: Least ratio of their sizes for one field mapped to both, with an upwash taken off one of them.
+HALF = 0.5
 #: A start later than the moment of reading by no more than this can be local time taken for UTC.
 _AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")
@@ -61,6 +68,7 @@ def suspicions(
 
     - channels without a usable sample at the times of the rates;
     - sensors that do not change while others do;
+    - an angle, a rate or an acceleration with the history of another;
     - missing gravity, wrong sign or wrong unit of the vertical acceleration;
     - a rate, attitude, flow angle or acceleration of wrong sign, degrees declared as radians or the
       reverse, exchanged axes. Of several such faults one is named: correct it and run again.
@@ -82,7 +90,9 @@ def suspicions(
     }
     vertical, channels = _weight(channels)
     listed += vertical
-    if len(flight.time) >= 32 and channels:
+    copies = _copies(channels)
+    listed += copies
+    if len(flight.time) >= 32 and channels and not copies:
         thin, step = decimated(channels, flight.step, SAMPLES_PER_PERIOD * BAND[1])
         listed += _kinematic(thin, step) or _aerodynamic(thin, step)
     return tuple(listed)
@@ -246,6 +256,29 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
     return [
         Suspicion("az", kind, words, {"median_az": az, "median_ay": ay}) for kind, words in causes
     ], mended
+
+
+def _copies(channels: Mapping[str, Array]) -> list[Suspicion]:
+    """Return angles, rates and accelerations with the history of another of their kind."""
+    listed: list[Suspicion] = []
+    for kind, other in (pair for names in _ALIKE for pair in combinations(names, 2)):
+        if not {kind, other} <= channels.keys():
+            continue
+        both = np.isfinite(channels[kind]) & np.isfinite(channels[other])
+        if both.sum() < FEWEST:
+            continue
+        one, two = (channels[name][both] - channels[name][both].mean() for name in (kind, other))
+        sizes = float(np.std(one)), float(np.std(two))
+        if min(sizes) < SWING or not HALF < sizes[0] / sizes[1] < 1.0 / HALF:
+            continue
+        left = one - two * float(one @ two) / float(two @ two)
+        if float(np.std(left)) < SAME * sizes[0]:
+            words = (
+                f"{kind} has the history of {other}, which no flight makes equal: one field of the"
+                " log was mapped to both"
+            )
+            listed.append(Suspicion(kind, "copied", words, {"apart": float(np.std(left))}))
+    return listed
 
 
 def _kinematic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:

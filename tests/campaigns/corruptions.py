@@ -96,6 +96,36 @@ def _swapped(pair: Pair) -> Pair | None:
     return _channels(pair, {names[0]: flight[names[1]], names[1]: flight[names[0]]})
 
 
+def _exchanged_with_elevator(role: str) -> Corruption:
+    """Fields of the elevator and of one other control exchanged, if a flight tells both."""
+
+    def corrupt(pair: Pair) -> Pair | None:
+        names = {each: of_role(pair, each) for each in ("pitch", role)}
+        told = [determined(pair.flight, pair.vehicle, each) for each in names]
+        if max(told) > 0.1 or not all(names.values()):
+            return None
+        first = {each: pair.flight[listed[0]] for each, listed in names.items()}
+        made = {}
+        for each, other in (("pitch", role), (role, "pitch")):
+            for k, name in enumerate(names[each]):
+                sign = -1.0 if k and each == "roll" else 1.0
+                made[name] = sign * first[other]
+        return _channels(pair, made)
+
+    return corrupt
+
+
+def _surfaces_of_another_time(pair: Pair) -> Pair | None:
+    """All surfaces as they moved a third of the flight earlier; shorter flights than half a minute
+    hardly tell them from others by chance."""
+    roles = [r for r in ("pitch", "roll", "yaw") if determined(pair.flight, pair.vehicle, r) < 0.1]
+    if len(roles) < 2 or np.ptp(pair.flight.time) < 30.0:
+        return None
+    late = len(pair.flight.time) // 3
+    moved = [n for r in ("pitch", "roll", "yaw") for n in of_role(pair, r)]
+    return _channels(pair, {name: np.roll(pair.flight[name], late) for name in moved})
+
+
 def _shifted(seconds: float) -> Callable[[np.ndarray, float], np.ndarray]:
     def shift(values: np.ndarray, step: float) -> np.ndarray:
         index = np.arange(len(values)) - round(seconds / step)
@@ -234,6 +264,13 @@ FLIGHTS: dict[str, Corruption] = {
     "aileron in degrees": _surface("roll", lambda d, _: d / DEGREE),
     "rudder converted twice": _surface("yaw", lambda d, _: d * DEGREE),
     "aileron and rudder swapped": _swapped,
+    "elevator and aileron swapped": _exchanged_with_elevator("roll"),
+    "elevator and rudder swapped": _exchanged_with_elevator("yaw"),
+    "surfaces of another time": _surfaces_of_another_time,
+    "alpha is theta": lambda pair: _channels(
+        pair,
+        {"alpha": pair.flight["theta"]} if {"alpha", "theta"} <= set(pair.flight.channels) else {},
+    ),
     "elevator .3 s late": _surface("pitch", _shifted(0.3)),
     "elevator .3 s early": _surface("pitch", _shifted(-0.3)),
     "aileron .3 s late": _surface("roll", _shifted(0.3)),
