@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 6,
     "import": 2,
     "fly": 4,
-    "estimate": 10,
-    "update": 16,
+    "estimate": 11,
+    "update": 17,
     "gram": 15,
     "close_loop": 47,
 }

@@ -42,7 +42,7 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "altitude": (-500.0, 2e5),
     "latitude": (-np.pi / 2, np.pi / 2),
     "delta_landing_gear": (-0.1, 1.1),
-    "surface": (-np.pi / 2, np.pi / 2),
+    "surface": (-2 * np.pi / 3, 2 * np.pi / 3),  # wings that tilt go a few degrees beyond upright
 }
 #: Sensors whose output always changes in flight; surfaces, gear and computed channels may be
 #: constant.

@@ -97,7 +97,8 @@ def _without_dependent(update: Update, model: ModelFile) -> ModelFile:
 def _with_fitted_parameters(update: Update, fit: Fit) -> Update:
     """The update with the parameters of the database that a method estimated."""
     names = list(update.parameters)
-    missing = [name for name in names if name not in fit.names]
+    values = within_bounds(fit, update.candidate)
+    missing = [name for name in names if name not in fit.names or name not in values]
     if missing:
         raise InputError(
             f"{fit.method} gives no estimate of {', '.join(missing)}",
@@ -105,7 +106,6 @@ def _with_fitted_parameters(update: Update, fit: Fit) -> Update:
             "choose another method, or leave them out",
         )
     chosen = [fit.names.index(name) for name in names]
-    values = within_bounds(fit, update.candidate)
     candidate = with_parameters(update.candidate, {name: values[name] for name in names})
     covariance = fit.covariance[np.ix_(chosen, chosen)]
     return replace(update, candidate=with_parameter_covariance(candidate, names, covariance))

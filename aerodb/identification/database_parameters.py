@@ -3,24 +3,30 @@
 A parameter acts on several axes through several expressions, and not always linearly. So the
 equation is linear about the present values and is solved again until they stay (Gauss-Newton); each
 axis of each stretch of flight is a record of it, in units of the error that is left there.
+
+The bounds of a parameter are something known beforehand: between them, all values are as likely. A
+flight that leaves a standard error as wide tells nothing of the parameter, which then has no value.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from aerodb.estimation import EquationRecord, Fit, LinearEquation, Parameter, Parameters
-from aerodb.identification.equations import usable_runs
+from aerodb.errors import InputError
+from aerodb.estimation import EquationRecord, Fit, LinearEquation, Parameter, Parameters, Standing
+from aerodb.identification.equations import SHORTEST, usable_runs
 from aerodb.identification.identification_flight import IdentificationFlight
-from aerodb.increments import check_parameters_of, parameter_samples
+from aerodb.increments import between_bounds, check_parameters_of, parameter_samples, tells_nothing
 from aerodb.tables import AeroDatabase, parameter_inside, sigma_of, with_parameters
 
 #: The search ends when no value moves by more than this part of its standard error,
 _SETTLED: Final = 0.05
 #: or after so many solutions.
 _MOST: Final = 8
+#: Correlation with another estimate that is named as what takes a parameter's place.
+_TAKES_PLACE: Final = 0.5
 
 
 def unknown(name: str, database: AeroDatabase) -> Parameter:
@@ -47,13 +53,93 @@ def fit_parameters(
 
     Each stretch counts about its mean on each axis that the parameters reach: the rest is what
     biased sensors may leave; not so without `own_constants`. Raises InputError for an unknown
-    parameter, and for one that no flight moves.
+    parameter, and where no stretch is long enough.
     """
     check_parameters_of(names, database)
+    fit = _settled(function, flights, names, database, own_constants, {})
+    untold = _untold(fit, database)
+    if not untold:
+        return fit
+    known = {name: (database.parameters[name], between_bounds(database, name)) for name in untold}
+    again = _settled(function, flights, names, database, own_constants, known)
+    equation = _equation(flights, names, database, database, own_constants)
+    reasons = _reasons(fit, untold, equation, database)
+    return replace(
+        again,
+        estimates=tuple(
+            replace(
+                each, value=np.nan, standard_error=np.nan, standing=reasons[each.name][0],
+                reason=reasons[each.name][1], cramer_rao=np.nan,
+            )
+            if each.name in reasons
+            else each
+            for each in again.estimates
+        ),
+    )  # fmt: skip
+
+
+def _untold(fit: Fit, database: AeroDatabase) -> dict[str, float]:
+    """Parameter of the database -> its standard error, of which a fit tells less than its bounds
+    do."""
+    return {
+        each.name: each.standard_error
+        for each in fit.estimates
+        if each.name in database.parameters
+        and each.standing in ("estimated", "at bound")
+        and tells_nothing(database, each.name, each.standard_error)
+    }
+
+
+def _reasons(
+    fit: Fit, untold: Mapping[str, float], equation: LinearEquation, database: AeroDatabase
+) -> dict[str, tuple[Standing, str]]:
+    """Parameter -> its standing and why: whether its own columns are too small, or others take
+    its place."""
+    x = equation.stacked()[0]
+    size = np.maximum(np.sqrt(np.square(x).sum(axis=0)), 1e-300)
+    inverse = np.diag(np.linalg.pinv(x.T @ x / np.outer(size, size), hermitian=True))
+    shares = 1.0 / np.sqrt(np.maximum(inverse, 1.0))
+    alone = dict(zip(equation.parameters.names, shares, strict=True))
+    found: dict[str, tuple[Standing, str]] = {}
+    for name, error in untold.items():
+        item, row = equation.parameters[name], fit.correlation[fit.names.index(name)]
+        width = (
+            f"its standard error would be {error:.2g}, and its bounds are"
+            f" {item.upper - item.lower:.4g} apart"
+        )
+        others = [
+            other
+            for other, value in zip(fit.names, row, strict=True)
+            if other != name and abs(value) > _TAKES_PLACE
+        ]
+        if tells_nothing(database, name, error * float(alone[name])) or not others:
+            found[name] = (
+                "not excited",
+                f"what it acts on hardly moves: {width}; fly what it acts on, or leave it out",
+            )
+        else:
+            found[name] = (
+                "not identifiable",
+                f"not separately observable from {', '.join(others)}: {width}; fix one of them, or"
+                " fly a manoeuvre that separates them",
+            )
+    return found
+
+
+def _settled(
+    function: Callable[[LinearEquation], Fit],
+    flights: Sequence[IdentificationFlight],
+    names: Sequence[str],
+    database: AeroDatabase,
+    own_constants: bool,
+    known: Mapping[str, tuple[float, float]],
+) -> Fit:
+    """The fit whose values stay. known : parameter -> value and standard deviation, beforehand."""
     present, fit = database, None
     for round_ in range(1, _MOST + 1):
         fit = replace(
-            function(_equation(flights, names, present, database, own_constants)), iterations=round_
+            function(_equation(flights, names, present, database, own_constants, known)),
+            iterations=round_,
         )
         estimates = {e.name: e for e in fit.estimates if e.name in names and np.isfinite(e.value)}
         moved = [
@@ -87,8 +173,10 @@ def _equation(
     present: AeroDatabase,
     database: AeroDatabase,
     own_constants: bool,
+    known: Mapping[str, tuple[float, float]] = {},
 ) -> LinearEquation:
-    """The equation about the present values; bounds and priors are those of `database`."""
+    """The equation about the present values; bounds and priors are those of `database`, and what
+    is `known` beside them (value, standard deviation)."""
     values = np.array([present.parameters[name] for name in names])
     records = []
     comparisons = [flight.comparison for flight in flights]
@@ -98,5 +186,18 @@ def _equation(
             x, left = each.over(run)
             name = f"{flight}#{count + 1} {each.axis}"
             records.append(EquationRecord(name, time[run], x, left + x @ values))
-    items = tuple(unknown(name, database) for name in names)
-    return LinearEquation("coefficients", Parameters(items), tuple(records))
+    if not records:
+        raise InputError(
+            f"no flight gives {SHORTEST:g} s of usable samples in a row on an axis that the"
+            " parameters reach",
+            "estimate",
+            "see what is flagged: aerodb flight show FLIGHT -v",
+        )
+    items = [unknown(name, database) for name in names]
+    items = [
+        replace(each, prior=known[each.name][0], prior_error=known[each.name][1])
+        if each.name in known
+        else each
+        for each in items
+    ]
+    return LinearEquation("coefficients", Parameters(tuple(items)), tuple(records))

@@ -66,7 +66,13 @@ if TYPE_CHECKING:
     from .held_or_free import HeldOrFree, held_or_free, with_all_terms_free
     from .held_out import NEAR_FLOOR, UNCHANGED, held_out_error
     from .model_file import CONSTANT, DeclaredIncrement, ModelFile, expand, parse_model_file
-    from .parameters import ParameterSamples, check_parameters_of, parameter_samples
+    from .parameters import (
+        ParameterSamples,
+        between_bounds,
+        check_parameters_of,
+        parameter_samples,
+        tells_nothing,
+    )
     from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
     from .validation import (
         AxisValidation,

@@ -36,6 +36,9 @@ _SETTLED: Final = 0.05
 _MOST: Final = 8
 #: Variation, as a part of the largest value, below which a column is a constant.
 _STILL: Final = 1e-9
+#: Share of the standard deviation of all values between the bounds (their distance over sqrt(12))
+#: above which flights have told nothing of a parameter; as of priors in the regression.
+_NOTHING_TOLD: Final = 0.95
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ def estimate_parameters(
     present, settled = database, False
     for _ in range(_MOST):
         samples = parameter_samples(comparisons, names, present, own_constants)
+        _check_moved(samples, names)
         fit = _fitted(samples, names, present, consider)
         constrained = constrained_fit(fit, _priors(names, database), _bounds(names, database))
         values = dict(zip(names, constrained.estimates.tolist(), strict=True))
@@ -104,11 +108,29 @@ def estimate_parameters(
             *([] if settled else [f"The parameters still move after {_MOST} solutions"]),
             *(f"{name} ended on a bound" for name in constrained.at_bound),
             *(
+                f"These flights tell no more of {name} than its bounds do: leave it out"
+                for name, error in zip(names, sigma, strict=True)
+                if tells_nothing(database, name, float(error))
+            ),
+            *(
                 f"These flights cannot separate {' and '.join(group)}"
                 for group in alias_groups(names, correlation_of(constrained.covariance))
             ),
         ),
     )
+
+
+def between_bounds(database: AeroDatabase, name: str) -> float:
+    """Return the standard deviation of all values between the bounds of a parameter, in its unit;
+    inf without bounds. KeyError for a name that it has not."""
+    known = database.variables[name].parameter
+    return np.inf if known is None else float(np.ptp(known.bounds)) / np.sqrt(12.0)
+
+
+def tells_nothing(database: AeroDatabase, name: str, error: float) -> bool:
+    """Return whether an estimate of a parameter with this standard error [its unit] tells no more
+    than its bounds do; between them, all values are as likely beforehand."""
+    return error > _NOTHING_TOLD * between_bounds(database, name)
 
 
 def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
@@ -134,10 +156,10 @@ def parameter_samples(
     """Return the samples of flights on the axes that parameters (k) reach, beside a database.
 
     comparisons : at the full rate, with that database or with one that differs in values of
-    parameters only. Slopes (n, k) are per unit of each parameter. Raises InputError naming
-    parameters that move nothing, or only a constant.
+    parameters only. Slopes (n, k) are per unit of each parameter. Raises InputError for a
+    comparison that is not at the full rate.
     """
-    found, moves = [], np.zeros(len(names), dtype=np.bool_)
+    found = []
     for comparison in comparisons:
         side = comparison.database_side
         if side is None:
@@ -159,21 +181,27 @@ def parameter_samples(
             good = comparison.usable[axis] & np.isfinite(residual)
             if good.any():
                 matrix = np.column_stack(columns)
-                used = matrix[good]
-                size = np.abs(used).max(axis=0)
-                moves |= (np.ptp(used, axis=0) if own_constants else size) > _STILL * size
                 found.append(
                     ParameterSamples(
                         axis, comparison, good, residual, matrix, centred=own_constants
                     )
                 )
+    return [replace(each, size=_left(found, each.axis)) for each in found]
+
+
+def _check_moved(samples: Sequence[ParameterSamples], names: Sequence[str]) -> None:
+    """Raise InputError naming parameters that move nothing, or only a constant."""
+    moves = np.zeros(len(names), dtype=np.bool_)
+    for each in samples:
+        used = each.slopes[each.good]
+        size = np.abs(used).max(axis=0)
+        moves |= (np.ptp(used, axis=0) if each.centred else size) > _STILL * size
     if still_ones := [name for name, each in zip(names, moves, strict=True) if not each]:
         raise InputError(
             f"in these flights {', '.join(still_ones)} changes nothing, or only a constant",
             "estimate",
             "fly what they act on, or leave them out: a constant is taken for a sensor's bias",
         )
-    return [replace(each, size=_left(found, each.axis)) for each in found]
 
 
 def _left(samples: Sequence[ParameterSamples], axis: str) -> float:

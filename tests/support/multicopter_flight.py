@@ -199,10 +199,11 @@ def write_px4(
     known: Mapping[str, float] | None = None,
     pulses: tuple[float, float] | None = None,
     biases: Array = NO_BIASES,
+    servos: Array | None = None,
 ) -> None:
     """One of the flights as PX4 logs it, with noise of the sensors.
 
-    known : parameters. pulses [us] of commands 0 and 1, as former releases log them. biases : of
+    servos : (n,) command of the first servo, where there is one. known : parameters. pulses [us] of commands 0 and 1, as former releases log them. biases : of
     the three gyros [rad/s] and accelerometers [m/s2].
     """
     draw = np.random.default_rng(10_000 + flown.seeds[column])
@@ -241,6 +242,8 @@ def write_px4(
         Topic("actuator_motors", time, fields("control", commands)),
         Topic("battery_status", time[slow], {"voltage_v": flown.voltage[slow, column].astype(np.float32)}),
     ]  # fmt: skip
+    if servos is not None:
+        topics.append(Topic("actuator_servos", time, fields("control", servos[:, None])))
     if pulses is not None:
         told = pulses[0] + (pulses[1] - pulses[0]) * flown.commands[:, :, column]
         topics = [each for each in topics if each.name != "actuator_motors"]

@@ -38,8 +38,8 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (47, "7f39141ad27c2e07", "1770900a248fac28"),
     "fly": (4, "ab7ada17d4db7013", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (10, "7390551ff43f7844", "be09817f5df27dda"),
-    "update": (16, "19af90608b9464f6", "6b1983884f9e9ae7"),
+    "estimate": (11, "f63071b8bf5c5f7b", "be09817f5df27dda"),
+    "update": (17, "b0b8ad467e7652c4", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.

@@ -101,7 +101,7 @@ def test_nothing_to_judge() -> None:
     assert spikes(np.zeros(0)).shape == (0,)
     assert not spikes(np.full(100, np.nan)).any()
     assert not wild_points("q", np.zeros(50), STEP).stuck.any()
-    assert physical_range("delta_elevator") == (-np.pi / 2, np.pi / 2)
+    assert physical_range("delta_elevator") == (-2 * np.pi / 3, 2 * np.pi / 3)
     assert physical_range("mass") is None
     short = Flight("s", "synthetic", np.array([0.0, STEP]), {"q": np.array([0.0, 0.1])})
     assert flag_wild_points(short).flags == {}

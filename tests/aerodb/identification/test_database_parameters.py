@@ -1,7 +1,6 @@
 """Parameters of a database as unknowns: of an equation that all axes share, and of a vehicle that
 flies."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -73,16 +72,29 @@ def with_variable(database: AeroDatabase, variable: Variable) -> AeroDatabase:
     return replace(database, variables={**database.variables, "fin_CLa": variable})
 
 
-@pytest.mark.parametrize(
-    ("names", "says"),
-    [
-        (["tale_CLa"], "no parameter 'tale_CLa'"),
-        (["fin_CLa", "body_CD"], "body_CD changes nothing, or only a constant"),
-    ],
-)
-def test_what_flights_cannot_tell_is_named(names: Sequence[str], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        fit_parameters(regression, given(build_up()), names, build_up())
+def test_what_flights_do_not_move_has_no_value_and_the_others_theirs() -> None:
+    """The drag of the body is a constant here, which counts for a sensor's bias."""
+    with pytest.raises(InputError, match="no parameter 'tale_CLa'"):
+        fit_parameters(regression, given(build_up()), ["tale_CLa"], build_up())
+    both = fit_parameters(regression, given(build_up()), ["fin_CLa", "body_CD"], build_up())
+    alone = fit_parameters(regression, given(build_up()), ["fin_CLa"], build_up())
+    assert both["body_CD"].standing == "not excited"
+    assert np.isnan(both["body_CD"].value)
+    assert both["fin_CLa"].value == pytest.approx(alone["fin_CLa"].value, rel=1e-9)
+
+
+def test_what_tells_less_than_the_bounds_is_named() -> None:
+    """Bounds narrower than the standard error know more than the flights."""
+    database, measured = build_up(WRONG), given(build_up(WRONG))
+    free = fit_parameters(regression, measured, list(WRONG), database)
+    error = free["fin_CLa"].standard_error
+    centre = database.parameters["fin_CLa"]
+    for width, standing in ((8.0 * error, None), (2.0 * error, "not excited")):
+        known = Parameter((centre - 0.5 * width, centre + 0.5 * width))
+        held = with_variable(database, replace(database.variables["fin_CLa"], parameter=known))
+        found = fit_parameters(regression, measured, list(WRONG), held)["fin_CLa"]
+        assert (found.standing == "not excited") == (standing is not None)
+        assert np.isfinite(found.value) == (standing is None)
 
 
 def test_an_update_by_another_method_has_its_values_and_errors() -> None:
