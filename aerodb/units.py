@@ -38,6 +38,8 @@ _SPELLINGS: Final = {
 #: The same in any case and with any spaces; words of which the case decides are not among them.
 _ANY_CASE: Final = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "degtrue", "degmag"), "deg"),
+    # German; the hundredth of a right angle is "gon".
+    **{"grad": "deg", "grad/s": "deg/s", "grad/sec": "deg/s"},
     **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
     **dict.fromkeys(("deg/s", "deg/sec", "degs/sec", "degree/s", "degrees/s", "dps"), "deg/s"),
     **dict.fromkeys(("degrees/second", "degree/second", "degs/s"), "deg/s"),
@@ -73,6 +75,7 @@ _ANY_CASE: Final = {
     **dict.fromkeys(("lbs/ft^2", "lbsf/ft2"), "psf"),
     **dict.fromkeys(("inhg", "inchhg", "in.hg", "inhga"), "inHg"),
     **dict.fromkeys(("kg/m3", "kg/m^3"), "kg/m^3"),
+    **dict.fromkeys(("lb/ft3", "lb/ft^3", "lbm/ft3", "lbm/ft^3"), "lb/ft^3"),
     **dict.fromkeys(("slug/ft3", "slug/ft^3", "slugs/ft3", "slugs/ft^3"), "slug/ft^3"),
     **{"kg": "kg", "lb": "lb", "slug": "slug", "slugs": "slug", "n": "N", "newton": "N"},
     **{"lbf": "lbf", "newtons": "N", "ratio": "dimensionless"},

@@ -96,7 +96,8 @@ def import_file(
     _say_released(session, document, vehicle)
     _say_inputs(session, document)
     if document["lacking"]:
-        session.say("to take all zeros: import again with --accept-proposals; to choose, copy:")
+        zeros = "" if document["dividing"] else "to take all zeros: --accept-proposals; "
+        session.say(f"{zeros}to choose, copy and edit:")
         session.say(_command(files, vehicle, bind or [], document))
     session.answer(document)
 
@@ -205,7 +206,11 @@ def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> N
 
 def _command(files: list[Path], vehicle: str, bind: list[str], document: dict[str, Any]) -> str:
     """The whole command with a binding per input that no flight has, to be edited."""
-    given = [*bind, *(texts[0] for texts in document["proposals"].values() if texts)]
+    given = [
+        *bind,
+        *(texts[0] for texts in document["proposals"].values() if texts),
+        *(f"{document['written'][name]}=NUMBER" for name in document["dividing"]),
+    ]
     named = " ".join(shlex.quote(str(each)) for each in files)
     lines = [f"aerodb database import {named} --vehicle {shlex.quote(vehicle)}"]
     return " \\\n".join([*lines, *(f"  --bind {shlex.quote(text)}" for text in given)])
@@ -220,12 +225,17 @@ def _say_inputs(session: Session, document: dict[str, Any]) -> None:
     for name in document["required"]:
         session.say(f"- no flight has {name}, which nothing can stand for: map it from the log")
     for use in document["uses"]:
-        proposed = "" if use["accepted"] else "no flight has "
-        session.say(f"- {proposed}{use['sentence']}")
+        divides = use["name"] in document["dividing"]
+        if divides:
+            session.say(
+                f"- no flight has {use['source']}, and the database divides by it: not released;"
+                f" state its value: --bind {use['written']}=NUMBER"
+            )
+        else:
+            session.say(f"- {'' if use['accepted'] else 'no flight has '}{use['sentence']}")
         if not use["accepted"]:
-            divides = use["name"] in document["dividing"]
-            told = "it divides: state its value" if divides else f"proposed: zero: {_zero(use)}"
-            session.say(f"  {told}")
+            if not divides:
+                session.say(f"  proposed: zero: {_zero(use)}")
             for text in document["proposals"].get(use["name"], ())[: None if divides else -1]:
                 session.say(f"  or, if that is meant: --bind {text}")
         for each in use["residuals"]:

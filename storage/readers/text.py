@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
-from aerodb.storage.readers.text_cells import is_number, numbers_of
+from aerodb.storage.readers.text_cells import Cells, is_number, numbers_of
 from aerodb.storage.readers.text_layout import SAMPLE, SEP, Layout, closing_lines, text_layout
+from aerodb.storage.readers.text_times import seconds_of_digits
 from aerodb.units import is_spelled
 
 _UNIT: Final = re.compile(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*")
-#: What stands behind a comma or a slash, or in the last brackets but an index: ``alpha,__deg`` of
-#: X-Plane, ``alpha / deg``.
-_BEHIND: Final = re.compile(r"(.*?)\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?")
+#: What stands behind a comma, a slash, "in" or in braces, if it is a unit: ``alpha,__deg`` of
+#: X-Plane, ``alpha/deg`` and ``V/(m/s)`` of ISO 80000, ``alpha in deg``, ``alpha {deg}``.
+_BEHIND: Final = re.compile(
+    r"([^/].*?)(?:\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?|\s*/\s*(?:\(([^()]+)\)|([^/()\s]+))"
+    r"|\s+in\s+(\S+)|\s+\{([^{}]+)\})\s*"
+)
 _INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
 _SYMBOLS: Final = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
 #: Most columns of a table; a log of ArduPilot or PX4 has some 5,000 signals.
@@ -226,6 +230,10 @@ def _columns(
             name += "_"
         series = frame[key]
         cells = numbers_of(series, layout.comma)
+        if cells is not None and not cells.is_time:
+            clock = seconds_of_digits(cells.values)
+            if clock is not None:
+                cells = Cells(clock, "s", "digits of a clock (hhmmss) as seconds", is_time=True)
         if cells is None:
             if headers[number] or series.notna().any():
                 text.append(name)
@@ -259,17 +267,21 @@ def split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
     (('V', 'ft/s'), ('gyro[0]', ''), ('Vtrue', 'ktas'))
     >>> split_unit("mach [1]"), split_unit("gyro [1]", ["gyro [0]", "gyro [1]"])
     (('mach', '1'), ('gyro [1]', ''))
+    >>> split_unit("V/(m/s)"), split_unit("alpha in deg"), split_unit("q {deg/s}")
+    (('V', 'm/s'), ('alpha', 'deg'), ('q', 'deg/s'))
     """
     match = _UNIT.fullmatch(name)
-    if match is not None and match[1]:
+    if match is not None and match[1] and not match[1].endswith("/"):
         unit = (match[2] if match[2] is not None else match[3]).strip()
         apart = unit == "1" and name[len(match[1])].isspace()
         alone = apart and not any(_is_beside(other, name, match[1]) for other in others)
         if alone or not _INDEX.fullmatch(unit):
             return match[1], _SYMBOLS.get(unit, unit)
     behind = _BEHIND.fullmatch(name)
-    if behind is not None and behind[1].strip("_ ") and is_spelled(behind[2]):
-        return behind[1].strip("_ "), behind[2]
+    if behind is not None and behind[1].strip("_ ") and not is_spelled(name):
+        unit = next(each for each in behind.groups()[1:] if each is not None).strip()
+        if is_spelled(unit):
+            return behind[1].strip("_ "), _SYMBOLS.get(unit, unit)
     return name, ""
 
 

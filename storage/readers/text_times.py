@@ -40,6 +40,10 @@ _MONTHS: Final = [
     "dec",
 ]
 _DAY: Final = 86400.0
+#: A number of clock digits counts seconds, hundredths, milliseconds or microseconds.
+_PARTS: Final = (1.0, 1e2, 1e3, 1e6)
+#: Digits skipped from one minute to the next, less the rounding of a sum.
+_ROLLED: Final = 39.9
 
 
 def is_time(text: str) -> bool:
@@ -74,6 +78,33 @@ def seconds_of_texts(texts: "pd.Series[Any]") -> tuple[NDArray[np.float64], str]
             elif pattern is _OF_DAY:
                 seconds = _past_midnight(seconds)
             return (seconds, said) if np.isfinite(seconds).any() else None
+    return None
+
+
+def seconds_of_digits(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return times (n,) [s] of numbers whose digits are those of a clock, such as ``142210.5`` or
+    ``142210500``; None for others.
+
+    Such a number rises by 41 from the last second of a minute to the next: read as seconds, a log
+    would have a gap of 40 s in every minute.
+
+    >>> seconds_of_digits(np.array([145958.0, 145959.0, 150000.0, 150001.0]))
+    array([53998., 53999., 54000., 54001.])
+    """
+    known = values[np.isfinite(values)]
+    if known.size < 3 or known.min() < 0.0 or not np.all(np.diff(known) >= 0.0):
+        return None
+    for size in _PARTS:
+        digits = values / size
+        minute, second = digits // 100.0, digits % 100.0
+        there = np.isfinite(digits)
+        if digits[there].max() >= 240000.0 or not (minute[there] % 100.0 < 60.0).all():
+            continue
+        if not (second[there] < 60.0).all() or not np.any(np.diff(minute[there]) > 0.0):
+            continue
+        seconds = 3600.0 * (minute // 100.0) + 60.0 * (minute % 100.0) + second
+        if np.diff(digits[there]).max() - np.diff(seconds[there]).max() > _ROLLED:
+            return np.asarray(seconds, dtype=np.float64)
     return None
 
 

@@ -64,8 +64,8 @@ def import_database(
 
     A vehicle's first import becomes ``released``, and so does the same file imported again while
     nothing was made of the first; neither does if the check cases of the file fail, or if a
-    coefficient has no finite value (`without_values`), or if it holds what no aircraft has
-    (`unusual_content`).
+    coefficient has no finite value (`without_values`), if it divides by an input that no flight
+    has, or if it holds what no aircraft has (`unusual_content`).
 
     further : files that are read with the first as one database (runs of an aerodynamic code).
 
@@ -140,7 +140,7 @@ def import_database(
             reason=replace_reason,
             accept=accept,
         )
-    elif (checks is None or checks.passed) and not gone and not unusual:
+    elif (checks is None or checks.passed) and not (gone or unusual or known["dividing"]):
         _release(access, version, released, path.name)
     replaced = access.catalogue.version_of_id(released).label if released else None
     now = access.named(vehicle, RELEASED)

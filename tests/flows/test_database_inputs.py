@@ -187,6 +187,11 @@ def test_zero_is_not_proposed_for_what_divides(glider, divisor):
     assert document["written"][name] == divisor
     assert f"{divisor}=0" not in document["proposals"][name]
     assert document["without_values"] == []
+    assert not document["released"]
+    printed = aerodb(workspace, *importing).stdout
+    assert "the database divides by it: not released" in printed
+    assert f"--bind {divisor}=NUMBER" in printed
+    assert "to take all zeros" not in printed
     refused = aerodb(workspace, *importing, "--accept-proposals")
     assert refused.returncode != 0
     assert f"the database divides by {divisor}" in refused.stderr

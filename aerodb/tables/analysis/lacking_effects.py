@@ -23,6 +23,8 @@ _EFFECTS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
 }
 #: The same of controls: any deflection or free input that acts on the axis.
 _CONTROLS: Final = {"elevator": "Cm", "aileron": "Cl", "rudder": "Cn"}
+#: Size up to which there is no such coefficient: turning axes leaves this much of others.
+ROUNDING: Final = 1e-9
 #: Share of its largest moment from which a control counts for another axis, too: elevons have two
 #: alike, the yaw of ailerons is a tenth of their roll.
 _ACTS: Final = 0.3
@@ -32,7 +34,7 @@ ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
 
 def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     """Return what no term of a database gives at small angles of attack, in words: damping,
-    stability, controls; "drag" where it is zero."""
+    stability, controls; "drag" and "lift over alpha" where they are zero."""
     states = {state.name for state in database.states}
     inputs = [name for name in database.inputs if name not in states]
     channels = small_angles(database, inputs)
@@ -46,7 +48,7 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     lacking = [
         text
         for text, (axis, names) in _EFFECTS.items()
-        if not any(sizes.get(name, {}).get(axis, 0.0) for name in names)
+        if not any(sizes.get(name, {}).get(axis, 0.0) > ROUNDING for name in names)
     ]
     own = [n for n in inputs if is_surface(n) or n in database.free_inputs]
     rotors = any(is_command(name) for name in inputs)  # which control it about all axes
@@ -55,8 +57,13 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
         for name, axis in _CONTROLS.items()
         if not rotors and not any(_acts_on(axis, sizes.get(control, {})) for control in own)
     ]
-    drag = curves(database, ANGLES).get("C_drag")
-    return (*(() if drag is not None and np.any(drag != 0.0) else ("drag",)), *lacking)
+    small = curves(database, ANGLES)
+    drag, lift = small.get("C_drag"), small.get("C_lift")
+    forces = (
+        *(() if drag is not None and np.any(np.abs(drag) > ROUNDING) else ("drag",)),
+        *(() if lift is not None and np.ptp(lift) > ROUNDING else ("lift over alpha",)),
+    )
+    return (*forces, *lacking)
 
 
 def small_angles(database: AeroDatabase, inputs: Iterable[str]) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.tables.analysis.lacking_effects import ANGLES, curves, small_angles
+from aerodb.tables.analysis.lacking_effects import ANGLES, ROUNDING, curves, small_angles
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.database import AeroDatabase
 
@@ -35,7 +35,7 @@ def unusual_content(
     """
     small = curves(database, ANGLES)
     carried = any(part["kind"] == "rotor" for part in database.parts.values())
-    if not small or carried or not np.ptp(small["C_lift"]) > 0.0:
+    if not small or carried or not np.ptp(small["C_lift"]) > ROUNDING:
         return ()
     return (
         *_drag(small["C_drag"]),

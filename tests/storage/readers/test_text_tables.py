@@ -240,3 +240,51 @@ def test_more_columns_than_any_log_has_are_refused(mark: bytes) -> None:
     wide = b"".join(mark.join([b"1"] * 200_000) + b"\n" for _ in range(3))
     with pytest.raises(InputError, match="more than 20000 columns"):
         read_text(wide, "log.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "written"),
+    [
+        ("time/s,V/(km/h),alpha/deg", ("s", "km/h", "deg")),
+        ("time in s,V in kt,alpha in rad", ("s", "kt", "rad")),
+        ("time {s},V {m/s},alpha {deg}", ("s", "m/s", "deg")),
+        ("time [s],V [m/s],alpha [Grad]", ("s", "m/s", "Grad")),
+    ],
+)
+def test_units_behind_a_slash_in_and_in_braces(
+    tmp_path: Path, header: str, written: tuple[str, ...]
+) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text(header + "\n" + "".join(f"{k / 20},{20 + k},{k / 9}\n" for k in range(60)))
+    topic = read_tabular(path).topics["table"]
+    assert list(topic.fields) == ["time", "V", "alpha"]
+    assert tuple(topic.units[name] for name in topic.fields) == written
+
+
+def test_a_quotient_is_no_unit(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text("time,L/D,m/s\n" + "".join(f"{k},{k},{k}\n" for k in range(60)))
+    assert list(read_tabular(path).topics["table"].fields) == ["time", "L/D", "m/s"]
+
+
+@pytest.mark.parametrize("part", [1.0, 100.0, 1000.0])
+def test_digits_of_a_clock_are_seconds(tmp_path: Path, part: float) -> None:
+    """From 14:58:30 to 15:00:10 in steps of .5 s; as plain numbers they jump by 40 each minute."""
+    seconds = 53910.0 + 0.5 * np.arange(200)
+    minutes = seconds // 60
+    digits = minutes // 60 * 10000 + minutes % 60 * 100 + seconds % 60
+    path = tmp_path / "flight.csv"
+    rows = "".join(f"{part * d:.1f},{k % 7}\n" for k, d in enumerate(digits))
+    path.write_text("gps_time,V\n" + rows)
+    recording = read_tabular(path)
+    assert np.array_equal(recording.topics["table"].fields["gps_time"], seconds)
+    assert recording.topics["table"].units["gps_time"] == "s"
+    assert "gps_time: digits of a clock" in str(recording.metadata["remarks"])
+
+
+def test_a_column_that_only_rises_is_no_clock(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for values in (np.arange(300.0), 14.0 + np.cumsum(rng.random(300)), 100.0 + np.arange(50.0)):
+        path = tmp_path / "flight.csv"
+        path.write_text("time,V\n" + "".join(f"{v:.3f},{k % 7}\n" for k, v in enumerate(values)))
+        assert np.allclose(read_tabular(path).topics["table"].fields["time"], values, atol=1e-3)
