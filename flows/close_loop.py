@@ -2,14 +2,18 @@
 
 from typing import Any
 
+from aerodb.errors import InputError
 from aerodb.flows.run import Steps, requires
 from aerodb.loop import Accept, until_all_gain
 from aerodb.tasks.steps import (
+    close_loop_on_rolls,
     compare_with_version,
     freeze_library,
+    plan_rolls,
     plan_update,
     prove_loop,
     publish_loop,
+    rolls_alone,
     run_loop,
     trace_flight,
     what_differs,
@@ -39,6 +43,7 @@ def close_loop_flow(
     effects: str = "",
     library: str = "",
     select: list[str] | None = None,
+    on_ground: bool = False,
 ) -> dict[str, Any]:
     """Trace the residuals of `flights` beside version `baseline` (full ids), and add confirmed
     effects.
@@ -46,7 +51,8 @@ def close_loop_flow(
     hold_out : as in the update. accept_* : effects to add although their verdict alone does not
     admit them. measured : what was measured outside flight, ``NAME=SIGMA, BY`` each. effects : the
     text of a file of user templates. library : the hash that the library
-    must have, or its beginning. select : conditions of the samples that count.
+    must have, or its beginning. select : conditions of the samples that count. on_ground : the loop
+    is of rolls on the ground, as it is where no flight was ever airborne.
     Returns the loop's document with ``label``, ``gate`` and ``page``, the file of its
     report; ``candidate`` is None if nothing was added.
     """
@@ -54,6 +60,25 @@ def close_loop_flow(
     accept = Accept(
         tuple(accept_lumped or ()), tuple(accept_suspected or ()), tuple(accept_ambiguous or ())
     )
+    if rolls_alone(baseline, flights, on_ground, workspace=workspace):
+        if select or measured or effects or library:
+            raise InputError(
+                "--select, --measured, --effects and --library are of flight",
+                "close-loop on rolls",
+                "leave them out: the parameters of the legs are tested",
+            )
+        plan = steps(
+            plan_rolls,
+            flights,
+            **where,
+            vehicle=vehicle,
+            baseline=baseline,
+            model="",
+            hold_out=hold_out,
+        )
+        document = steps(close_loop_on_rolls, plan, **where, accept=accept)
+        document = steps(with_gate, document, **where)
+        return {**document, "page": steps(write_update_page, document, **where)}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
     plan = steps(
         plan_update,

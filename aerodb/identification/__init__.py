@@ -47,8 +47,16 @@ if TYPE_CHECKING:
     from .equations import no_database, no_database_beside, parameter_name
     from .fitted_modes import fitted_modes
     from .flight_dynamics import FlightDynamics, flight_dynamics
-    from .ground_records import RolledFlight, Rolls, ground_fit, ground_rolls, recorded_rolls
-    from .ground_roll import ground_parameters
+    from .ground_records import (
+        RolledFlight,
+        Rolls,
+        bounded_roll_fit,
+        ground_fit,
+        ground_rolls,
+        recorded_rolls,
+        roll_fit,
+    )
+    from .ground_roll import ground_parameters, leg_parameters
     from .identification_flight import IdentificationFlight, within
     from .method_comparison import MethodAgreement, compare_methods
     from .methods import METHODS, REGRESSION, Method, chosen_methods
@@ -63,7 +71,7 @@ if TYPE_CHECKING:
     from .problem import fits_of
     from .recorded_trim import with_recorded_trim
     from .roll_errors import RollError, flown_to_stop, roll_errors, validated_rolls
-    from .roll_update import RollUpdate, updated_by_rolls
+    from .roll_update import RollUpdate, updated_by_rolls, with_fitted_legs
     from .wake_encounter import WakeEncounter, identify_wake
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -167,11 +167,50 @@ def ground_fit(
     The other arguments are those of `roll_model`. A parameter that the rolls do not determine is
     ``not excited``, with the values that they do not exclude.
     """
-    model = roll_model(rolls, names, database, wind)
-    fit = with_bounds(
-        function, model, rolls.records, fitted_roll(function, model, rolls.records), names
-    )
+    fit = fitted_roll(function, roll_model(rolls, names, database, wind), rolls.records)
+    fit = bounded_roll_fit(function, rolls, fit, names, database, names, wind)
     return replace(fit, notes=(*fit.notes, *rolls.assumed))
+
+
+def roll_fit(
+    function: Callable[..., Fit],
+    rolls: Rolls,
+    names: Sequence[str],
+    database: AeroDatabase,
+    start: Mapping[str, float] | None = None,
+    held: Mapping[str, float] | None = None,
+) -> Fit:
+    """Return the fit of parameters of a database over rolls in unknown winds, in SI units.
+
+    start : wind and start of each roll from which to search, of a fit without the parameters; None:
+        they are searched first. held : parameter -> value that it keeps.
+    """
+    kept = held or {}
+    model = roll_model(rolls, [*names, *kept], database)
+    items = [
+        replace(item, value=kept[item.name], free=False) if item.name in kept else item
+        for item in model.parameters.items
+    ]
+    model = replace(model, parameters=Parameters(tuple(items)))
+    if start is None:
+        return fitted_roll(function, model, rolls.records)
+    begun = {name: value for name, value in start.items() if name in model.parameters.names}
+    return function(replace(model, parameters=model.parameters.changed(begun)), rolls.records)
+
+
+def bounded_roll_fit(
+    function: Callable[..., Fit],
+    rolls: Rolls,
+    fit: Fit,
+    names: Sequence[str],
+    database: AeroDatabase,
+    examined: Sequence[str],
+    wind: tuple[float, float] | None = None,
+) -> Fit:
+    """Return a fit of `names` in which those that are `examined` have bounds where the rolls do not
+    determine them, in SI units; wind as of `roll_model`."""
+    model = roll_model(rolls, names, database, wind)
+    return with_bounds(function, model, rolls.records, fit, examined)
 
 
 def _why(flight: Flight) -> str:

@@ -48,21 +48,26 @@ def ground_parameters(names: Sequence[str], database: AeroDatabase) -> bool:
 
     Raises InputError for a mixture of these and others.
     """
-    loads = {f"{leg}_load" for leg in _legs(database)}
-    acting: dict[str, list[bool]] = {name: [] for name in names}
-    for term in database.coefficient_terms:
-        read = depends_on(term.expression, database)
-        for name in read & acting.keys():
-            acting[name].append(not loads.isdisjoint(read))
-    own = [name for name, found in acting.items() if found and all(found)]
-    if own and len(own) < len(acting):
-        others = ", ".join(sorted(acting.keys() - set(own)))
+    own = [name for name in leg_parameters(database) if name in names]
+    if own and len(own) < len(names):
+        others = ", ".join(sorted({*names} - {*own}))
         raise InputError(
             f"{', '.join(own)} act on the ground only, {others} in flight too",
             "model file",
             "write two model files: the ground and the air are two estimates",
         )
     return bool(own)
+
+
+def leg_parameters(database: AeroDatabase) -> tuple[str, ...]:
+    """Names of the k parameters that act through the legs of a database alone, a tuple (k,)."""
+    loads = {f"{leg}_load" for leg in _legs(database)}
+    acting: dict[str, list[bool]] = {name: [] for name in database.parameters}
+    for term in database.coefficient_terms:
+        read = depends_on(term.expression, database)
+        for name in read & acting.keys():
+            acting[name].append(not loads.isdisjoint(read))
+    return tuple(name for name, found in acting.items() if found and all(found))
 
 
 def _legs(database: AeroDatabase) -> list[str]:

@@ -48,15 +48,23 @@ def updated_by_rolls(
     if not known:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in lacking.items())
         raise InputError(f"these rolls determine none of the parameters: {reasons}", "update", "")
-    at = [fit.names.index(name) for name in known]
-    candidate = with_estimated_parameters(
+    return RollUpdate(with_fitted_legs(database, fit, rolls, tuple(known)), fit, lacking)
+
+
+def with_fitted_legs(
+    database: AeroDatabase, fit: Fit, rolls: Rolls, names: Sequence[str]
+) -> AeroDatabase:
+    """Return the database with the estimates of some parameters of its legs, in their units, with
+    covariance (k, k), flights and the flown interval of each input of the legs."""
+    at = [fit.names.index(name) for name in names]
+    known = within_bounds(fit, database)
+    return with_estimated_parameters(
         database,
-        known,
+        {name: known[name] for name in names},
         fit.covariance[np.ix_(at, at)],
         list(dict.fromkeys(rolls.flights[record.name] for record in rolls.records)),
         {name: _interval(name, rolls.records) for name in rolls.model.inputs},
     )
-    return RollUpdate(candidate, fit, lacking)
 
 
 def _interval(name: str, records: Sequence[TimeHistory]) -> Interval:

@@ -22,6 +22,9 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    open, for declared increments; `sensor_rivals` the errors of sensors that the loop finds where
    they are declared.
 
+7. `search_rolls` is the loop of rolls on the ground: which parameters of the legs they contradict,
+   beside the drag of the air (`with_air_drag`).
+
 Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
 `frozen_library`, `accept` (what a user admits), `evidence` (of one flight and a database), `rounds`
 and what it says in `remarks`, `manoeuvre_units` (too few flights), `stall`, `stall_windows` and
@@ -49,6 +52,7 @@ if TYPE_CHECKING:
     from .model_error import with_model_error
     from .noise_floor import noise_floors
     from .rivals import SensorRival, sensor_rivals
+    from .roll_search import RollSearch, search_rolls, with_air_drag
     from .rounds import LoopResult, run_loop
     from .stall_windows import StallWindow, stall_windows
     from .unexplained import unexplained_residuals

@@ -59,6 +59,14 @@ def close_loop(
         str, typer.Option(help="Required hash of the library; refused if it differs.")
     ] = "",
     select: Select = None,
+    on_ground: Annotated[
+        bool,
+        typer.Option(
+            "--on-ground",
+            help="Trace rolls on the ground: friction, brakes and side force of the legs. So it is"
+            " where no flight was ever airborne.",
+        ),
+    ] = False,
     direct: Direct = False,
     verbose: Verbose = False,
 ) -> None:
@@ -98,6 +106,7 @@ def close_loop(
         "effects": read_text(effects) if effects else "",
         "library": library,
         **({"select": list(checked_conditions(select))} if select else {}),
+        **({"on_ground": True} if on_ground else {}),
     }
     document = session.run(close_loop_flow, parameters, direct)
     for entry in document["not_added"]:

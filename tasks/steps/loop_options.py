@@ -40,6 +40,7 @@ def loop_options(
     }
     if not there <= {*chosen}:
         options += [f"--flights {flight[:12]}" for flight in chosen]
+    options += ["--on-ground"] if parameters.get("on_ground") else []
     if parameters.get("hold_out") == []:
         options.append("--hold-out none")
     for name, option in _REPEATED.items():

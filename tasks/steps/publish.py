@@ -203,7 +203,7 @@ def publish_loop(
     return {
         **document,
         "label": label,
-        "report": _keep_report(access, plan, document, settings, run),
+        "report": keep_report(access, plan, document, settings, run),
     }
 
 
@@ -259,7 +259,7 @@ def _loop_remarks(plan: UpdatePlan, loop: LoopResult, accept: Accept) -> list[st
     return remarks
 
 
-def _keep_report(
+def keep_report(
     access: WorkspaceAccess,
     plan: UpdatePlan,
     document: Mapping[str, Any],

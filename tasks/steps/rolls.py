@@ -1,35 +1,49 @@
 """Updates of the legs from rolls on the ground: friction, brakes and side force of the tyres."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from aerodb.errors import InputError
+from aerodb.estimation import Fit
 from aerodb.identification import (
     METHODS,
     RollError,
     Rolls,
-    RollUpdate,
     flown_to_stop,
+    leg_parameters,
     recorded_rolls,
     roll_errors,
     updated_by_rolls,
     validated_rolls,
+    with_fitted_legs,
 )
-from aerodb.increments import HoldOut, Update, parse_model_file
-from aerodb.remarks import said
-from aerodb.report import add_remarks, parameter_changes, update_document
-from aerodb.support import version_id
+from aerodb.increments import AxisValidation, HoldOut, Update, parse_model_file
+from aerodb.loop import Accept, search_rolls, with_air_drag
+from aerodb.remarks import NEVER_AIRBORNE, said
+from aerodb.report import (
+    add_remarks,
+    hold_out_remarks,
+    loop_document,
+    parameter_changes,
+    update_document,
+)
+from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.actors import user
 from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.steps.methods import method_for_rolls, rolled_flights
-from aerodb.tasks.steps.publish import add_version, looks, move, roles_of
+from aerodb.tasks.steps.publish import add_version, keep_report, looks, move, roles_of
 from aerodb.tasks.steps.update import UpdatePlan, by_itself, split_flights
 from aerodb.tasks.workspace_access import access_workspace
+from aerodb.tracing import Traced, TracingSettings
 
 #: The method that flies rolls where none is named.
 FLIES: Final = "output-error"
+#: What to do about a parameter that rolls do not show.
+_ADVICE: Final = "a roll that shows {name}: with the brakes on and off, steering, or a crosswind"
 
 
 def plan_rolls(
@@ -71,21 +85,15 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
     function = method_for_rolls(METHODS[plan.method], model)
     rolls = recorded_rolls(rolled_flights(access, plan.flights, run), database)
 
-    def updated(flights: Sequence[str]) -> RollUpdate:
-        return updated_by_rolls(function, rolls.of(flights), model.parameters, database, model.wind)
+    names = model.parameters
 
-    def errors(beside: AeroDatabase, flights: Sequence[str]) -> list[RollError]:
-        values = {name: beside.parameters[name] for name in model.parameters}
-        return roll_errors(function, rolls.of(flights), values, database, model.wind)
+    def updated(flights: Sequence[str]) -> AeroDatabase:
+        return updated_by_rolls(function, rolls.of(flights), names, database, model.wind).candidate
 
-    update = updated(plan.hold_out.identified)
-    before, after = (errors(each, plan.flights) for each in (database, update.candidate))
-    left_out = [
-        error
-        for flight in plan.flights
-        if plan.hold_out.kind == "cross-validated"
-        for error in errors(updated([f for f in plan.flights if f != flight]).candidate, [flight])
-    ]
+    update = updated_by_rolls(
+        function, rolls.of(plan.hold_out.identified), names, database, model.wind
+    )
+    proof = _proved(plan, rolls, function, (database, update.candidate), names, updated, model.wind)
     document = update_document(
         vehicle=plan.vehicle,
         baseline=plan.baseline,
@@ -93,12 +101,10 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
         excluded=plan.excluded,
         looks={flight: looks(access, flight) for flight in plan.hold_out.held_out},
         update=Update(update.candidate, (), plan.hold_out.identified, (), model.parameters),
-        proof=validated_rolls(before, after, plan.hold_out, left_out),
+        proof=proof.axes,
     )
     document["parameters"] = parameter_changes(database, update.candidate)
-    document["rolls"] = rolls_document(
-        rolls, left_out or after, (database, update.candidate), model.parameters, plan.hold_out
-    )
+    document["rolls"] = proof.rolls
     add_remarks(document, map(said, (*_without_value(update.without_value), *rolls.assumed)))
     settings = {
         "model": plan.model,
@@ -109,6 +115,125 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
     }
     document |= {"method": plan.method, "rivals": [], "derivatives": []}
     return publish_rolls(plan, update.candidate, document, settings, workspace=workspace, run=run)
+
+
+@dataclass(frozen=True)
+class _Proof:
+    """Errors before and after, and the document of the rolls."""
+
+    axes: tuple[AxisValidation, ...]
+    rolls: list[dict[str, Any]]
+
+
+def _proved(
+    plan: UpdatePlan,
+    rolls: Rolls,
+    function: Callable[..., Fit],
+    databases: tuple[AeroDatabase, AeroDatabase],
+    names: Sequence[str],
+    updated: Callable[[Sequence[str]], AeroDatabase],
+    wind: tuple[float, float] | None,
+) -> _Proof:
+    """Errors of the rolls beside two databases (before, after) that differ in `names`.
+
+    updated : the second one from some flights (ids), where each is left out in turn.
+    """
+
+    def errors(beside: AeroDatabase, flights: Sequence[str]) -> list[RollError]:
+        values = {name: beside.parameters[name] for name in names}
+        return roll_errors(function, rolls.of(flights), values, beside, wind)
+
+    before, after = (errors(each, plan.flights) for each in databases)
+    left_out = [
+        error
+        for flight in plan.flights
+        if plan.hold_out.kind == "cross-validated" and databases[0] != databases[1]
+        for error in errors(updated([f for f in plan.flights if f != flight]), [flight])
+    ]
+    return _Proof(
+        validated_rolls(before, after, plan.hold_out, left_out),
+        rolls_document(rolls, left_out or after, databases, names, plan.hold_out),
+    )
+
+
+def close_loop_on_rolls(
+    plan: UpdatePlan, *, workspace: str, run: str, accept: Accept
+) -> dict[str, Any]:
+    """Find which parameters of the legs the plan's rolls contradict, add what is confirmed, prove
+    it on rolls left out, and store the result, in SI units.
+
+    Returns the document of a closed loop (docs/reference/contract.md), ``label`` and ``report``.
+    """
+    access = access_workspace(workspace)
+    database = access.database(plan.baseline)
+    function, names = METHODS[FLIES].load(), leg_parameters(database)
+    wide = with_air_drag(database)
+    rolls = recorded_rolls(rolled_flights(access, plan.flights, run), wide)
+    used = rolls.of(plan.hold_out.identified)
+    search = search_rolls(function, used, names, wide, accept)
+    candidate = database
+    if search.fit is not None and search.taken:
+        candidate = with_fitted_legs(database, search.fit, used, search.taken)
+
+    def updated(flights: Sequence[str]) -> AeroDatabase:
+        return updated_by_rolls(function, rolls.of(flights), search.taken, database).candidate
+
+    proof = _proved(
+        plan, rolls, function, (database, candidate), search.taken or names, updated, None
+    )
+    library = hashlib.sha256(
+        canonical_json({"rolls": 1, "parameters": list(names), "level": TracingSettings().level})
+    ).hexdigest()
+    open_ones = [each.parameter for each in search.not_found if each.verdict != "not_detected"]
+    document = loop_document(
+        vehicle=plan.vehicle,
+        baseline=plan.baseline,
+        hold_out=plan.hold_out,
+        excluded=plan.excluded,
+        looks={flight: looks(access, flight) for flight in plan.hold_out.held_out},
+        library=library,
+        rounds=search.rounds,
+        traced=Traced(
+            plan.hold_out.identified,
+            search.findings,
+            search.not_found,
+            tuple(_ADVICE.format(name=name) for name in open_ones),
+            (),
+        ),
+        findings=search.findings,
+        added=search.added,
+        left=(),
+        proof=proof.axes,
+        asked_for=[each for each in search.added if accept.asks_for(each)],
+        not_added=accept.not_added(search.findings, search.added, ()),
+        remarks=[
+            *hold_out_remarks(plan.hold_out),
+            *_without_value(search.without_value),
+            *rolls.assumed,
+        ],
+    )
+    document["rolls"] = proof.rolls
+    settings = {
+        "library": library,
+        "accepted": asdict(accept),
+        "identified": list(plan.hold_out.identified),
+        "held_out": list(plan.hold_out.held_out),
+        "close_loop": RESULT_VERSION["close_loop"],
+        "phase": "ground",
+    }
+    document |= {"by": user(), "derivatives": []}
+    label = None
+    if search.added:
+        document["parameters"] = parameter_changes(database, candidate)
+        where = {"workspace": workspace, "run": run}
+        document = publish_rolls(plan, candidate, document, settings, **where)
+        document.pop("check_cases", None)
+        label = document["label"]
+    return {
+        **document,
+        "label": label,
+        "report": keep_report(access, plan, document, settings, run),
+    }
 
 
 def publish_rolls(
@@ -173,3 +298,25 @@ def rolls_document(
 
 def _without_value(reasons: Mapping[str, str]) -> list[str]:
     return [f"{name} stays as it is: {reason}." for name, reason in reasons.items()]
+
+
+def rolls_alone(version: str, flights: Sequence[str], on_ground: bool, *, workspace: str) -> bool:
+    """Return whether a closed loop of flights (ids) is of their rolls on the ground: because it is
+    asked to be (`on_ground`), or because none was ever airborne and the version has parameters of
+    legs.
+
+    Raises InputError where it is asked to be, and the version has none.
+    """
+    access = access_workspace(workspace)
+    rows = [access.catalogue.flight(flight) for flight in flights]
+    on_wheels = [NEVER_AIRBORNE in (remark.kind for remark in row.remarks) for row in rows]
+    if not on_ground and not all(on_wheels):
+        return False
+    names = leg_parameters(access.database(version))
+    if on_ground and not names:
+        raise InputError(
+            "no parameter of the database acts on the ground alone",
+            "close-loop --on-ground",
+            "write the legs with [parameters], and import the database again",
+        )
+    return bool(names)

@@ -46,11 +46,12 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def ingested(folder: Path, wind: float, seeds: int) -> list[str]:
-    """Flights of JSBSim's roll in a wind from the west [m/s]."""
-    channels = rolled_in_jsbsim(BRAKES, (0.0, wind), LEVEL)
+def ingested(folder: Path, wind: float, seeds: int, braking_from: float = 0.0) -> list[str]:
+    """Flights of JSBSim's roll in a wind from the west [m/s], with brakes from a time [s] on."""
+    channels = rolled_in_jsbsim(BRAKES, (0.0, wind), LEVEL, braking_from=braking_from)
+    name = f"roll-{wind:g}-{braking_from:g}"
     logs = [
-        str(write_csv(folder / f"roll-{wind:g}-{seed}.csv", measured(channels, seed)))
+        str(write_csv(folder / f"{name}-{seed}.csv", measured(channels, seed)))
         for seed in range(seeds)
     ]
     given = ("--vehicle", "wheels", "--mapping", "canonical", "--direct")
@@ -136,3 +137,26 @@ def test_an_update_of_the_legs_says_what_rolls_do_not_determine(workspace: Path)
     assert any("mu_side stays as it is: these records tell only" in s for s in found["remarks"])
     assert found["validation"]["kind"] == "not validated"
     assert not found["gate"]["passed"]
+
+
+@pytest.mark.heavy
+def test_a_closed_loop_of_rolls_finds_what_is_wrong_and_leaves_the_rest(workspace: Path) -> None:
+    """Two rolls that begin without brakes: brakes and side force are wrong, rolling friction is
+    not."""
+    flights = ingested(workspace, 5.0, 2, braking_from=8.0)
+    named = [word for flight in flights for word in ("--flights", flight)]
+    given = ("--baseline", "v0001", "--direct", *named)
+    found = asked(workspace / "w", "close-loop", *given)
+    assert {*found["added"]} == {"parameter@all:mu_brake", "parameter@all:mu_side"}
+    changes = {each["name"]: each["after"] for each in found["parameters"]}
+    assert changes["mu_brake"] == pytest.approx(BRAKES, rel=0.02)
+    assert changes["mu_side"] == pytest.approx(SIDE, rel=0.05)
+    (left,) = found["not_found"]
+    assert (left["parameter"], left["verdict"]) == ("mu_roll", "not_detected")
+    for finding in found["findings"]:
+        low, high = finding["ci95"]
+        assert low < finding["value"] < high
+        assert len(finding["votes"]) == 2
+    along = found["axes"]["along"]
+    assert along["held_out_rms_after"] < along["held_out_rms_before"]
+    assert Path(found["page"]).is_file()

@@ -216,10 +216,14 @@ _RADIANS: Final = {
 
 
 def rolled_in_jsbsim(
-    mu_brake: float, wind: tuple[float, float], height: float, speed: float = 59.15
+    mu_brake: float,
+    wind: tuple[float, float],
+    height: float,
+    speed: float = 59.15,
+    braking_from: float = 0.0,
 ) -> dict[str, np.ndarray]:
-    """Channels (n,) at 50 Hz [SI] of a roll with brakes to a standstill, in a wind north and east
-    [m/s], with a pilot who holds the runway by the nose wheel."""
+    """Channels (n,) at 50 Hz [SI] of a roll to a standstill with brakes from a time [s] on, in a
+    wind north and east [m/s], with a pilot who holds the runway by the nose wheel."""
     rows: dict[str, list[float]] = {}
     with _loaded(height, air=True) as program:
         program["ic/vn-fps"] = speed / _FOOT
@@ -233,6 +237,7 @@ def rolled_in_jsbsim(
             now["psi"] = float(np.arctan2(np.sin(now["psi"]), np.cos(now["psi"])))
             now |= {"ax": 9.80665 * program["accelerations/Nx"], "north": north, "east": east}
             now |= {"time": program["simulation/sim-time-sec"], "steering": steering}
+            now["brake"] = float(now["time"] >= braking_from)
             if step % 10 == 0:
                 for name, value in now.items():
                     rows.setdefault(name, []).append(value)
@@ -242,7 +247,7 @@ def rolled_in_jsbsim(
             steering = -now["psi"] - 0.3 * now["r"] - 0.003 * east
             steering = float(np.clip(steering, -np.deg2rad(_STEER), np.deg2rad(_STEER)))
             program["fcs/steer-cmd-norm"] = np.rad2deg(steering) / _STEER
-            _rub(program, mu_brake, u)
+            _rub(program, now["brake"] * mu_brake, u)
             program.run()
             north += program["velocities/v-north-fps"] * _FOOT * _STEP
             east += program["velocities/v-east-fps"] * _FOOT * _STEP
@@ -269,5 +274,5 @@ def measured(channels: dict[str, np.ndarray], seed: int = 0) -> dict[str, np.nda
     found["latitude"] = latitude + found.pop("north") / to_north
     found["longitude"] = found.pop("east") / to_east
     found["altitude"] = found["height_above_ground"]
-    found["brake"] = np.ones(len(found["time"]))
+    found["brake"] = channels.get("brake", np.ones(len(found["time"])))
     return found
