@@ -16,7 +16,7 @@ import numpy as np
 from aerodb.estimation import Fit
 from aerodb.identification import Rolls, bounded_roll_fit, roll_fit
 from aerodb.loop.accept import Accept
-from aerodb.support.false_alarms import DIFFERENCE, HINT, likelihood_gain, standard_errors
+from aerodb.support import DIFFERENCE, HINT, likelihood_gain, standard_errors
 from aerodb.tables import AeroDatabase, Parameter, Term, Variable, parse
 from aerodb.tracing import Finding, NotFound, TracingSettings, Verdict, Vote
 
