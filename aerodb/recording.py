@@ -59,7 +59,7 @@ class Recording:
     """Output of a log reader: topics by name, metadata, damage, and the sha256 of the file.
 
     An instance ``i > 0`` of a topic is named ``name.i``. `format` is one of ``ulog mcap dataflash
-    tabular``.
+    mavlink rosbag tabular``.
     `layout` names the mapping that fits (for example ``px4``, ``ros2``, ``sidpac_fdata``); empty
     when the reader cannot tell. `messages` in the order of the file.
     """

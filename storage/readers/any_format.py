@@ -24,6 +24,9 @@ from aerodb.storage.writers import write_ulog
 #: First bytes of the files.
 _ULOG: Final = b"ULog"
 _MCAP: Final = b"\x89MCAP"
+#: Bags of ROS 1, and of ROS 2 in SQLite.
+ROSBAG: Final = b"#ROSBAG V2.0\n"
+SQLITE: Final = b"SQLite format 3\x00"
 _DATAFLASH: Final = b"\xa3\x95"
 #: First line of a DataFlash log as text: the description of descriptions.
 FIRST_LINE: Final = re.compile(rb"\s*FMT,\s*128,\s*89,\s*FMT,")
@@ -43,7 +46,7 @@ def prepare_reader(suffix: str) -> None:
             write_ulog(log, [Topic("own", time, {"x": time, "y": time.astype(np.float32)})])
             write_topics(Path(folder) / "topics", read_log(log))
     elif suffix == _MCAP_SUFFIX:
-        from aerodb.storage.readers import mcap  # noqa: F401
+        from aerodb.storage.readers import mcap, rosbag  # noqa: F401
     elif suffix == _DATAFLASH_SUFFIX:
         from aerodb.storage.readers.dataflash import framed
 
@@ -62,13 +65,13 @@ def prepare_reader_of(path: Path) -> None:
             prepare_reader(_ULOG_SUFFIXES[0])
         if packed or head.startswith(_DATAFLASH) or FIRST_LINE.match(head):
             prepare_reader(_DATAFLASH_SUFFIX)
-        if packed or head.startswith(_MCAP):
+        if packed or head.startswith((_MCAP, ROSBAG, SQLITE)):
             prepare_reader(_MCAP_SUFFIX)
 
 
 def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     """Read a log of any known format, recognised by its first bytes, else by its suffix: ULog,
-    MCAP, DataFlash, else tables; times in [s], fields (n,) in the log's own units.
+    MCAP, bags of ROS, DataFlash, else tables; times in [s], fields (n,) in the log's own units.
 
     Parameters
     ----------
@@ -94,6 +97,10 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
         if is_telemetry(head):
             return read_tlog(path)
         refuse_foreign(path, head)
+        if head.startswith((ROSBAG, SQLITE)):
+            from aerodb.storage.readers.rosbag import read_rosbag1, read_rosbag2
+
+            return read_rosbag2(path) if head.startswith(SQLITE) else read_rosbag1(path)
         if head.startswith(_ULOG) or path.suffix.lower() in _ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog
 

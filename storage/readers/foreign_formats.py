@@ -12,14 +12,9 @@ from aerodb.errors import InputError
 #: First bytes -> what the file is, and the way out.
 _MARKS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (
-        b"#ROSBAG V",
-        "a bag of ROS 1",
-        "convert it: mcap convert FLIGHT.bag FLIGHT.mcap, or rosbags-convert",
-    ),
-    (
-        b"SQLite format 3\x00",
-        "a bag of ROS 2 (SQLite)",
-        "convert it: mcap convert FLIGHT.db3 FLIGHT.mcap, or ros2 bag convert to mcap",
+        b"#ROSBAG V1",
+        "a bag of ROS 1 in the format before 2.0",
+        "convert it: rosbag fix FLIGHT.bag NEW.bag",
     ),
     (
         b"ULogEnc",
@@ -37,12 +32,10 @@ _MARKS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"TDSm", "a LabVIEW measurement (TDMS)", "export it as CSV"),
 )
 _NAMES: Final = {
-    ".bag": _MARKS[0],
-    ".db3": _MARKS[1],
-    ".ulge": _MARKS[2],
-    ".bbl": _MARKS[3],
-    ".bfl": _MARKS[3],
-    ".xls": _MARKS[4],
+    ".ulge": _MARKS[1],
+    ".bbl": _MARKS[2],
+    ".bfl": _MARKS[2],
+    ".xls": _MARKS[3],
 }
 
 

@@ -6,22 +6,19 @@ finds damage. Messages contain no units; the mapping file declares them.
 
 import hashlib
 import zlib
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
-import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, Statistics
 from mcap_ros2.decoder import DecoderFactory
 
 from aerodb.errors import InputError
-from aerodb.recording import Damage, Recording, Topic
+from aerodb.recording import Damage, Recording
 from aerodb.storage.readers.mcap_framing import (
     MAGIC,
     Chunk,
@@ -32,19 +29,11 @@ from aerodb.storage.readers.mcap_framing import (
     read_content,
     walk,
 )
-from aerodb.storage.readers.mcap_messages import (
-    MOST_NAMES,
-    MessageContent,
-    MessageError,
-    Reader,
-    Values,
-    message_reader,
-)
+from aerodb.storage.readers.mcap_messages import Reader, message_reader
 from aerodb.storage.readers.mcap_px4 import px4_topics
+from aerodb.storage.readers.message_series import Collected, left_out, topics_of, words_of_error
 from aerodb.storage.readers.missing_samples import missing_by_topic
 
-#: Header stamps that differ from the recorder's clock by more than this [s] are from another clock.
-_CLOCKS_APART = 60.0
 _REMEDY = (
     "check that the transfer was complete; `mcap recover` may still save what this reader could not"
 )
@@ -57,63 +46,21 @@ _CONVERT = (
 
 
 @dataclass
-class _Series:
-    """Messages collected for one topic.
-
-    Log times [ns], header stamps [ns] (0 if absent) and values per message; all names found, the
-    length of each sequence and the names of sequences whose length changes; omitted fields; and the
-    number of values that were not finite.
-    """
-
-    log_times: list[int] = field(default_factory=list)
-    stamps: list[int] = field(default_factory=list)
-    values: list[Values] = field(default_factory=list)
-    names: set[str] = field(default_factory=set)
-    lengths: dict[str, int] = field(default_factory=dict)
-    varying: set[str] = field(default_factory=set)
-    skipped: set[str] = field(default_factory=set)
-    not_finite: int = 0
-
-    def add(self, log_time: int, numbers: MessageContent) -> None:
-        """Add a message; MessageError if it has more names than a topic may have."""
-        names = numbers.names()
-        if not names <= self.names:
-            names |= self.names
-            if len(names) > MOST_NAMES:
-                raise MessageError(f"more than {MOST_NAMES} fields in the topic")
-            self.names = names
-        self.log_times.append(log_time)
-        self.stamps.append(numbers.stamp)
-        self.values.append(numbers.values)
-        self.varying |= {
-            name for name, n in numbers.lengths.items() if self.lengths.setdefault(name, n) != n
-        }
-        self.skipped |= numbers.skipped
-        self.not_finite += numbers.not_finite
-
-
-@dataclass
-class _Reading:
+class _Reading(Collected):
     """State of a reading: definitions so far, messages collected, damage found."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     readers: dict[int, Reader | str] = field(default_factory=dict)
     ros2: DecoderFactory = field(default_factory=DecoderFactory)
-    series: dict[str, _Series] = field(default_factory=dict)
-    unread: Counter[tuple[str, str]] = field(default_factory=Counter)
     metadata: dict[str, str | int | float] = field(default_factory=dict)
     damage: list[tuple[Hole | Chunk, int, int | None, int | None]] = field(default_factory=list)
-    first: int | None = None
-    last: int | None = None
-    seen: int = 0
-    """Messages met, whether or not they could be decoded."""
     counted: int | None = None
     """Messages that the file's own statistics count."""
     is_foreign: bool = False
     """Whether another program's encoding was met."""
 
-    def take(self, opcode: int, content: bytes) -> None:
+    def record(self, opcode: int, content: bytes) -> None:
         """Process one record; messages whose definition is damaged are lost and counted."""
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.MESSAGE:
@@ -136,29 +83,9 @@ class _Reading:
             self.counted = Statistics.read(stream).message_count
 
     def _message(self, message: Message) -> None:
-        if message.log_time >= 2**63:
-            raise ValueError("its time is out of range")
-        self.seen += 1
         channel = self.channels.get(message.channel_id)
         topic = channel.topic if channel is not None else ""
-        self.first = message.log_time if self.first is None else min(self.first, message.log_time)
-        self.last = message.log_time if self.last is None else max(self.last, message.log_time)
-        reader = self._reader(message.channel_id)
-        if isinstance(reader, str):
-            self.unread[topic, reader] += 1
-            return
-        try:
-            numbers = reader(message.data)
-            series = self.series.get(topic) or _Series()
-            series.add(message.log_time, numbers)
-        except MemoryError:
-            raise
-        except (
-            Exception
-        ) as error:  # the reader is made of the file's own text: what it raises is no closed list
-            self.unread[topic, f"not decodable ({_words(error)})"] += 1
-        else:
-            self.series[topic] = series
+        self.take(topic, message.log_time, self._reader(message.channel_id), message.data)
 
     def _reader(self, channel_id: int) -> Reader | str:
         """The reader of a channel's messages, or the reason why there is none."""
@@ -176,17 +103,13 @@ class _Reading:
         except MemoryError:
             raise
         except Exception as error:  # as above
-            return f"their schema cannot be parsed ({_words(error)})"
+            return f"their schema cannot be parsed ({words_of_error(error)})"
         if reader is None:
             self.is_foreign = True
             kind = f"'{schema.encoding}'" if schema is not None else "no schema"
             known = "only ROS 2 (cdr, ros2msg), json, and protobuf with its descriptors"
             return f"encoding '{channel.message_encoding}' with {kind} is not supported ({known})"
         return reader
-
-
-def _words(error: Exception) -> str:
-    return str(error) if isinstance(error, MessageError) else type(error).__name__
 
 
 def read_mcap(path: Path) -> Recording:
@@ -218,7 +141,7 @@ def read_mcap(path: Path) -> Recording:
         handle.seek(0)
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
     start = reading.first or 0
-    topics, damage = _topics(reading, start)
+    topics, damage = topics_of(reading.series, reading.unread, start)
     if not topics:
         why = "; ".join(
             f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2]
@@ -254,7 +177,7 @@ def read_mcap(path: Path) -> Recording:
     layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
     layout = "px4" if named else layout
     utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
-    metadata = {**reading.metadata, **_left_out(reading)}
+    metadata = {**reading.metadata, **left_out(reading.series)}
     return Recording(str(path), "mcap", sha256, size, topics, metadata, tuple(losses), utc, layout)
 
 
@@ -310,7 +233,7 @@ def _crc(handle: BinaryIO, end: int) -> int:
 
 def _take(reading: _Reading, opcode: int, content: bytes) -> None:
     try:
-        reading.take(opcode, content)
+        reading.record(opcode, content)
     except MemoryError:
         raise
     except (
@@ -365,82 +288,3 @@ def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int)
         end,
         n,
     )
-
-
-def _left_out(reading: _Reading) -> dict[str, str]:
-    """Fields that cannot be channels, by topic: they are not damaged, but they are not read, and
-    this is reported."""
-    notes = {
-        name: sorted({*s.skipped, *(f"{v} of changing length" for v in s.varying)})
-        for name, s in reading.series.items()
-    }
-    return {
-        f"not read: {name}": ", ".join(topics[:4])
-        for name, topics in sorted(notes.items())
-        if topics
-    }
-
-
-def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
-    """Topics by name, and those parts of them that are damaged or in an unsupported encoding."""
-    topics: dict[str, Topic] = {}
-    damage = [
-        Damage("values", f"{n} messages not read: {why}", topic)
-        for (topic, why), n in reading.unread.items()
-    ]
-    for name, series in sorted(reading.series.items()):
-        log_time = np.float64(1e-9) * (np.array(series.log_times, dtype=np.int64) - start)
-        stamped = np.float64(1e-9) * (np.array(series.stamps, dtype=np.int64) - start)
-        apart = float(np.median(np.abs(stamped - log_time)))
-        time = stamped if all(series.stamps) and apart < _CLOCKS_APART else log_time
-        if any(series.stamps) and time is log_time:
-            damage.append(
-                Damage(
-                    "time",
-                    f"header stamps are {apart:.3g} s off the recorder's clock: log times used",
-                    name,
-                )
-            )
-        back = np.flatnonzero(np.diff(time) < 0)
-        if len(back):
-            where = float(time[back[0]])
-            damage.append(
-                Damage(
-                    "time",
-                    f"time runs backwards {len(back)} times, first at {where:.6f} s",
-                    name,
-                    where,
-                    where,
-                )
-            )
-        if series.not_finite:
-            what = (
-                f"{series.not_finite} numbers are NaN or infinite, which JSON does not"
-                " allow: read as missing"
-            )
-            damage.append(Damage("values", what, name))
-        topics[name] = Topic(name, time, _columns(series))
-    return topics, damage
-
-
-def _columns(series: _Series) -> dict[str, np.ndarray[Any, Any]]:
-    """Values of all messages by field, NaN where a message has none; sequences of changing length
-    are not fields."""
-    names = dict.fromkeys(name for row in series.values for name in row)
-    kept = (
-        name
-        for name in names
-        if not any(c == "[" and name[:k] in series.varying for k, c in enumerate(name))
-    )
-    return {name: _column([row.get(name, np.nan) for row in series.values]) for name in kept}
-
-
-def _column(values: Sequence[float | int | bool]) -> np.ndarray[Any, Any]:
-    column = np.array(values)
-    if (
-        column.dtype == np.float64
-        and all(type(value) is int for value in values)
-        and min(values) >= 0
-    ):
-        return np.array(values, dtype=np.uint64)  # NumPy takes integers from 2**63 on for floats
-    return column

@@ -75,7 +75,7 @@ def message_reader(channel: Channel, schema: Schema | None, ros2: DecoderFactory
         parse = protobuf_type(schema.name, schema.data)
         return lambda data: _numbers(parse(_limited(data)), protobuf_parts, needs_finite=False)
     decode = ros2.decoder_for(channel.message_encoding, schema)
-    return None if decode is None else lambda data: _ros2_numbers(decode(data))
+    return None if decode is None else lambda data: ros_numbers(decode(data))
 
 
 def _limited(data: bytes) -> bytes:
@@ -181,8 +181,8 @@ def _nanoseconds(stamp: dict[str, Any]) -> int | None:
     return seconds * 10**9 + rest
 
 
-def _ros2_numbers(message: Any) -> MessageContent:
-    """Numbers of a decoded ROS 2 message; joint states by the name of the joint
+def ros_numbers(message: Any) -> MessageContent:
+    """Return the numbers of a decoded message of ROS; joint states by the name of the joint
     (``position.elevator``)."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     numbers = MessageContent(

@@ -24,6 +24,7 @@ from tests.storage.readers.test_dataflash_text import written as written_text
 from tests.storage.readers.test_mavlink import flown
 from tests.storage.readers.test_mcap import write_flight
 from tests.storage.readers.test_packed import zipped
+from tests.storage.readers.test_rosbag import bag_1, bag_2
 from tests.storage.readers.test_ulog import example_topics, messages
 
 Change = Callable[[bytes, np.random.Generator], bytes]
@@ -194,6 +195,26 @@ def test_a_damaged_text_of_dataflash_is_read_or_refused(
         # A stretch that is taken out joins two lines into one, whose end may be another's.
         assert found > samples - 60 or recording.damage
     assert read > 0.8 * count
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+@pytest.mark.parametrize("form", ["none", "bz2", "lz4", "db3"])
+def test_a_damaged_bag_is_read_or_refused(
+    count: int, tmp_path: Path, change: Change, form: str
+) -> None:
+    """Messages that are gone are reported; plain numbers within one have no checksum in a bag."""
+    data = bag_2(tmp_path / "own.db3", samples=60) if form == "db3" else bag_1(form, 60, 20)
+    rng, read, path = np.random.default_rng(12), 0, tmp_path / "a.bag"
+    (tmp_path / "whole.bag").write_bytes(data)
+    whole = {name: len(t.time) for name, t in read_log(tmp_path / "whole.bag").topics.items()}
+    for _ in range(count):
+        recording = outcome(path, change(data, rng))
+        if recording is None:
+            continue
+        read += 1
+        kept = {name: len(t.time) for name, t in recording.topics.items()}
+        assert recording.damage or kept == whole
+    assert read > 0.3 * count
 
 
 @pytest.mark.parametrize("change", [flip, scramble])

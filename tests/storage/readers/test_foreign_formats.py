@@ -2,7 +2,6 @@
 out; what only looks like one is read as before."""
 
 import io
-import sqlite3
 import zipfile
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +11,6 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.storage.readers.any_format import read_log
-from tests.support.command import aerodb
 
 
 def archive(*names: str) -> bytes:
@@ -23,15 +21,8 @@ def archive(*names: str) -> bytes:
     return held.getvalue()
 
 
-def bag_of_ros_2(folder: Path) -> bytes:
-    with sqlite3.connect(folder / "made.db3") as bag:
-        bag.execute("create table topics (id integer, name text, type text)")
-    bag.close()
-    return (folder / "made.db3").read_bytes()
-
-
 FILES = {
-    "flight.bag": (b"#ROSBAG V2.0\n" + bytes(64), "a bag of ROS 1", "mcap convert"),
+    "flight.bag": (b"#ROSBAG V1.2\n" + bytes(64), "a bag of ROS 1", "rosbag fix"),
     "flight.ulg": (b"ULogEnc\x01" + bytes(64), "encrypted log of PX4", "decrypt"),
     "flight.zip": (archive("logs/a.ulg", "logs/b.ulg"), "holds 2 logs", "unzip"),
     "table.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel", "CSV"),
@@ -52,14 +43,6 @@ def test_a_file_of_another_program_is_named(tmp_path: Path, name: str, suffix: s
     assert what in refusal.value.what
     assert way in refusal.value.remedy
     assert name in refusal.value.where
-
-
-def test_a_bag_of_ros_2_by_command(tmp_path: Path) -> None:
-    (tmp_path / "flight_0.db3").write_bytes(bag_of_ros_2(tmp_path))
-    done = aerodb(tmp_path / "w", "log", "inspect", str(tmp_path / "flight_0.db3"))
-    assert done.returncode == 3
-    assert "a bag of ROS 2 (SQLite): not read" in done.stderr
-    assert "mcap convert" in done.stderr
 
 
 def test_a_table_that_begins_with_like_words_is_read(tmp_path: Path) -> None:
