@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     )
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
     from .failures import SLOW, failures
+    from .ground_motion import ground_speed, places, wheel_speed
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
     from .segmentation import (

@@ -18,6 +18,7 @@ from aerodb.conditioning.failures import (
     failures,
     speed_over_ground,
 )
+from aerodb.conditioning.ground_motion import wheel_speed
 from aerodb.conditioning.manoeuvres import (
     ABOVE_ACTIVITY,
     DEGREE,
@@ -141,7 +142,8 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
 
     On the ground, the aircraft is slow through the air and over ground, or within 4 m of the height
     at which it was or will be slow; otherwise it is airborne. Needs V or calibrated airspeed; where
-    that failed, the speed over ground stands for it. With altitude or height above ground, the
+    that failed, or commands of wheels are logged without it, the speed over ground stands for it.
+    With altitude or height above ground, the
     segments end at lift-off and begin at touch-down. A record that is never slow is airborne
     throughout. Rotors whose commands are logged carry it at any speed.
 
@@ -149,9 +151,9 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     """
     flight = despite_ground(flight)
     found = airspeed_of(flight)
-    if found is None:
+    shown = wheel_speed(flight) if found is None else found[1]
+    if shown is None:
         return ()
-    _, shown = found
     ground = speed_over_ground(flight)
     if ground is not None:
         shown = np.where(np.isfinite(shown), shown, ground)

@@ -6,17 +6,15 @@ from typing import Final
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import savgol_filter
 
 from aerodb.coefficients import thrust_loads
-from aerodb.conditioning import despite_ground, ground_and_air
+from aerodb.conditioning import despite_ground, ground_and_air, ground_speed, places
 from aerodb.errors import InputError
 from aerodb.estimation import Fit, Parameter, Parameters, TimeHistory
 from aerodb.flight import Flight
 from aerodb.identification.database_parameters import unknown
 from aerodb.identification.ground_roll import OUTPUTS, START, GroundRoll, fitted_roll
 from aerodb.identification.likelihood_bounds import with_bounds
-from aerodb.nomenclature import POSITIONS
 from aerodb.physics import GRAVITY, Earth, standard_atmosphere
 from aerodb.simulation import MASS_PROPERTIES, Condition, FlightModel, bridged, flight_model, trim
 from aerodb.support import Array
@@ -34,8 +32,6 @@ _FAST: Final = 10.0
 #: Shortest and longest roll [s].
 _SHORTEST: Final = 5.0
 _LONGEST: Final = 120.0
-#: Time over which a speed is taken from positions [s].
-_SPEED_WINDOW: Final = 4.0
 #: Time over which a roll's start is taken from what was measured [s].
 _BEGINNING: Final = 2.0
 #: Share of the largest airspeed down to which a pitot tube is believed.
@@ -214,7 +210,7 @@ def bounded_roll_fit(
 
 
 def _why(flight: Flight) -> str:
-    if _speed(despite_ground(flight)) is None:
+    if ground_speed(despite_ground(flight)) is None:
         return "the flight has no velocity and no position over the ground"
     if not {"altitude", "height_above_ground"} & set(flight.channels):
         return "the flight has no height: where it rolls and where it flies is not known"
@@ -228,7 +224,7 @@ def ground_rolls(flight: Flight) -> list[slice]:
     velocities over the earth, else from positions.
     """
     flight = despite_ground(flight)
-    moving = _speed(flight)
+    moving = ground_speed(flight)
     if moving is None:
         return []
     down = np.zeros(len(flight.time), dtype=bool)
@@ -302,7 +298,7 @@ def _record(
 def _measured(flight: Flight, whole: slice) -> dict[str, Array]:
     """What a roll is compared with, NaN where it was not measured; headings are continuous, and
     airspeeds those of a fast roll."""
-    place = _positions(flight)
+    place = places(flight)
     found = {}
     for name in OUTPUTS:
         values = place.get(name) if name in ("north", "east") else None
@@ -391,7 +387,7 @@ def _on_all_wheels(flight: Flight, whole: slice, level: float, notes: list[str])
 
 def _slope(flight: Flight, whole: slice, measured: Mapping[str, Array]) -> float:
     """Slope of the runway along a roll, 0 where the altitudes show none."""
-    moving = _speed(flight)
+    moving = ground_speed(flight)
     if "altitude" not in flight or moving is None:
         return 0.0
     good = flight.usable(["altitude"])[whole]
@@ -416,38 +412,3 @@ def _mean(flight: Flight, name: str, whole: slice) -> float | None:
         return None
     good = flight.usable([name], despite=("on_ground",))[whole]
     return float(flight[name][whole][good].mean()) if good.any() else None
-
-
-def _speed(flight: Flight) -> Array | None:
-    """Speed over the ground (n,) [m/s] from velocities, else from positions; None without."""
-    names = ("velocity_north", "velocity_east")
-    if all(name in flight and flight.usable([name]).any() for name in names):
-        north, east = (np.where(flight.usable([n]), flight[n], np.nan) for n in names)
-        return np.hypot(_filled(north), _filled(east))
-    place = _positions(flight)
-    if not place:
-        return None
-    window = min(round(_SPEED_WINDOW / flight.step) | 1, (len(flight.time) - 1) // 2 * 2 - 1)
-    if window < 5:
-        return None
-    slopes = [savgol_filter(_filled(each), window, 2, 1, flight.step) for each in place.values()]
-    return np.hypot(*slopes)
-
-
-def _positions(flight: Flight) -> dict[str, Array]:
-    """Place north and east (n,) [m], NaN where it was not measured; empty without positions."""
-    for names in POSITIONS:
-        if all(name in flight for name in names) and (good := flight.usable(names)).any():
-            first, second = (np.where(good, flight[name], np.nan) for name in names)
-            if "latitude" in names:
-                at = int(np.argmax(good))
-                earth = Earth(float(first[at]), float(second[at]))
-                first, second = earth.to_local(first, second)
-            return {"north": first, "east": second}
-    return {}
-
-
-def _filled(values: Array) -> Array:
-    """Values (n,) with gaps bridged."""
-    at = np.flatnonzero(np.isfinite(values))
-    return np.asarray(np.interp(np.arange(len(values)), at, values[at]))

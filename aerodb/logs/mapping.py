@@ -17,7 +17,7 @@ from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
 from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
 from aerodb.logs.time_grid import LoggedSignal, common_grid, on_grid
-from aerodb.nomenclature import channel, is_command
+from aerodb.nomenclature import POSITIONS, WHEELS, channel, is_command
 from aerodb.recording import Recording
 from aerodb.support import Array
 from aerodb.vehicle import (
@@ -32,6 +32,7 @@ __all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recordin
 
 
 _RATES = ("p", "q", "r")
+_OVER_GROUND = ("velocity_north", "velocity_east", *(name for pair in POSITIONS for name in pair))
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 _WRAPPING = ("phi", "psi", "longitude")
 
@@ -82,11 +83,14 @@ def map_recording(
     Missing channels, assumptions and damage are listed in the flight.
 
     Raises InputError for a clock that runs backwards, a unit that neither the log nor the mapping
-    states, or a log with neither accelerations nor rates.
+    states, or a log with neither accelerations nor rates nor, beside commands of wheels, places.
     """
     log = MappedLog(recording, mapping)
     signals, notes = _signals(log, vehicle)
     essential = [s for s in signals.values() if s.name in (*_RATES, *_ACCELERATIONS)]
+    if not essential and any(name in signals for name in WHEELS):
+        # A roll on wheels needs its place or its velocity over the ground only.
+        essential = [s for s in signals.values() if s.name in _OVER_GROUND]
     if not essential:
         what = (
             f"no accelerations and no rates found with mapping {mapping.name}: no coefficient can"

@@ -3,7 +3,7 @@ what would help."""
 
 from dataclasses import replace
 
-from aerodb.conditioning import Suspicion, clock_suspicions, flag_unusable
+from aerodb.conditioning import Suspicion, clock_suspicions, flag_unusable, wheel_speed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.autopilot import wingless_sentence
@@ -24,7 +24,7 @@ def usable_flight(
     """Return the conditioned flight of a recording: `map_recording`, with wild points and samples
     on the ground flagged; values stay as measured.
 
-    Raises InputError if no coefficient could be computed from it.
+    Raises InputError if no coefficient could be computed from it, and no roll on wheels used.
     """
     try:
         flight = replace(
@@ -42,11 +42,13 @@ def usable_flight(
 
 def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputError | None:
     """Return why no coefficient can be computed from a mapped flight, and what would help; None
-    where one can.
+    where one can, and where rolls on wheels can be used all the same.
 
     Channels are (n,).
     """
     if "qbar" in flight and any(name in flight for name in _MOTION):
+        return None
+    if wheel_speed(flight) is not None:  # its rolls tell of the legs
         return None
     what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
     remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"

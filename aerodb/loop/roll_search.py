@@ -33,6 +33,7 @@ class RollSearch:
     """Findings of rolls, those that enter, what was not found, and the fit of all that entered.
 
     taken : parameters of the legs that entered. without_value : name -> what rolls exclude of it.
+    notes : sentences on what differs between flights.
     """
 
     findings: tuple[Finding, ...]
@@ -42,6 +43,7 @@ class RollSearch:
     fit: Fit | None
     rounds: int
     without_value: Mapping[str, str]
+    notes: tuple[str, ...]
 
 
 def with_air_drag(database: AeroDatabase) -> AeroDatabase:
@@ -90,6 +92,7 @@ class _Search:
         self.taken: tuple[str, ...] = ()
         self.findings: list[Finding] = []
         self.joint: Fit | None = None
+        self.notes: dict[str, str] = {}
         alone = roll_fit(function, rolls, (), database)
         self.start = {e.name: e.value for e in alone.estimates if np.isfinite(e.value)}
 
@@ -119,6 +122,7 @@ class _Search:
             self.joint,
             rounds,
             {n: fit[n].reason for n, fit in bounded.items() if np.isnan(fit[n].value)},
+            tuple(self.notes.values()),
         )
 
     def _fitted(self, names: Sequence[str]) -> Fit:
@@ -146,6 +150,15 @@ class _Search:
         for name in differing:
             # A likelihood that is no parabola has no standard error.
             if np.isnan(self._bounded(name, fits[name])[name].value):
+                continue
+            # Flights that differ among themselves by as much tell of no error of the database.
+            votes = self._votes(name, fits[name])
+            if self._adjusted(name, fits[name], _scatter(votes)) >= level:
+                low, high = (f(v.value for v in votes) for f in (min, max))
+                self.notes[name] = (
+                    f"flights want {_words(name)} changed by {low:.3g} to {high:.3g}: they differ"
+                    " among themselves more than from the database, as runways do"
+                )
                 continue
             # Residuals that are correlated in time count less than their number.
             each = fits[name][name]
@@ -207,9 +220,6 @@ class _Search:
         elif len(sized.votes) < 2:
             verdict = "suspected"
             reasons.append("only one flight shows it")
-        elif adjusted >= TracingSettings().level:
-            verdict = "suspected"
-            reasons.append("the flights differ among themselves by as much")
         return Finding(
             hypothesis=_id(name),
             effect=_EFFECT if name != AIR_DRAG else "zero_offset",

@@ -136,7 +136,8 @@ def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:
     """Return the next command."""
     if _uneven(taken):
         return f'aerodb recalibrate --vehicle {vehicle} --reason "flown together"'
-    if all(each["comparison"] is None for each in taken):
+    known = [each for each in taken if each["coefficients"]["key"] is not None]
+    if known and all(each["comparison"] is None for each in taken):
         return f"aerodb database import FILE --vehicle {vehicle}"
     if not any(_axes(each) for each in taken):
         return f"aerodb flight show {taken[0]['flight'][:12]}"

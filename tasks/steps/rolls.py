@@ -209,6 +209,7 @@ def close_loop_on_rolls(
         remarks=[
             *hold_out_remarks(plan.hold_out),
             *_without_value(search.without_value),
+            *(f"{note[0].upper()}{note[1:]}." for note in search.notes),
             *rolls.assumed,
         ],
     )

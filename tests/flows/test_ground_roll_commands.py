@@ -94,6 +94,37 @@ def test_friction_from_a_log_in_calm_and_in_a_crosswind(
         assert wind["value"] == pytest.approx(5.0, abs=0.3)
 
 
+#: What a log may lack, all but position, heading and commands of wheels.
+LACKING = {
+    "no-airspeed": ("V", "alpha", "beta"),
+    "no-motion": ("V", "alpha", "beta", "p", "q", "r", "ax", "phi", "theta"),
+}
+
+
+@pytest.mark.parametrize("name", LACKING)
+def test_a_roll_without_airspeed_still_tells_of_its_brakes(workspace: Path, name: str) -> None:
+    channels = measured(rolled_in_jsbsim(BRAKES, (0.0, 0.0), LEVEL), 4)
+    left = {key: values for key, values in channels.items() if key not in LACKING[name]}
+    log = str(write_csv(workspace / f"{name}.csv", left))
+    given = ("--vehicle", "wheels", "--mapping", "canonical", "--direct")
+    (outcome,) = asked(workspace / "w", "flight", "ingest", log, *given)
+    assert outcome["consistency"]["verdict"] == "rejected"
+    assert outcome["coefficients"]["key"] is None
+    brakes = estimated(workspace, "brakes", outcome["flight"])["mu_brake"]
+    assert brakes["value"] == pytest.approx(BRAKES, rel=5e-3)
+    assert abs(brakes["value"] - BRAKES) < 4.0 * brakes["standard_error"]
+
+
+def test_a_log_without_wheels_and_airspeed_is_refused_as_before(workspace: Path) -> None:
+    channels = measured(rolled_in_jsbsim(BRAKES, (0.0, 0.0), LEVEL), 5)
+    gone = {*LACKING["no-airspeed"], "brake", "steering"}
+    left = {key: values for key, values in channels.items() if key not in gone}
+    log = str(write_csv(workspace / "no-wheels.csv", left))
+    given = ("--vehicle", "wheels", "--mapping", "canonical", "--direct")
+    with pytest.raises(AssertionError, match="no axis can be computed"):
+        asked(workspace / "w", "flight", "ingest", log, *given)
+
+
 @pytest.mark.heavy
 def test_friction_becomes_a_version_that_is_held_out_and_released(workspace: Path) -> None:
     """Three rolls in a crosswind, each predicted from the others: brakes and side force are those

@@ -222,8 +222,8 @@ def rolled_in_jsbsim(
     speed: float = 59.15,
     braking_from: float = 0.0,
 ) -> dict[str, np.ndarray]:
-    """Channels (n,) at 50 Hz [SI] of a roll to a standstill with brakes from a time [s] on, in a
-    wind north and east [m/s], with a pilot who holds the runway by the nose wheel."""
+    """Channels (n,) at 50 Hz [SI] of a roll to a standstill with brakes that are pressed within a
+    second from a time [s] on (0: all the time), in a wind north and east [m/s], with a pilot who holds the runway by the nose wheel."""
     rows: dict[str, list[float]] = {}
     with _loaded(height, air=True) as program:
         program["ic/vn-fps"] = speed / _FOOT
@@ -237,7 +237,8 @@ def rolled_in_jsbsim(
             now["psi"] = float(np.arctan2(np.sin(now["psi"]), np.cos(now["psi"])))
             now |= {"ax": 9.80665 * program["accelerations/Nx"], "north": north, "east": east}
             now |= {"time": program["simulation/sim-time-sec"], "steering": steering}
-            now["brake"] = float(now["time"] >= braking_from)
+            pressed = now["time"] - braking_from if braking_from else 1.0
+            now["brake"] = float(np.clip(pressed, 0.0, 1.0))
             if step % 10 == 0:
                 for name, value in now.items():
                     rows.setdefault(name, []).append(value)
