@@ -23,7 +23,8 @@ class Flight:
     name (or ``flight`` for all channels) -> (n,) uint8 (uint16 where a flag needs it), bits as in
     `nomenclature.FLAGS`; a channel without an entry has no flagged sample. missing : channels that
     the mapping knows and the log does not have. notes : assumptions made on the way. estimated :
-    channels that an estimator on board made of other sensors (`Source` of a mapping).
+    channels that an estimator on board made of other sensors (`Source` of a mapping). states :
+    channels that are states of a database, under its own names.
     """
 
     id: str
@@ -38,11 +39,13 @@ class Flight:
     log_sha256: str = ""
     mapping: str = ""
     estimated: frozenset[str] = frozenset()
+    states: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         n = self.time.shape[0]
         for name, values in self.channels.items():
-            channel(name)
+            if name not in self.states:
+                channel(name)
             if values.shape != (n,):
                 raise ValueError(
                     f"{self.id}: channel {name} has shape {values.shape}, the time grid {(n,)}"

@@ -3,7 +3,7 @@ same moment reference."""
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -234,11 +234,14 @@ def with_states(flight: Flight, database: AeroDatabase) -> Flight:
     """
     if not database.states:
         return flight
-    needed = {
-        name for state in database.states for name in (*state.needs, state.name) if name in flight
-    }
+    named = {name for state in database.states for name in (*state.needs, state.name)}
+    if database.rates:  # whose inputs only their database knows
+        named |= set(database.flight_inputs)
+    needed = {name for name in named if name in flight}
     channels = {name: np.where(flight.usable([name]), flight[name], np.nan) for name in needed}
-    return flight.with_channels(database.states_along(flight.time, channels))
+    found = database.states_along(flight.time, channels)
+    own = replace(flight, states=flight.states | (found.keys() & database.rates.keys()))
+    return own.with_channels(found)
 
 
 def band_limited(values: Array, step: float, bandwidth: float) -> Array:

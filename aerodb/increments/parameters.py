@@ -25,8 +25,9 @@ from aerodb.tables import (
     AeroDatabase,
     flown_envelope,
     sigma_of,
-    slopes_by_parameter,
+    slopes_along,
     with_estimated_parameters,
+    with_own_states,
     with_parameters,
 )
 
@@ -168,8 +169,9 @@ def parameter_samples(
                 f"flight {comparison.flight}",
                 "compare the flight as it is stored",
             )
-        now = present.predict(side.channels).coefficients
-        slopes = [slopes_by_parameter(present, name, side.channels) for name in names]
+        time, channels = comparison.time, side.channels
+        now = present.predict(with_own_states(present, time, channels)).coefficients
+        slopes = [slopes_along(present, name, time, channels) for name in names]
         for axis in AXES:
             if axis not in comparison.usable or not any(axis in each for each in slopes):
                 continue

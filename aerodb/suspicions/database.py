@@ -82,6 +82,9 @@ def against_database(
     """
     lift = _lift(flight, measured, predicted, usable)
     axes = axis_shares(flight, database, measured, predicted, usable, bandwidth)
+    # What acts through a state, such as the flapping of a rotor, has little share of its own.
+    held = database.inputs_of_rates if database.rates else frozenset[str]()
+    axes = {axis: each for axis, each in axes.items() if held.isdisjoint(each.parts)}
     fits = {axis: fit for axis, each in axes.items() if (fit := each.fit()) is not None}
     axes = {axis: each for axis, each in axes.items() if axis in fits}
     exchanged = exchanged_suspicions(axes, flight)

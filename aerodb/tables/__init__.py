@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         scattered_over,
         slice_over,
         slices,
+        slopes_along,
         slopes_by,
         slopes_by_lift,
         slopes_by_parameter,
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
         unusual_content,
         vary,
         with_estimated_parameters,
+        with_own_states,
         with_parameter_covariance,
         with_parameters,
     )

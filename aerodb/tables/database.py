@@ -266,7 +266,7 @@ class AeroDatabase:
         if any(not isinstance(state.law, Rate) for state in used):
             names.add("alpha")
         if any(isinstance(state.law, Rate) for state in used):
-            names |= self._inputs_of_rates
+            names |= self.inputs_of_rates
         return tuple(sorted(names))
 
     @cached_property
@@ -309,8 +309,8 @@ class AeroDatabase:
         return names
 
     @cached_property
-    def _inputs_of_rates(self) -> frozenset[str]:
-        """Channels and free inputs behind all rates, without the states themselves."""
+    def inputs_of_rates(self) -> frozenset[str]:
+        """Channels and free inputs [SI] behind all rates, without the states themselves."""
         names = set(self._rate_program.inputs) - self.rates.keys()
         for hat in names & set(HAT_RATES):
             names = (names - {hat}) | {HAT_RATES[hat][0], "V"}
@@ -363,7 +363,7 @@ class AeroDatabase:
         names = set(names)
         settling = (names & self.rates.keys()) - channels.keys()
         if settling:
-            absent |= self._inputs_of_rates - channels.keys()
+            absent |= self.inputs_of_rates - channels.keys()
             if not absent:
                 settled = self._settled_rates(channels)
                 values |= {name: settled[name] for name in settling}

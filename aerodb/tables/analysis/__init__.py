@@ -36,9 +36,11 @@ if TYPE_CHECKING:
     from .sensitivity import (
         ends_about,
         parameter_inside,
+        slopes_along,
         slopes_by,
         slopes_by_lift,
         slopes_by_parameter,
+        with_own_states,
         with_parameters,
     )
     from .slices import Slice, acts_on, changed_parameters, slice_over, slices

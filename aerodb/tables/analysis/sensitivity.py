@@ -80,6 +80,40 @@ def slopes_by_parameter(
     }
 
 
+def with_own_states(
+    database: AeroDatabase, time: Array, channels: Mapping[str, Array]
+) -> Mapping[str, Array]:
+    """Return channels (n,) [SI] of a flight at `time` (n,) [s], in which the states with a rate are
+    those of this database, whatever parameters they were made with before."""
+    if not database.rates:
+        return channels
+    given = {name: values for name, values in channels.items() if name not in database.rates}
+    return {**given, **database.states_along(time, given)}
+
+
+def slopes_along(
+    database: AeroDatabase, parameter: str, time: Array, channels: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the answer of `slopes_by_parameter` along a flight at `time` (n,) [s], what states
+    with a rate make of the parameter included: each end is integrated anew.
+
+    Raises InputError naming channels that are missing.
+    """
+    laws = database.rates.values()
+    if not any(parameter in depends_on(law.rate, database) for law in laws):
+        return slopes_by_parameter(database, parameter, channels)
+    ends = ends_about(database, parameter)
+    sides = [with_parameters(database, {parameter: end}) for end in ends]
+    below, above = (
+        side.predict(with_own_states(side, time, channels)).coefficients for side in sides
+    )
+    return {
+        axis: (above[axis] - below[axis]) / (ends[1] - ends[0])
+        for axis in above
+        if np.any(above[axis] != below[axis])
+    }
+
+
 @lru_cache(maxsize=64)  # a page asks along dozens of lines for the same parameters
 def _sides(database: AeroDatabase, parameter: str) -> tuple[AeroDatabase, AeroDatabase] | None:
     """What of a database depends on a parameter, at both `ends_about` it; None if nothing does."""

@@ -35,6 +35,7 @@ def unusual_content(
     """
     small = curves(database, ANGLES)
     carried = any(part["kind"] == "rotor" for part in database.parts.values())
+    carried |= database.reference.pressure is not None
     if not small or carried or not np.ptp(small["C_lift"]) > ROUNDING:
         return ()
     return (

@@ -8,7 +8,7 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.native import from_document, read_native, to_document
 from aerodb.simulation import Condition, flight_model, linear_model, simulate, trim
-from aerodb.tables import AeroDatabase
+from aerodb.tables import AeroDatabase, slopes_along
 
 HEAD = """\
 name = "lagged"
@@ -164,3 +164,19 @@ def test_an_export_holds_the_steady_value_and_says_so() -> None:
 def test_a_wrong_state_is_refused_with_its_place(old: str, new: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         read_native(HEAD + LAG.replace(old, new))
+
+
+def test_slopes_along_a_flight_hold_what_a_state_makes_of_a_parameter() -> None:
+    """A lag of one second of the gain k: after a ramp u = t, x = k (t - 1 + exp(-t))."""
+    own = read_native(
+        'name = "lag"\n[reference]\narea = 1.0\nchord = 1.0\nspan = 1.0\n'
+        'moment_reference = [0.0, 0.0, 0.0]\n[free_inputs]\ncontrol = "1"\n'
+        "[parameters]\ngain = { value = 2.0 }\n"
+        '[states.lagged]\nrate = "gain*control - lagged"\n'
+        '[[terms]]\nname = "pull"\naxis = "FX"\nexpression = "lagged"\n'
+    )
+    time = np.arange(500) * 0.01
+    channels = {"control": time, "qbar": np.ones(500), "V": np.ones(500)}
+    stale = {**channels, "lagged": np.zeros(500)}
+    found = slopes_along(own, "gain", time, stale)["CX"]
+    np.testing.assert_allclose(found, time - 1.0 + np.exp(-time), atol=1e-6)

@@ -1,0 +1,189 @@
+"""Flights of a helicopter blade by blade: an azimuth-resolved rotor, and inflow with wake distortion.
+
+Independent of the program and of `tests.support.helicopter`, whose data it shares: each of four blades
+flaps by itself, its lift is integrated over ten radii without the truncation by advance ratio. Inflow is
+that of Pitt and Peters with the terms (1/Omega) L^-1 [0, Kp (p - bs'), Kq (q - bc')]. Many flights are
+integrated at once (columns).
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from aerodb.support import Array
+from tests.support.helicopter import (
+    BLADES,
+    FLAP,
+    FREQUENCY,
+    FUSELAGE,
+    HEIGHT,
+    INERTIA,
+    MASS,
+    OMEGA,
+    RADIUS,
+    RHO,
+    SLOPE,
+    SOLIDITY,
+    SPRING,
+    TAIL,
+    TAIL_ARM,
+    TAIL_HEIGHT,
+    TWIST,
+)
+
+GRAVITY, STEP, EVERY = 9.80665, 0.0025, 4
+CHORD: Final = SOLIDITY * np.pi * RADIUS / BLADES
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+RADII: Final = 0.5 * (_NODES + 1.0)[:, None, None]
+WEIGHTS: Final = 0.5 * _WEIGHTS
+TENSOR: Final = np.array([
+    [INERTIA["Ixx"], 0.0, -INERTIA["Ixz"]], [0.0, INERTIA["Iyy"], 0.0],
+    [-INERTIA["Ixz"], 0.0, INERTIA["Izz"]],
+])  # fmt: skip
+INVERSE: Final = np.linalg.inv(TENSOR)
+#: Standard deviations: gyros [rad/s], accelerometers [m/s2], velocity [m/s], attitude [rad].
+GYRO, ACCELEROMETER, VELOCITY, ATTITUDE = 0.003, 0.05, 0.05, 0.002
+#: Deflections of a hover: collective, lateral and longitudinal cyclic, pedal [rad].
+HOVER: Final = np.array([0.271, 0.003, 0.001, 0.097])
+
+
+def _turn(euler: Array) -> Array:
+    (cr, cp, cy), (sr, sp, sy) = np.cos(euler), np.sin(euler)
+    return np.array([
+        [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+        [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+        [-sp, sr * cp, cr * cp],
+    ])  # fmt: skip
+
+
+def _derivative(
+    state: Array, azimuth: float, controls: Array, air: Array, kp: float, kq: float
+) -> tuple[Array, Array]:
+    """Rates of the state (20, k) and the specific force (3, k). State: velocity over the earth, Euler
+    angles, rates, flap angles and speeds of four blades [rad, rad/s], inflow."""
+    velocity, euler, (p, q, r) = state[0:3], state[3:6], state[6:9]
+    flap, speed, (l0, ls, lc) = state[9:13], state[13:17] / OMEGA, state[17:20]
+    turn = _turn(euler)
+    u, v, w = np.einsum("ji...,j...->i...", turn, velocity - air)
+    tip = OMEGA * RADIUS
+    psi = (azimuth + np.arange(4) * np.pi / 2)[:, None]
+    sin, cos = np.sin(psi), np.cos(psi)
+    hub_u, hub_v, hub_w = (u - q * HEIGHT) / tip, (v + p * HEIGHT) / tip, w / tip
+    collective, lateral, longitudinal, pedal = controls
+    pitch = collective + TWIST * RADII + lateral * cos + longitudinal * sin
+    tangential = RADII + hub_u * sin + hub_v * cos
+    normal = (
+        RADII * (speed - p / OMEGA * sin - q / OMEGA * cos)
+        + l0 + RADII * (ls * sin + lc * cos) - hub_w + flap * (hub_u * cos - hub_v * sin)
+    )  # fmt: skip
+    lift = (
+        0.5 * RHO * SLOPE * CHORD * tip**2 * RADIUS * (tangential**2 * pitch - tangential * normal)
+    )
+    force = np.einsum("r,rbk->bk", WEIGHTS, lift)
+    moment = RADIUS * np.einsum("r,rbk->bk", WEIGHTS * RADII[:, 0, 0], lift)
+    thrust = force.sum(axis=0)
+    bc, bs = 0.5 * (flap * cos).sum(axis=0), 0.5 * (flap * sin).sum(axis=0)
+    bc_rate = 0.5 * (speed * cos - flap * sin).sum(axis=0)
+    bs_rate = 0.5 * (speed * sin + flap * cos).sum(axis=0)
+    side = TAIL * pedal
+    drag = [0.5 * RHO * area * x * np.abs(x) for area, x in zip(FUSELAGE, (u, v, w), strict=True)]
+    body = np.array([thrust * bc - drag[0], -thrust * bs + side - drag[1], -thrust - drag[2]])
+    about = np.array([
+        -SPRING * (flap * sin).sum(axis=0) - HEIGHT * thrust * bs + TAIL_HEIGHT * side,
+        -SPRING * (flap * cos).sum(axis=0) - HEIGHT * thrust * bc,
+        -TAIL_ARM * side + thrust * RADIUS * (l0 + 0.01) - 3000.0 * r,
+    ])  # fmt: skip
+    spin = np.array([p, q, r])
+    turning = INVERSE @ (about - np.cross(spin, TENSOR @ spin, axis=0))
+    made = np.empty_like(state)
+    made[0:3] = np.einsum("ij...,j...->i...", turn, body / MASS)
+    made[2] += GRAVITY
+    phi, theta = euler[0], euler[1]
+    yaw = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
+    made[3:6] = p + yaw * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), yaw
+    made[6:9] = turning
+    made[9:13] = state[13:17]
+    made[13:17] = (
+        -FREQUENCY * OMEGA**2 * flap + 2.0 * OMEGA * (p * cos - q * sin)
+        + turning[0] * sin + turning[1] * cos + moment / FLAP
+    )  # fmt: skip
+    size = RHO * np.pi * RADIUS**2 * tip**2
+    through = l0 - hub_w
+    edge = hub_u**2 + hub_v**2
+    total = np.sqrt(edge + through**2)
+    mean = 0.5 * (edge + through * (through + l0)) / total
+    load_s, load_c = ((moment * x).sum(axis=0) / (size * RADIUS) for x in (sin, cos))
+    made[17] = OMEGA * 75 * np.pi / 128 * (thrust / size - 2.0 * total * l0)
+    made[18] = OMEGA * 45 * np.pi / 16 * (load_s - mean * (ls - kp * (p / OMEGA - bs_rate)))
+    made[19] = OMEGA * 45 * np.pi / 16 * (load_c - mean * (lc - kq * (q / OMEGA - bc_rate)))
+    return made, body / MASS
+
+
+def fly(
+    folder: Path, seeds: Sequence[int], seconds: float = 40.0, *, kp: float = 2.5, kq: float = 1.6,
+    gusts: float = 0.3,
+) -> list[Path]:  # fmt: skip
+    """Fly hovers under test inputs on both cyclics, one per seed, and write what is logged.
+
+    gusts : standard deviation [m/s].
+    """
+    k, steps = len(seeds), round(seconds / STEP)
+    draws = [np.random.default_rng([4, seed]) for seed in seeds]
+    omega = np.array([d.uniform(0.8, 12.0, (8, 4)) for d in draws])
+    phase = np.array([d.uniform(0.0, 6.28, (8, 4)) for d in draws])
+    size = np.array([0.004, 0.006, 0.009, 0.01])[:, None]
+    blow = np.array([d.standard_normal((steps, 3)) for d in draws])
+    decay = np.exp(-STEP / 1.5)
+    state = np.zeros((20, k))
+    state[3], state[9:13], state[17] = -0.052, 0.05, 0.05
+    air = np.zeros((3, k))
+    rows: list[tuple[Array, ...]] = []
+    controls = HOVER[:, None] + np.zeros(k)
+    for number in range(steps):
+        now = number * STEP
+        dither = size * np.sin(omega * now + phase).sum(axis=1).T * min(1.0, now / 2.0)
+        turn = _turn(state[3:6])
+        u, v, w = np.einsum("ji...,j...->i...", turn, state[0:3])
+        phi, theta, psi = state[3:6]
+        pitch, roll = np.clip(0.06 * u, -0.15, 0.15), -0.052 - np.clip(0.06 * v, -0.15, 0.15)
+        held = np.array([
+            0.02 * w, -0.05 * (roll - phi) + 0.01 * state[6],
+            0.15 * (pitch - theta) - 0.04 * state[7], 0.1 * psi + 0.1 * state[8],
+        ])  # fmt: skip
+        held_before = controls
+        controls = HOVER[:, None] + np.clip(held, -0.1, 0.1) + dither
+        azimuth = OMEGA * now
+        first, pull = _derivative(state, azimuth, controls, air, kp, kq)
+        before, middle = state, state + 0.5 * STEP * first
+        state = (
+            state
+            + STEP * _derivative(middle, azimuth + 0.5 * OMEGA * STEP, controls, air, kp, kq)[0]
+        )
+        if number % EVERY == 0:
+            rows.append((before, 0.5 * (held_before + controls), pull))  # a staircase at its step
+        air = decay * air + gusts * np.sqrt(1 - decay**2) * blow[:, number].T
+    states, deflections, force = (np.array([row[j] for row in rows]) for j in range(3))
+    return [_written(folder, seed, states[..., j], deflections[..., j], force[..., j])
+            for j, seed in enumerate(seeds)]  # fmt: skip
+
+
+def _written(folder: Path, seed: int, states: Array, controls: Array, force: Array) -> Path:
+    rng = np.random.default_rng([5, seed])
+    n = len(states)
+    noise = np.repeat([VELOCITY, ATTITUDE, GYRO], 3) * rng.standard_normal((n, 9))
+    logged = states[:, :9] + noise
+    of = {
+        "time [s]": np.arange(n) * STEP * EVERY,
+        **{f"velocity_{x} [m/s]": logged[:, j] for j, x in enumerate(("north", "east", "down"))},
+        **{f"{x} [rad]": logged[:, 3 + j] for j, x in enumerate(("phi", "theta", "psi"))},
+        **{f"{x} [rad/s]": logged[:, 6 + j] for j, x in enumerate("pqr")},
+        **{f"a{x} [m/s^2]": force[:, j] + ACCELEROMETER * rng.standard_normal(n) for j, x in enumerate("xyz")},
+        "rho [kg/m^3]": np.full(n, RHO),
+        "altitude [m]": 100.0 - np.cumsum(states[:, 2]) * STEP * EVERY,
+        **{f"delta_{x} [rad]": controls[:, j] for j, x in enumerate(("collective", "lateral", "longitudinal", "pedal"))},
+    }  # fmt: skip
+    path = folder / f"hover-{seed}.csv"
+    np.savetxt(path, np.column_stack([*of.values()]), "%.9g", ",", header=",".join(of), comments="")
+    return path
