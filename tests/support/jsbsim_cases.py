@@ -1,7 +1,7 @@
 """What is taken from JSBSim's aircraft and how they are flown to show it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -74,6 +74,19 @@ C172P = Aircraft(
     (37.7 * INCH, 0.0, -26.6 * INCH),
     pushed,
 )
+TEXAN = Aircraft(
+    "t6texan2",
+    {
+        "delta_aileron": ("fcs/left-aileron-pos-rad", -1.0),
+        "delta_flap": ("fcs/flap-pos-rad", 1.0),
+        **_GEAR,
+    },
+    {},
+    (PUSHER,),
+    (-12.0 * INCH, 0.0, 0.0),
+    pushed,
+)
+C182 = Aircraft("c182", C172P.channels, {}, (PUSHER,), C172P.thrust_point, pushed)
 
 
 def _sign(number: int) -> int:
@@ -142,6 +155,15 @@ def lowering(number: int) -> Plan:
     )
 
 
+def lowering_slowly(number: int) -> Plan:
+    """The same of a trainer, pushed."""
+    start = {"ic/h-sl-ft": 4000.0 + 500 * (number % 3), "ic/vt-fps": 240.0 + 8 * (number % 4)}
+    angles = {"ic/alpha-deg": 3.0, "ic/theta-deg": 3.0}
+    plan = lowering(number)
+    gear = {"gear/gear-cmd-norm": plan.other["gear/gear-cmd-norm"]}
+    return replace(plan, start=start | angles, pushed=600.0, other=gear)
+
+
 def approaching(number: int) -> Plan:
     """Down to a wing's height and along the ground, at several speeds, and up again."""
     s, incidence = _sign(number), 5.5 - 0.9 * (number % 4)
@@ -167,6 +189,18 @@ def approaching(number: int) -> Plan:
         height=pulses((-9, 45), (12 + number, 7.3 + 0.4 * (number % 3)), (51 + number, 55)),
         pushed=200.0,
     )
+
+
+def approaching_faster(number: int) -> Plan:
+    """The same of a heavier aircraft."""
+    incidence = 5.0 - 0.7 * (number % 4)
+    start = {
+        "ic/h-sl-ft": 50.0,
+        "ic/vt-fps": 125.0 + 7 * (number % 4),
+        "ic/alpha-deg": incidence,
+        "ic/theta-deg": incidence,
+    }
+    return replace(approaching(number), start=start, pushed=280.0)
 
 
 def stalling(number: int) -> Plan:
@@ -211,6 +245,18 @@ CASES = {
     ),
     "737 without the drag of its gear": Case(
         B737, lowering, without("aero/coefficient/CDgear"), {"landing_gear@C_drag": "C_drag"}
+    ),
+    "t6texan2 without the drag of its gear": Case(
+        TEXAN,
+        lowering_slowly,
+        without("aero/coefficient/CDgear"),
+        {"landing_gear@C_drag": "C_drag"},
+    ),
+    "c182 without ground effect": Case(
+        C182,
+        approaching_faster,
+        set_to_one("aero/function/kCLge"),
+        {"ground_effect@C_lift": "C_lift"},
     ),
     "f16 with an alpha slope 8 % too small": Case(
         F16,

@@ -21,8 +21,14 @@ from tests.support.tracing_flights import DEGREE, coloured
 
 GEAR = "737 without the drag of its gear"
 STALL = "c172p without the hysteresis of its stall"
-#: In the suite: a slope, and the hysteresis of a stall; the other cases run in `make campaign`.
-_KEPT = ("f16 with an alpha slope 8 % too small", STALL)
+#: In the suite: a slope, the hysteresis of a stall, and gear and ground effect of two aircraft that
+#: nothing was made with; the other cases run in `make campaign`.
+_KEPT = (
+    "f16 with an alpha slope 8 % too small",
+    STALL,
+    "t6texan2 without the drag of its gear",
+    "c182 without ground effect",
+)
 EACH = [pytest.param(name, marks=[] if name in _KEPT else pytest.mark.campaign) for name in CASES]
 
 
