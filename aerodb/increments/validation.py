@@ -12,9 +12,10 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments.held_out import NEAR_FLOOR, UNCHANGED
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import AXES
 from aerodb.signals import Theil, rms, theil
 from aerodb.support import Array
+from aerodb.tables import WIND_AXES
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]
@@ -228,11 +229,25 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     `UNCHANGED` of what that of the error as it is fell by: a level that was repaired beside a drag
     whose small component along z is chance.
 
+    A force along x or z counts only where lift or drag became worse, too: a repaired lift takes
+    away what its error along x had hidden of a thrust that is off, and drag knows nothing of it.
+
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small against each flight's constant, and a small growth there is chance.
     """
+    body, wind = (_grown(axes, before, after) for axes in (AXES, WIND_AXES))
+    if wind is None or body is None or wind & {"C_lift", "C_drag"}:
+        return body or frozenset()
+    return body - {"CX", "CZ"}
+
+
+def _grown(
+    axes: Sequence[str], before: Mapping[str, Comparison], after: Mapping[str, Comparison]
+) -> frozenset[str] | None:
+    """Those of the axes, the first three of them forces, on which the error grew, as for
+    `worse_axes`; None where no flight has any."""
     whole, varying, excused = {}, {}, {}
-    for axis in AXES:
+    for axis in axes:
         pairs = [_residuals(axis, compared, tuple(compared)) for compared in (before, after)]
         if not all(pairs):
             continue
@@ -248,7 +263,9 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
         first, error = (rms(np.array([varying[axis][k] for axis in axes])) for k in (0, 1))
         return error < first * (1.0 - UNCHANGED)
 
-    forces = [axis for axis in FORCE_AXES if axis in varying]
+    forces = [axis for axis in axes[:3] if axis in varying]
+    if not whole:
+        return None
     return frozenset(
         axis
         for axis, (first, error) in whole.items()

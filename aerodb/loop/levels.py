@@ -2,7 +2,9 @@
 
 A constant of an axis is in every flight's intercept: tracing cannot tell a wrong zero term from a
 trim tab, a surface's zero, the centre of gravity or a biased accelerometer. So it is said, with
-these. docs/method/tracing.md, section 14.
+these. Where the constants differ from flight to flight as a flight condition does, this is said
+instead: an effect that hardly changes within a flight is in nothing else.
+docs/method/tracing.md, section 14.
 """
 
 from collections.abc import Sequence
@@ -10,15 +12,17 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
-from aerodb.effects import FlightView
+from aerodb.effects import FlightView, Hypothesis
 from aerodb.increments import NoiseFloor
+from aerodb.loop.between_flights import conditions_of
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
-from aerodb.support import in_threads
+from aerodb.support import DIFFERENCE, HINT, Array, in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import CrossFlightTests, agreement, cross_flight_tests, may_be_off_by
 
@@ -30,6 +34,8 @@ _SHARE: Final = 0.3
 _CONSTANT: Final = 0.7
 #: At most, rivals that are said.
 _SAID: Final = 3
+#: Flights from which levels may follow a condition: two lie on every line.
+_FLIGHTS: Final = 3
 #: Agreement (chi-square of one error) from which what varies within flights shows the error too:
 #: 95 %.
 _SHOWN: Final = 3.84
@@ -48,12 +54,30 @@ class LevelRival:
 
 
 @dataclass(frozen=True)
+class LevelCondition:
+    """A condition of the flights that their levels follow on a straight line.
+
+    condition : channel whose mean differs between the flights, SI. slope : of the level per unit of
+    it, with one standard error. levels : (mean condition, level) of each flight, in order of the
+    condition. effects : ids of hypotheses that change the axis by it.
+    """
+
+    condition: str
+    slope: float
+    standard_error: float
+    levels: tuple[tuple[float, float], ...]
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class UnexplainedLevel:
     """The constant of an axis that the candidate leaves.
 
     constant : mean over flights of measured - predicted. spread : its standard deviation between
-    flights, None with one. share : part of the axis' mean square error that it is. floor : rms that
-    the right database would leave. rivals : believable ones, the least unlikely first.
+    flights, None with one. share : part of the axis' mean square error that the flights' constants
+    are. floor : rms that the right database would leave. rivals : believable ones, the least
+    unlikely first. conditions : what the constants follow, the best first; empty where they are
+    alike, or follow none.
     """
 
     axis: str
@@ -62,6 +86,7 @@ class UnexplainedLevel:
     share: float
     floor: float
     rivals: tuple[LevelRival, ...]
+    conditions: tuple[LevelCondition, ...] = ()
 
 
 def unexplained_levels(
@@ -84,23 +109,86 @@ def unexplained_levels(
             continue
         means = np.array([each.mean() for each in residuals])
         level, error = float(means.mean()), rms(np.concatenate(residuals))
-        if level**2 <= _SHARE * error**2:
+        if rms(means) ** 2 <= _SHARE * error**2:
             continue
         floors = floors or noise_floors(source, flights, candidate)
         floor = rms(np.array([each[axis].total for each in floors.values() if axis in each]))
-        if abs(level) <= _FLOORS * floor:
+        if rms(means) <= _FLOORS * floor:
             continue
         spread = float(means.std(ddof=1)) if len(means) > 1 else None
         views = in_threads(
             lambda id: source.view(id, candidate, library.settings.bandwidth), flights
         )
+        sigma = np.array([floors[view.flight][axis].total for view in views if axis in view.usable])
+        conditions = _conditions(axis, means, sigma, views, library.hypotheses)
+        if not conditions and level**2 <= _SHARE * error**2:
+            continue
         normal_equations = in_threads(
             lambda id: source.normal_equations(id, candidate, library), flights
         )
         tests = cross_flight_tests(normal_equations, library.hypotheses, library.settings)
-        rivals = _rivals(axis, level, views, tests)
-        found.append(UnexplainedLevel(axis, level, spread, level**2 / error**2, floor, rivals))
+        rivals = () if conditions else _rivals(axis, level, views, tests)
+        share = rms(means) ** 2 / error**2
+        found.append(UnexplainedLevel(axis, level, spread, share, floor, rivals, conditions))
     return tuple(found)
+
+
+def _conditions(
+    axis: str,
+    levels: Array,
+    sigma: Array,
+    views: Sequence[FlightView],
+    hypotheses: Sequence[Hypothesis],
+) -> tuple[LevelCondition, ...]:
+    """What the levels (g,) of an axis follow, known to sigma (g,): conditions beside which they are
+    alike, while without they are not; or beside which little of their spread is left.
+
+    Weighted least squares. The first are tests of chi-square with known variances, the second an F
+    test (Bevington & Robinson, Data Reduction and Error Analysis, 3rd ed., chapters 6 and 11).
+    """
+    weight, dof = sigma**-2, len(levels) - 2
+    apart = levels - weight @ levels / weight.sum()
+    spread = float(weight @ apart**2)
+    if len(levels) < _FLIGHTS or chdtrc(dof + 1, spread) > DIFFERENCE:
+        return ()
+    shown = [view for view in views if axis in view.usable]
+    found = []
+    for name, means in conditions_of(shown).items():
+        if len(means) < len(shown):
+            continue
+        at = np.array([means[view.flight] for view in shown])
+        off = at - weight @ at / weight.sum()
+        slope = float(weight @ (off * apart) / (weight @ off**2))
+        left = float(weight @ (apart - slope * off) ** 2)
+        differs = chdtrc(dof, left) < HINT
+        if differs and fdtrc(1, dof, dof * (spread - left) / left) > DIFFERENCE:
+            continue
+        pairs = tuple((float(x), float(y)) for x, y in sorted(zip(at, levels, strict=True)))
+        error = float((max(1.0, left / dof) / (weight @ off**2)) ** 0.5)
+        effects = _driven_by(name, axis, shown[0], hypotheses)
+        found.append((left, LevelCondition(name, slope, error, pairs, effects)))
+    return tuple(condition for _, condition in sorted(found, key=lambda pair: pair[0]))
+
+
+def _driven_by(
+    condition: str, axis: str, view: FlightView, hypotheses: Sequence[Hypothesis]
+) -> tuple[str, ...]:
+    """Ids of the aerodynamic hypotheses that change an axis, above all others, by a condition,
+    alone or with the angle of attack."""
+
+    def acts_most_on(hypothesis: Hypothesis) -> str:
+        sizes = {on: rms(column) for on, column in hypothesis.columns(view).items()}
+        return max(sizes, key=sizes.__getitem__)
+
+    return tuple(
+        each.id
+        for each in hypotheses
+        if each.kind == "aerodynamic"
+        and condition in each.drivers
+        and {*each.drivers} <= {condition, "alpha"}
+        and axis in each.axes
+        and acts_most_on(each) == axis
+    )
 
 
 def _rivals(

@@ -14,6 +14,7 @@ from aerodb.remarks import REFUSED
 from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
+from aerodb.report.levels import followed
 from aerodb.report.next_command import next_step
 from aerodb.report.numbers import for_people, number
 from aerodb.tracing import ADDED
@@ -82,6 +83,10 @@ def _verdict(document: Mapping[str, Any]) -> str:
             axes = listed([entry["axis"] for entry in document["increments"]])
             return f"{document['label']} has the declared increments on {axes}; {ready}"
         return f"{document['label']} has {_count(len(document['added']), 'change')}; {ready}"
+    follows = [each for each in document.get("levels", ()) if followed(each)]
+    if follows and not any(each["verdict"] != "sensor" for each in document["findings"]):
+        axes = listed([each["axis"] for each in follows])
+        return f"what the database lacks on {axes} differs from flight to flight; it is not added"
     if document["findings"]:
         return _nothing_added(document)
     tested = document["not_found"]
@@ -210,7 +215,9 @@ def _sized(
 
 def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
     findings = document["findings"]
-    return [*(_sized(each, units) for each in findings[:_MOST]), *_more(len(findings), rest)]
+    levels = [text for each in document.get("levels", ()) if (text := followed(each, units))]
+    named = [*levels, *(_sized(each, units) for each in findings)]
+    return [*named[:_MOST], *_more(len(named), rest)]
 
 
 def _proof(document: Mapping[str, Any]) -> str:

@@ -13,7 +13,9 @@ from aerodb.nomenclature import AXES
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
 from aerodb.report.glossary import hypothesis_words, listed
+from aerodb.report.levels import followed, likely, to_declare
 from aerodb.report.numbers import for_people
+from aerodb.report.page import capital
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 from aerodb.units import SI
 
@@ -156,7 +158,14 @@ def _size(value: float, unit: str) -> str:
 
 
 def _of_level(level: UnexplainedLevel) -> str:
-    """The remark on a constant that nothing explains."""
+    """The remark on a constant that nothing explains, or on constants that follow a condition."""
+    if level.conditions:
+        entry = asdict(level)
+        return (
+            f"{capital(followed(entry))}, over {len(level.conditions[0].levels)} flights. This is"
+            f" {100 * level.share:.0f} % of its mean square error. {likely(entry)} `aerodb update`"
+            f" estimates it from a model file with {to_declare([entry])}."
+        )
     what = (
         f"{level.axis}: a constant of {level.constant:.2g} stays unexplained,"
         f" {100 * level.share:.0f} % of its mean square error."

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.report.glossary import advice_words, listed
+from aerodb.report.levels import to_declare
 
 #: Most measurements that a sentence names, and effects that are accepted one by one.
 _MOST: Final = 3
@@ -72,6 +73,9 @@ def next_step(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
     """
     if document["candidate"]:
         return f"aerodb version gate {document['label']} --vehicle {document['vehicle']}"
+    if model := to_declare(document.get("levels", ())):
+        update = f"aerodb update --vehicle {document['vehicle']} --model FILE"
+        return f"write a model file, {model}; then {update}"
     wanted = measurements(document)
     if wanted and (not to_try(document) or document["findings"][0].get("wanted")):
         sizes = [f"{name} to {size}" if size else name for name, size in wanted.items()]

@@ -273,6 +273,12 @@ def power(
         for entry in found["between_flights"]
         if entry["hypothesis"].startswith(planted.differs)
     ]
+    differs += [
+        "follows a condition"
+        for level in found["levels"]
+        for entry in level["conditions"]
+        if any(planted.names(effect) for effect in entry["effects"])
+    ]
     return {
         "named": [*(f["verdict"] for f in right), *differs],
         "in_set": bool(differs) or any(planted.names(name, near=True) for name in members),

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (4, "194ade55131a123b", "9ddddc1b635ef5d7"),
     "compare": (6, "33f7c8f4d29e6141", "75ab953bf9aaf46f"),
     "gram": (15, "6d08d128388ad6bb", "a62cda5b0f74e7f8"),
-    "close_loop": (47, "7f39141ad27c2e07", "1770900a248fac28"),
+    "close_loop": (48, "d1f41fd15452c720", "1770900a248fac28"),
     "fly": (4, "ab7ada17d4db7013", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (11, "f63071b8bf5c5f7b", "be09817f5df27dda"),

@@ -131,9 +131,10 @@ class Campaign:
     sensors, 0 elsewhere. offsets : hypotheses that are an axis' own constant; their estimates are
     the intercepts. shape_terms : column of a shape-misfit term -> index of its base, and the least
     sigma of what it varies with; earlier : index -> value of a term that the database holds
-    already, whose shape may be wrong too. extrapolated : whether SIMEX biases are those against no
-    state noise; else what the noise adds when it comes once more. Results are cached, so that
-    repetitions without some flights cost no algebra.
+    already: its shape may be wrong too, and every model estimates it again, since what it was
+    taken for is no more certain than when it was found. extrapolated : whether SIMEX biases are
+    those against no state noise; else what the noise adds when it comes once more. Results are
+    cached, so that repetitions without some flights cost no algebra.
     """
 
     flights: tuple[str, ...]
@@ -229,7 +230,8 @@ class Campaign:
         if loose:
             rigid = self._reduced.beside(self._prior((accepted, freed, fixed, ())), freed, fixed)
             value |= dict(zip(loose, self._sizes(rigid, np.array(loose)), strict=True))
-        return dict.fromkeys(accepted, 0.0) | self._tolerance(value)
+        again = set(self.earlier) - set(self.offsets)
+        return dict.fromkeys((*accepted, *again), 0.0) | self._tolerance(value)
 
     def _sizes(self, rigid: ModelElimination, indices: NDArray[np.intp]) -> list[float]:
         """Common value of each of the accepted terms over the flights, by their information."""

@@ -116,6 +116,19 @@ def test_measures_are_beyond_their_limits_where_the_check_fails(baseline: AeroDa
     assert failed == {"held-out error", "repeatability"}
 
 
+@pytest.mark.parametrize(("drag", "passed"), [(0.01, True), (0.02, False)])
+def test_a_force_along_x_counts_where_drag_or_lift_became_worse(
+    baseline: AeroDatabase, drag: float, passed: bool
+) -> None:
+    report, quiet = axes(), axes()["Cm"]
+    report["CX"] = quiet | {"held_out_rms_after": 0.012}
+    report["C_lift"] = report["CZ"]
+    report["C_drag"] = quiet | {"held_out_rms_after": drag}
+    (check,) = (c for c in judged(baseline, report=report).checks if c.label == "repeatability")
+    assert check.passed == passed
+    assert ("CX" in {measure.of for measure in check.measures}) != passed
+
+
 @pytest.mark.parametrize(
     ("changed", "check", "reason"),
     [

@@ -14,6 +14,8 @@ from aerodb.increments.validation import (
     validate_on_held_out,
     worse_axes,
 )
+from aerodb.nomenclature import FORCE_AXES
+from aerodb.tables import wind_to_body
 
 NAMES = tuple(f"f{k:02d}" for k in range(30))
 
@@ -155,6 +157,29 @@ def test_a_repaired_level_outweighs_a_chance_growth_about_the_mean(
     before = {"a": compared("a", measured, list(0.5 + changes), 0.1)}
     after = {"a": compared("a", measured, list(ripple * changes), 0.1)}
     assert worse_axes(before, after) == worse
+
+
+def test_a_repaired_lift_may_bare_what_its_error_had_hidden_along_x() -> None:
+    """Lift lacks .3; drag is .02 too small in the database, of which the lift's part along x hides
+    most at alpha = .06 rad. A drag that becomes worse counts, on both of its axes."""
+    rng, alpha = np.random.default_rng(5), np.full(40, 0.06)
+    ripple = 0.001 * rng.standard_normal(40)
+
+    def beside(drag: float, lift: float) -> dict[str, Comparison]:
+        residual = {"C_drag": drag + ripple, "C_side": ripple, "C_lift": lift + ripple}
+        body = wind_to_body(*residual.values(), alpha, 0.0 * alpha)
+        left = dict(zip(FORCE_AXES, body, strict=True)) | residual
+        zero, usable = np.zeros(40), dict.fromkeys(left, np.ones(40, dtype=bool))
+        sigma = {axis: np.full(40, 0.001) for axis in left}
+        made = Comparison("a", np.arange(40.0), left, sigma, dict.fromkeys(left, zero), usable,
+                          outside=zero > 0, bandwidth=None, notes=())  # fmt: skip
+        return {"a": made}
+
+    first = beside(0.02, 0.3)
+    along_x = [float(np.abs(each["a"].residual("CX")).mean()) for each in (first, beside(0.02, 0))]
+    assert along_x[1] > 5.0 * along_x[0]
+    assert worse_axes(first, beside(0.02, 0.0)) == set()
+    assert worse_axes(first, beside(0.05, 0.0)) == {"CX"}
 
 
 SPLIT = HoldOut(("a",), ("b",), "held-out")

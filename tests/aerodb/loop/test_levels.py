@@ -1,12 +1,14 @@
 """Constants that flights share: said with what would leave them, where the database is off."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from aerodb.coefficients import total_coefficients
+from aerodb.increments.model_file import parse_model_file
 from aerodb.loop import freeze_library, unexplained_levels
+from aerodb.report.levels import followed, to_declare
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from tests.aerodb.loop.test_axis_models import database, flights
@@ -69,6 +71,49 @@ def test_a_wrong_mass_is_said_with_what_varies_within_the_flights(
     assert said["mass_error@all"].varies
     assert said["mass_error@all"].value == pytest.approx(share, rel=0.1)
     assert "alpha_bias@all" not in said
+
+
+def test_levels_that_follow_a_condition_are_said_with_it(source: FlightsInMemory) -> None:
+    """Four flights at Mach numbers .14 to .22; the database lacks a moment that follows it. The
+    same levels in another order follow nothing, and stay a spread."""
+    ids, slope = tuple(source.flown), 0.6
+    faster = {}
+    for factor, (id, (flight, made)) in zip(
+        (0.8, 0.95, 1.1, 1.25), source.flown.items(), strict=True
+    ):
+        mach = factor * flight.channels["mach"]
+        faster[id] = (replace(flight, channels={**flight.channels, "mach": mach}), made)
+    flown = FlightsInMemory(source.vehicle, faster)
+    off = Term("off", "Cm", parse(f"{-slope}*(mach - 0.15)"))
+    wrong = replace(database(1.0), terms=(*database(1.0).terms, off))
+    library = freeze_library(flown, ids, wrong)
+    (level,) = unexplained_levels(flown, ids, wrong, library)
+    (condition,) = level.conditions
+    assert (level.axis, condition.condition, level.rivals) == ("Cm", "mach", ())
+    assert condition.slope == pytest.approx(slope, abs=3.0 * condition.standard_error)
+    assert condition.standard_error < 0.2 * slope
+    assert condition.effects == ("mach_effect@Cm",)
+    assert [at for at, _ in condition.levels] == sorted(at for at, _ in condition.levels)
+    entry = asdict(level)
+    assert followed(entry).startswith("the level of Cm follows Mach number: ")
+    assert parse_model_file(to_declare([entry])).increment[0].axis == "Cm"
+
+    places = (2, 0, 3, 1)
+    mixed = {
+        id: (replace(flight, channels={**flight.channels, "mach": other[0].channels["mach"]}), made)
+        for (id, (flight, made)), other in zip(
+            faster.items(), [[*faster.values()][k] for k in places], strict=True
+        )
+    }
+    shifted = {
+        id: (flight, replace(made, values={**made.values, "Cm": made.values["Cm"] + shift}))
+        for shift, (id, (flight, made)) in zip((-0.02, 0.0, 0.01, 0.02), mixed.items(), strict=True)
+    }
+    without = FlightsInMemory(source.vehicle, shifted)
+    levels = unexplained_levels(
+        without, ids, off_by(OFF), freeze_library(without, ids, off_by(OFF))
+    )
+    assert [level.conditions for level in levels if level.axis == "Cm"] in ([], [()])
 
 
 def test_nothing_is_said_of_the_right_database(source: FlightsInMemory) -> None:
