@@ -45,13 +45,14 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
         }
         for name in {*inputs, "alpha", "beta"}
     }
+    rotors = any(is_command(name) for name in inputs)  # which hold and control it about all axes
     lacking = [
         text
         for text, (axis, names) in _EFFECTS.items()
-        if not any(sizes.get(name, {}).get(axis, 0.0) > ROUNDING for name in names)
+        if not (rotors and {*names} <= {"alpha", "beta"})
+        and not any(sizes.get(name, {}).get(axis, 0.0) > ROUNDING for name in names)
     ]
     own = [n for n in inputs if is_surface(n) or n in database.free_inputs]
-    rotors = any(is_command(name) for name in inputs)  # which control it about all axes
     lacking += [
         name
         for name, axis in _CONTROLS.items()
