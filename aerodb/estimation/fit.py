@@ -82,6 +82,7 @@ class Fit:
     input_correlations : of residuals with inputs before them; empty where nobody asked.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
+    reservations : what speaks against believing it, one sentence each.
     """
 
     method: str
@@ -102,6 +103,7 @@ class Fit:
     input_correlations: tuple[InputCorrelation, ...] = ()
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    reservations: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """The estimate of this name; KeyError where there is none."""

@@ -24,6 +24,7 @@ from aerodb.exchange.native_schema import (
     Document,
     EstimatedFile,
     IncrementFile,
+    ParameterFile,
     RefitFile,
     StateFile,
     TableFile,
@@ -141,7 +142,7 @@ def _variables(file: DatabaseFile, where: str) -> dict[str, Variable]:
             p.unit,
             p.description,
             uncertainty=None if p.prior_sigma is None else normal(p.prior_sigma),
-            parameter=Parameter() if p.bounds is None else _bounded(name, p.bounds),
+            parameter=_told(name, p),
         )
         for name, p in file.parameters.items()
     }
@@ -158,9 +159,12 @@ def _variables(file: DatabaseFile, where: str) -> dict[str, Variable]:
     }
 
 
-def _bounded(name: str, bounds: tuple[float, float]) -> Parameter:
+def _told(name: str, file: ParameterFile) -> Parameter:
+    theory = None if file.theory is None else float(file.theory)
+    if file.bounds is None:
+        return Parameter(theory=theory)
     try:
-        return Parameter((float(bounds[0]), float(bounds[1])))
+        return Parameter((float(file.bounds[0]), float(file.bounds[1])), theory=theory)
     except InputError as error:
         raise InputError(error.what, f"parameter {name}", error.remedy) from None
 
@@ -171,6 +175,7 @@ def _estimated(file: EstimatedFile) -> Parameter:
         (-np.inf if low is None else low, np.inf if high is None else high),
         file.flights,
         file.flown,
+        file.theory,
     )
 
 
@@ -182,6 +187,7 @@ def _parameter_document(parameter: Parameter | None) -> dict[str, Any]:
     estimated = {
         **({"flights": list(parameter.flights)} if parameter.flights else {}),
         **({"flown": {n: list(v) for n, v in parameter.flown.items()}} if parameter.flown else {}),
+        **({} if parameter.theory is None else {"theory": parameter.theory}),
     }
     return {"parameter": {"bounds": bounds, **estimated}}
 

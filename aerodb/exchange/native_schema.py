@@ -29,6 +29,7 @@ class EstimatedFile(Strict):
     bounds: tuple[float | None, float | None] = (None, None)
     flights: tuple[str, ...] = ()
     flown: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    theory: float | None = None
 
 
 class VariableFile(Strict):
@@ -44,13 +45,15 @@ class ParameterFile(Strict):
     """A parameter of the file.
 
     value : SI, or text with a unit. bounds : in the same; None: none. prior_sigma : one standard
-    deviation of what is known before flight.
+    deviation of what is known before flight. theory : the value that theory has, which `estimate`
+    prints beside another.
     """
 
     value: Coefficient
     unit: str = "1"
     bounds: tuple[Coefficient, Coefficient] | None = None
     prior_sigma: Annotated[Coefficient | None, Field(gt=0)] = None
+    theory: Coefficient | None = None
     description: str = ""
 
 

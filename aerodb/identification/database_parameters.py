@@ -55,6 +55,36 @@ def fit_parameters(
     biased sensors may leave; not so without `own_constants`. Raises InputError for an unknown
     parameter, and where no stretch is long enough.
     """
+    fit = _told(function, flights, names, database, own_constants)
+    return replace(fit, reservations=beside_theory(fit, database))
+
+
+def beside_theory(fit: Fit, database: AeroDatabase) -> tuple[str, ...]:
+    """Return a sentence for each estimate of a fit whose interval of 95 % does not hold what theory
+    has for its parameter of the database, in its unit."""
+    found = []
+    for each in fit.estimates:
+        variable = database.variables.get(each.name)
+        known = None if variable is None else variable.parameter
+        if known is None or known.theory is None or not each.standard_error > 0.0:
+            continue
+        low, high = fit.interval(each.name)
+        if not low <= known.theory <= high:
+            found.append(
+                f"{each.name} is {each.value:.3g} +- {each.standard_error:.2g}, and theory has"
+                f" {known.theory:.3g}: a good fit does not prove the name"
+            )
+    return tuple(found)
+
+
+def _told(
+    function: Callable[[LinearEquation], Fit],
+    flights: Sequence[IdentificationFlight],
+    names: Sequence[str],
+    database: AeroDatabase,
+    own_constants: bool,
+) -> Fit:
+    """The fit, in which what the flights tell less of than the bounds has no value."""
     check_parameters_of(names, database)
     fit = _settled(function, flights, names, database, own_constants, {})
     untold = _untold(fit, database)

@@ -156,11 +156,11 @@ def reservations_of(
 ) -> tuple[str, ...]:
     """Return what speaks against a method's answer, in sentences: outputs that no sensor measured
     (`estimated`), innovations of a filter that are not white, inputs of which its residuals still
-    hold a response, and estimates at bounds."""
+    hold a response, estimates at bounds, and what the fits hold against themselves."""
     inputs = dict.fromkeys(each.input for fit in fits for each in dependent(fit.input_correlations))
     bound = [e.name for fit in fits for e in fit.estimates if e.standing == "at bound"]
     bound = [name for name in bound if not name.startswith("process_noise_")]
-    found = []
+    found = [f"With reservation: {text}" for fit in fits for text in fit.reservations]
     if method and METHODS[method].kind == "dynamic" and (made := _of_estimators(fits, estimated)):
         found.append(
             f"With reservation: no sensor measured {' and '.join(made)}, and {method} takes the"

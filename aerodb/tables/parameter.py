@@ -23,7 +23,8 @@ class Parameter:
     Parameters
     ----------
     bounds : lowest and highest possible value, SI. flights : ids of those that estimated it; empty
-        before. flown : variable -> lowest and highest value flown by them, SI.
+        before. flown : variable -> lowest and highest value flown by them, SI. theory : the value
+        that theory has, in its unit; None where it has none.
 
     Raises InputError for bounds of which the first is not the smaller.
     """
@@ -31,6 +32,7 @@ class Parameter:
     bounds: tuple[float, float] = (-np.inf, np.inf)
     flights: tuple[str, ...] = ()
     flown: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    theory: float | None = None
 
     def __post_init__(self) -> None:
         if not self.bounds[0] < self.bounds[1]:

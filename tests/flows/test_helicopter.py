@@ -14,10 +14,10 @@ from tests.support.helicopter import VEHICLE, database
 from tests.support.helicopter_flight import fly
 
 
-def workspace(folder: Path, flights: list[Path]) -> Path:
+def workspace(folder: Path, flights: list[Path], theory: str = "") -> Path:
     """A workspace in which v0001 has no wake distortion, with these flights."""
     for name, text in (
-        ("vehicle", VEHICLE), ("rotor", database(0.0, 0.0)), ("model", 'parameters = ["Kp", "Kq"]\n'),
+        ("vehicle", VEHICLE), ("rotor", database(0.0, 0.0, theory)), ("model", 'parameters = ["Kp", "Kq"]\n'),
     ):  # fmt: skip
         (folder / f"{name}.toml").write_text(text)
     for words in (
@@ -59,6 +59,19 @@ def test_wake_distortion_is_found_and_mends_the_off_axis_response(tmp_path: Path
     assert after["Cl"] < 0.4 * before["Cl"]
     assert after["Cm"] < 0.4 * before["Cm"]
     assert asked(root, "flight", "show", flight.name)["verdict"] == "good"
+
+
+def test_an_estimate_that_theory_does_not_have_is_printed_beside_it(tmp_path: Path) -> None:
+    """In forward flight theory has no distortion, and fits of flights had some all the same."""
+    (flight,) = fly(tmp_path, [1], 20.0, kp=0.0, kq=1.6)
+    root = workspace(tmp_path, [flight], theory="0.0")
+    words = ("estimate", "--vehicle", "helicopter", "--model", str(tmp_path / "model.toml"))
+    done = aerodb(root, *words)
+    assert done.returncode == 0, done.stderr
+    said = [line for line in done.stdout.splitlines() if "theory has 0" in line]
+    assert len(said) == 1
+    assert "Kq is 1." in said[0]
+    assert "a good fit does not prove the name" in said[0]
 
 
 def test_intervals_hold_nothing_where_there_is_none(tmp_path: Path) -> None:

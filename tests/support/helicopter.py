@@ -88,12 +88,13 @@ _TERMS: Final = {
 }
 
 
-def database(kp: float, kq: float) -> str:
-    """Native TOML, with these wake distortion parameters."""
+def database(kp: float, kq: float, theory: str = "") -> str:
+    """Native TOML, with these wake distortion parameters, and what theory has for them."""
+    told = f", theory = {theory}" if theory else ""
     known = f"""\
 [parameters]
-Kp = {{ value = {kp}, bounds = [-2.0, 6.0], description = "wake distortion in roll" }}
-Kq = {{ value = {kq}, bounds = [-2.0, 6.0], description = "wake distortion in pitch" }}
+Kp = {{ value = {kp}, bounds = [-2.0, 6.0], description = "wake distortion in roll"{told} }}
+Kq = {{ value = {kq}, bounds = [-2.0, 6.0], description = "wake distortion in pitch"{told} }}
 """
     variables = "".join(
         f'{name} = {{ expression = "{text}" }}\n' for name, text in _VARIABLES.items()
