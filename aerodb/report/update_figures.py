@@ -108,7 +108,7 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         if shown:
             panel.plot(*zip(*shown, strict=True), ls="", **look)
             panel.set_xscale("log")
-    panel.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    panel.set_yticks(range(len(rows)), [row.get("label", row["axis"]) for row in rows])
     panel.set_ylim(len(rows) - 0.4, -0.6)
     plain_panel(panel)
     panel.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
@@ -116,7 +116,11 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
     panel.xaxis.set_minor_formatter(NullFormatter())
     panel.tick_params(axis="y", labelsize=9)
-    units = "[-]" if all(row["label"] == row["axis"] for row in rows) else "in the unit of each"
+    units = (
+        "[-]"
+        if all(row.get("label", row["axis"]) == row["axis"] for row in rows)
+        else "in the unit of each"
+    )
     panel.set_xlabel(f"rms of flight - model {units}")
     if rows:
         panel.legend(
