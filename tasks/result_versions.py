@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 6,
-    "conditioning": 14,
+    "conditioning": 15,
     "consistency": 23,
     "coefficients": 4,
     "compare": 6,

@@ -84,7 +84,7 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
         s for role, fit in fits.items() for s in _standing(flight, axes[role], fit, controls)
     ]
     listed += [each for each in standing if each.kind != UNMOVED]
-    if not listed and "roll" in fits:
+    if not listed and "roll" in fits and not vehicle.rotors:  # which damp it more than wings do
         listed += _damping(fits["roll"], vehicle)
     return (*listed, *(each for each in standing if each.kind == UNMOVED))
 

@@ -61,17 +61,20 @@ def test_wake_distortion_is_found_and_mends_the_off_axis_response(tmp_path: Path
     assert asked(root, "flight", "show", flight.name)["verdict"] == "good"
 
 
-def test_an_estimate_that_theory_does_not_have_is_printed_beside_it(tmp_path: Path) -> None:
-    """In forward flight theory has no distortion, and fits of flights had some all the same."""
-    (flight,) = fly(tmp_path, [1], 20.0, kp=0.0, kq=1.6)
-    root = workspace(tmp_path, [flight], theory="0.0")
+def test_at_speed_a_fit_has_what_theory_has_not(tmp_path: Path) -> None:
+    """At an advance ratio of .18 the wake is skewed, which the database has not, and is not distorted.
+    Published for the EC 135 there: Kp 1.1 from flight tests, 0 from theory, and "good match"."""
+    flights = fly(tmp_path, [1, 2], 30.0, kp=0.0, kq=0.0, speed=38.0)
+    root = workspace(tmp_path, flights, theory="0.0")
     words = ("estimate", "--vehicle", "helicopter", "--model", str(tmp_path / "model.toml"))
     done = aerodb(root, *words)
     assert done.returncode == 0, done.stderr
-    said = [line for line in done.stdout.splitlines() if "theory has 0" in line]
-    assert len(said) == 1
-    assert "Kq is 1." in said[0]
-    assert "a good fit does not prove the name" in said[0]
+    (said,) = [line for line in done.stdout.splitlines() if "theory has 0" in line]
+    assert "Kp is 0." in said
+    assert "a good fit does not prove the name" in said
+    for flight in flights:  # whose rotor damps roll more than a wing would
+        shown = aerodb(root, "flight", "show", flight.name, "-v")
+        assert "wing of aspect ratio" not in shown.stdout
 
 
 def test_intervals_hold_nothing_where_there_is_none(tmp_path: Path) -> None:

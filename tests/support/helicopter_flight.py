@@ -47,6 +47,9 @@ INVERSE: Final = np.linalg.inv(TENSOR)
 GYRO, ACCELEROMETER, VELOCITY, ATTITUDE = 0.003, 0.05, 0.05, 0.002
 #: Deflections of a hover: collective, lateral and longitudinal cyclic, pedal [rad].
 HOVER: Final = np.array([0.271, 0.003, 0.001, 0.097])
+#: The same at 38 m/s, advance ratio .18; roll and pitch attitude of both [rad].
+CRUISE: Final = np.array([0.242, 0.011, -0.056, 0.040])
+HOVER_ATTITUDE, CRUISE_ATTITUDE = np.array([-0.052, 0.0]), np.array([-0.021, -0.050])
 
 
 def _turn(euler: Array) -> Array:
@@ -59,7 +62,13 @@ def _turn(euler: Array) -> Array:
 
 
 def _derivative(
-    state: Array, azimuth: float, controls: Array, air: Array, kp: float, kq: float
+    state: Array,
+    azimuth: float,
+    controls: Array,
+    air: Array,
+    kp: float,
+    kq: float,
+    skewed: bool = False,
 ) -> tuple[Array, Array]:
     """Rates of the state (20, k) and the specific force (3, k). State: velocity over the earth, Euler
     angles, rates, flap angles and speeds of four blades [rad, rad/s], inflow."""
@@ -118,16 +127,32 @@ def _derivative(
     made[17] = OMEGA * 75 * np.pi / 128 * (thrust / size - 2.0 * total * l0)
     made[18] = OMEGA * 45 * np.pi / 16 * (load_s - mean * (ls - kp * (p / OMEGA - bs_rate)))
     made[19] = OMEGA * 45 * np.pi / 16 * (load_c - mean * (lc - kq * (q / OMEGA - bc_rate)))
+    if skewed:  # gains of a wake that leaves the disc at an angle, of sine `down`
+        down = np.clip(through / total, 0.0, 1.0)
+        side_k = 15 * np.pi / 64 * np.sqrt((1 - down) / (1 + down))
+        nought = np.zeros_like(down)
+        gains = np.array([
+            [nought + 0.5, nought, -side_k], [nought, 4 / (1 + down), nought],
+            [side_k, nought, 4 * down / (1 + down)],
+        ])  # fmt: skip
+        flow = np.array([total, 2 * mean, 2 * mean])
+        own = np.array([
+            l0, ls - kp * (p / OMEGA - bs_rate), lc - kq * (q / OMEGA - bc_rate)
+        ])  # fmt: skip
+        held = flow * np.linalg.solve(np.moveaxis(gains, -1, 0), own.T[..., None])[..., 0].T
+        masses = np.array([75 * np.pi / 128, 45 * np.pi / 16, 45 * np.pi / 16])[:, None]
+        made[17:20] = OMEGA * masses * (np.array([thrust / size, load_s, load_c]) - held)
     return made, body / MASS
 
 
 def fly(
     folder: Path, seeds: Sequence[int], seconds: float = 40.0, *, kp: float = 2.5, kq: float = 1.6,
-    gusts: float = 0.3,
+    gusts: float = 0.3, speed: float = 0.0,
 ) -> list[Path]:  # fmt: skip
     """Fly hovers under test inputs on both cyclics, one per seed, and write what is logged.
 
-    gusts : standard deviation [m/s].
+    gusts : standard deviation [m/s]. speed : ahead [m/s], 0 or 38, whose wake is skewed: what theory
+    has there for the gains, and the database has not.
     """
     k, steps = len(seeds), round(seconds / STEP)
     draws = [np.random.default_rng([4, seed]) for seed in seeds]
@@ -137,25 +162,31 @@ def fly(
     blow = np.array([d.standard_normal((steps, 3)) for d in draws])
     decay = np.exp(-STEP / 1.5)
     state = np.zeros((20, k))
-    state[3], state[9:13], state[17] = -0.052, 0.05, 0.05
+    tight = 2.5 if speed else 1.0
+    trimmed, attitude = (CRUISE, CRUISE_ATTITUDE) if speed else (HOVER, HOVER_ATTITUDE)
+    state[0], state[3:5] = speed, attitude[:, None]
+    state[9:13], state[17] = 0.05, 0.015 if speed else 0.05
     air = np.zeros((3, k))
     rows: list[tuple[Array, ...]] = []
-    controls = HOVER[:, None] + np.zeros(k)
+    controls = trimmed[:, None] + np.zeros(k)
     for number in range(steps):
         now = number * STEP
         dither = size * np.sin(omega * now + phase).sum(axis=1).T * min(1.0, now / 2.0)
         turn = _turn(state[3:6])
         u, v, w = np.einsum("ji...,j...->i...", turn, state[0:3])
         phi, theta, psi = state[3:6]
-        pitch, roll = np.clip(0.06 * u, -0.15, 0.15), -0.052 - np.clip(0.06 * v, -0.15, 0.15)
+        pitch, roll = (
+            np.clip(0.06 * (u - speed), -0.15, 0.15) + attitude[1],
+            attitude[0] - np.clip(0.06 * v, -0.15, 0.15),
+        )
         held = np.array([
             0.02 * w, -0.05 * (roll - phi) + 0.01 * state[6],
-            0.15 * (pitch - theta) - 0.04 * state[7], 0.1 * psi + 0.1 * state[8],
+            tight * (0.15 * (pitch - theta) - 0.04 * state[7]), 0.1 * psi + 0.1 * state[8],
         ])  # fmt: skip
         held_before = controls
-        controls = HOVER[:, None] + np.clip(held, -0.1, 0.1) + dither
+        controls = trimmed[:, None] + np.clip(held, -0.1, 0.1) + dither
         azimuth = OMEGA * now
-        first, pull = _derivative(state, azimuth, controls, air, kp, kq)
+        first, pull = _derivative(state, azimuth, controls, air, kp, kq, speed > 0.0)
         before, middle = state, state + 0.5 * STEP * first
         state = (
             state
