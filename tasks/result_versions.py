@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 15,
     "consistency": 23,
     "coefficients": 4,
-    "compare": 6,
+    "compare": 7,
     "import": 2,
     "fly": 4,
     "estimate": 11,

@@ -38,7 +38,7 @@ _MOST: Final = 8
 #: Variation, as a part of the largest value, below which a column is a constant.
 _STILL: Final = 1e-9
 #: Share of the standard deviation of all values between the bounds (their distance over sqrt(12))
-#: above which flights have told nothing of a parameter; as of priors in the regression.
+#: above which flights have told nothing of a parameter. Priors of the regression have the same.
 _NOTHING_TOLD: Final = 0.95
 
 

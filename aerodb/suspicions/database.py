@@ -39,6 +39,7 @@ from aerodb.suspicions.loads import (
     thrust_beside,
 )
 from aerodb.suspicions.mass_events import shift_beside
+from aerodb.suspicions.moments_in_time import moved_zeros
 from aerodb.suspicions.rotors import rotor_suspicions
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
@@ -104,6 +105,9 @@ def against_database(
         shared += cg_beside(axes, database.reference)
     rotors = rotor_suspicions(flight, database, measured, predicted, usable, bandwidth)
     jumps = shift_beside(flight, vehicle, measured, predicted, usable, bandwidth)
+    if not (lift or surfaces or shared or jumps):
+        slopes = {axis: each.slopes for axis, each in axes.items()}
+        surfaces = moved_zeros(flight, slopes, measured, predicted, usable)
     return (*lift, *surfaces, *pushed, *shared, *rotors, *jumps)
 
 

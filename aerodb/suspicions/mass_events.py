@@ -39,6 +39,8 @@ JUMPED: Final = "jump"
 LEAST: Final = 0.03
 #: Time to either side over which a jump must be there [s]: flaps and gear take seconds.
 SHARP: Final = 0.2
+#: Least change of a surface's channel from one sample to the next that is a jump [rad].
+SLIPPED: Final = float(np.deg2rad(0.25))
 #: Longest stretch that is fitted as one [s]: within it, fuel and configuration hardly change.
 LONGEST: Final = 60.0
 #: Loss of log-likelihood at the ends of an interval of 95 %: half of chi-squared of one degree of
@@ -154,9 +156,24 @@ def _clearest(flight: Flight, vehicle: Vehicle) -> tuple[_Stretch, _Jump] | None
     found = [
         (stretch, jump)
         for stretch in _stretches(flight, vehicle)
-        if (jump := _jump(stretch)) is not None
+        if (jump := _jump(stretch)) is not None and not _surface_jumps(flight, stretch, jump)
     ]
     return max(found, key=lambda each: each[1].gain, default=None)
+
+
+def _surface_jumps(flight: Flight, stretch: _Stretch, jump: _Jump) -> bool:
+    """Whether a surface's channel jumps there as it does nowhere else: then the channel changed,
+    and the lift that it seems to have lost is no mass."""
+    first, last = max(jump.at - 2, 0), jump.at + 2
+    for name in flight.channels:
+        if not is_surface(name):
+            continue
+        steps = np.abs(np.diff(flight[name][stretch.samples]))
+        here = steps[first:last]
+        others = np.concatenate([steps[:first], steps[last:]])
+        if here.size and others.size and here.max() > max(2.0 * float(others.max()), SLIPPED):
+            return True
+    return False
 
 
 def _stretches(flight: Flight, vehicle: Vehicle) -> list[_Stretch]:

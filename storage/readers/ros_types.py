@@ -71,7 +71,7 @@ def definition_of(kind: str) -> str | None:
     texts, queue = {name: _TYPES[name]}, [name]
     while queue:
         for line in _TYPES[queue.pop()].splitlines():
-            inner = line.split(" ", 1)[0]
+            inner = line.split()[0]
             if inner in _TYPES and inner not in texts:
                 texts[inner] = _TYPES[inner]
                 queue.append(inner)

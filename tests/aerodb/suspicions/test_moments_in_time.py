@@ -1,0 +1,121 @@
+"""Moments that part from the database with time: measured flights beside published derivatives and
+flights that obey their database, each with a change planted in a surface's channel."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.suspicions import limits_flight
+from aerodb.suspicions.mass_events import mass_event_suspicions
+from aerodb.vehicle import add_combinations
+from tests.campaigns.corrupted import measured as measured_pairs
+from tests.campaigns.corrupted import noticed_beside
+from tests.campaigns.corruptions import Pair, of_role
+from tests.campaigns.databases import database_of
+from tests.support import effect_flights
+
+FOUR = np.deg2rad(4.0)
+Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def flight() -> Pair:
+    own = effect_flights.vehicle()
+    flown = effect_flights.flown(2, effect_flights.database())
+    return Pair("taxi", flown, own, database_of(own))
+
+
+@pytest.fixture
+def record(measured: Callable[[str], Path]) -> Pair:
+    folder = measured("README.md").parent
+    return next(pair for pair in measured_pairs(folder) if "hfb320" in pair.name)
+
+
+def changed(pair: Pair, role: str, change: Change) -> Pair:
+    """The channels of a role after a change of deflection and share of the flight (0 to 1)."""
+    flight = pair.flight
+    share = (flight.time - flight.time[0]) / np.ptp(flight.time)
+    made = {name: change(flight[name], share) for name in of_role(pair, role)}
+    return replace(pair, flight=add_combinations(flight.with_channels(made), pair.vehicle))
+
+
+def drifted(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return d + FOUR * share
+
+
+def jumped(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return d + FOUR * (share > 0.4)
+
+
+def reversed_(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return np.where(share > 0.4, -d, d)
+
+
+def clipped(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+    middle = np.median(d)
+    most = 0.4 * np.max(np.abs(d - middle))
+    return np.clip(d, middle - most, middle + most)
+
+
+def held(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+    where = (share > 0.4) & (share < 0.6)
+    return np.where(where, d[np.argmax(where)], d)
+
+
+def test_right_flights_raise_nothing(flight: Pair, record: Pair) -> None:
+    assert noticed_beside(flight) == ()
+    assert noticed_beside(record) == ()
+
+
+@pytest.mark.parametrize("change", [drifted, jumped])
+def test_a_zero_that_moves_in_a_measured_flight(record: Pair, change: Change) -> None:
+    """HFB-320 beside its published derivatives (Jategaonkar, Flight Vehicle System Identification,
+    2015)."""
+    found = [s for s in noticed_beside(changed(record, "pitch", change)) if s.kind == "zero"]
+    (said,) = found
+    assert said.channel == "delta_elevator"
+    assert limits_flight(said)
+
+
+@pytest.mark.parametrize("change", [drifted, jumped])
+def test_a_zero_that_moves_is_told_with_its_size(flight: Pair, change: Change) -> None:
+    (said,) = noticed_beside(changed(flight, "pitch", change))
+    assert (said.channel, said.kind) == ("delta_elevator", "zero")
+    # The channel shows four degrees more, which the moment lacks.
+    assert said.evidence["change"] == pytest.approx(-FOUR, rel=0.15)
+
+
+@pytest.mark.parametrize(("role", "name"), [("pitch", "elevator"), ("yaw", "rudder")])
+def test_a_surface_whose_effect_turns_is_told_with_its_time(
+    flight: Pair, role: str, name: str
+) -> None:
+    """One that `flight ingest` sees already is not looked for again."""
+    (said,) = noticed_beside(changed(flight, role, reversed_))
+    assert said.channel.startswith(f"delta_{name}")
+    assert said.kind in ("changed", "sign")
+    if said.kind == "changed":
+        assert said.evidence["change"] == pytest.approx(-2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("change", [clipped, held])
+def test_a_channel_that_stands_still_for_a_while(flight: Pair, change: Change) -> None:
+    (said,) = noticed_beside(changed(flight, "pitch", change))
+    assert (said.channel, said.kind) == ("delta_elevator", "stuck")
+    assert "stands still" in said.sentence
+
+
+def test_a_surface_that_stands_while_nothing_happens_is_none(flight: Pair) -> None:
+    """What rests exactly, and was flown so."""
+    own = flight.flight
+    rest = {name: np.round(own[name], 1) for name in of_role(flight, "yaw")}
+    quiet = {name: np.zeros_like(values) for name, values in rest.items()}
+    assert all(s.kind != "stuck" or s.channel.startswith("delta_rudder")
+               for s in noticed_beside(replace(flight, flight=own.with_channels(quiet))))  # fmt: skip
+
+
+def test_a_jump_of_a_channel_is_no_mass(flight: Pair) -> None:
+    made = changed(flight, "pitch", jumped)
+    assert mass_event_suspicions(made.flight, made.vehicle) == ()
