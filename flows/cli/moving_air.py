@@ -1,5 +1,6 @@
 """``aerodb flight turbulence`` and ``flight wake``: gusts, and vortices of other aircraft."""
 
+from collections.abc import Mapping
 from math import pi
 from typing import Annotated, Any
 
@@ -48,6 +49,7 @@ def turbulence(
                 f" up to {document['highest']:g} Hz",
             )
         ],
+        _flown_through("turbulence", _gusts_as_stated(document), row.vehicle) if strongest else "",
     )
     session.say()
     session.table(
@@ -112,6 +114,16 @@ def wake(
             )
             if document[name] is not None
         ],
+        next(
+            (
+                _flown_through(
+                    "wake", _wake_as_stated(each["wake"]), catalogue.flight(label).vehicle
+                )
+                for label, each in zip(flights, document["encounters"], strict=True)
+                if each["wake"] is not None
+            ),
+            "",
+        ),
     )
     session.say()
     names = ("circulation", "core_radius", "spacing", "right", "below", "heading")
@@ -138,6 +150,29 @@ def wake(
         for note in each["notes"]:
             session.say(f"- {label}: {note}")
     session.answer(document)
+
+
+def _flown_through(table: str, stated: Mapping[str, str], vehicle: str) -> str:
+    """What to write into a manoeuvre file, and the command that flies a version through it."""
+    keys = ", ".join(f'{key} = "{value}"' for key, value in stated.items())
+    fly = f"aerodb version fly released --vehicle {vehicle} --manoeuvre FILE"
+    return f"add {table} = {{ {keys} }} on top of a manoeuvre file; then {fly}"
+
+
+def _gusts_as_stated(document: Mapping[str, Any]) -> dict[str, str]:
+    """Form, and the strongest component's intensity and scale, as a manoeuvre file states them."""
+    told = [each for each in document["components"] if each["intensity"]["value"] is not None]
+    strongest = max(told, key=lambda each: each["intensity"]["value"])
+    stated = {"form": document["form"], "intensity": f"{strongest['intensity']['value']:.3g} m/s"}
+    scale = strongest["scale"]["value"]
+    return stated if scale is None else stated | {"scale": f"{scale:.3g} m"}
+
+
+def _wake_as_stated(pair: Mapping[str, Any]) -> dict[str, str]:
+    """A vortex pair as a manoeuvre file states it, its axis 300 m ahead of the start."""
+    units = {"circulation": "m^2/s", "core_radius": "m", "spacing": "m"}
+    sizes = {name: f"{pair[name]['value']:.3g} {unit}" for name, unit in units.items()}
+    return ({"core": pair["core"]} if pair["core"] else {}) | sizes | {"ahead": "300 m"}
 
 
 def _measured(estimate: dict[str, Any], name: str) -> str:

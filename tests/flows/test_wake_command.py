@@ -1,6 +1,7 @@
 """A wake that logs of several flights show: from the file, through ingest and reconstruction, to the
 vortex pair."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -127,3 +128,19 @@ def test_a_stretch_that_does_not_tell_an_intensity_has_no_value(
     assert any(each["intensity"]["value"] is not None for each in found["components"])
     text = aerodb(workspace, "flight", "turbulence", ids[3]).stdout
     assert "m/s rms" in text.splitlines()[0]
+
+
+@pytest.mark.parametrize("asks", ["wake", "turbulence"])
+def test_what_a_flight_met_is_flown_again_by_the_line_that_is_printed(
+    flights: tuple[Path, list[str]], tmp_path: Path, asks: str
+) -> None:
+    workspace, ids = flights
+    printed = aerodb(workspace, "flight", asks, ids[0]).stdout
+    (line,) = (line for line in printed.splitlines() if line.strip().startswith("next"))
+    stated, _, command = line.strip().removeprefix("next").strip().partition("; then ")
+    file = tmp_path / "again.toml"
+    (text,) = re.findall(rf"{asks} = {{.*}}", stated)
+    file.write_text(f'{text}\n[trim]\nV = "55 m/s"\naltitude = "1000 m"\n', encoding="utf-8")
+    words = command.replace("FILE", str(file)).replace("released", "v0001").split()[1:]
+    flown = aerodb(workspace, *words)
+    assert flown.returncode == 0, flown.stderr
