@@ -23,6 +23,8 @@ LONGEST = (
     "test_orphans.py",
     "test_serve.py",
     "test_closed_loop_jsbsim.py",
+    "test_ground_roll_commands.py",
+    "test_roll_search.py",
     "test_guides.py",
     "test_console_browser.py",
     "test_inbox.py",
