@@ -22,7 +22,7 @@ from aerodb.support import Array
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER
-from aerodb.suspicions.in_flight import flying
+from aerodb.suspicions.in_flight import HUGE, flying
 from aerodb.suspicions.surfaces import role_of
 
 #: Kind of a suspicion of a zero that moves.
@@ -91,7 +91,7 @@ def _moved(
     for each in flight.channels:
         if (each in STATES or is_surface(each)) and np.ptp(flight[each][good]) > 0.0:
             thin[each] = averaged(flight[each], every)
-    inside = np.logical_and.reduce([np.isfinite(values) for values in thin.values()])
+    inside = np.logical_and.reduce([np.abs(values) < HUGE for values in thin.values()])
     time = averaged(flight.time, every)
     if inside.sum() < max(FEWEST, 2.0 * SETTLED / (every * flight.step)):
         return None
