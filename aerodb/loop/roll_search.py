@@ -2,8 +2,10 @@
 
 Each parameter is freed by itself beside the wind and the start of each roll. The one that explains
 most enters, and the others are tested beside it, until none is left that differs from the database
-at the level of the closed loop, corrected for all that are tested. What explains the rolls as well
-is named with it, the drag of the air among them: it is a constant of CX that slows a roll.
+at the rate of a difference (`DIFFERENCE`), corrected for all that are tested. Few rolls have few
+degrees of freedom to show a model that is off by a little; at 5 % such a one was suspected. What
+explains the rolls as well is named with it, the drag of the air among them: it is a constant of CX
+that slows a roll.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +20,7 @@ from aerodb.identification import Rolls, bounded_roll_fit, roll_fit
 from aerodb.loop.accept import Accept
 from aerodb.support import DIFFERENCE, HINT, likelihood_gain, standard_errors
 from aerodb.tables import AeroDatabase, Parameter, Term, Variable, parse
-from aerodb.tracing import Finding, NotFound, TracingSettings, Verdict, Vote
+from aerodb.tracing import Finding, NotFound, Verdict, Vote
 
 #: Name of the drag of the air [-] that is tested beside the legs.
 AIR_DRAG: Final = "drag_of_the_air"
@@ -144,8 +146,7 @@ class _Search:
     def _best(self, fits: Mapping[str, Fit]) -> tuple[str, list[str]] | None:
         """The most likely of those that differ from the database, and what explains as much; None
         where none does."""
-        level = TracingSettings().level
-        differing = [n for n, fit in fits.items() if self._adjusted(n, fit) < level]
+        differing = [n for n, fit in fits.items() if self._adjusted(n, fit) < DIFFERENCE]
         differing.sort(key=lambda n: -fits[n].log_likelihood)
         for name in differing:
             # A likelihood that is no parabola has no standard error.
@@ -153,7 +154,7 @@ class _Search:
                 continue
             # Flights that differ among themselves by as much tell of no error of the database.
             votes = self._votes(name, fits[name])
-            if self._adjusted(name, fits[name], _scatter(votes)) >= level:
+            if self._adjusted(name, fits[name], _scatter(votes)) >= DIFFERENCE:
                 low, high = (f(v.value for v in votes) for f in (min, max))
                 self.notes[name] = (
                     f"flights want {_words(name)} changed by {low:.3g} to {high:.3g}: they differ"
@@ -243,7 +244,7 @@ class _Search:
         known = self.database.variables[name].parameter
         ends = (-np.inf, np.inf) if known is None else known.bounds
         sound = fit.converged and each.standard_error > 0.0
-        level = TracingSettings().level / len(self.tested)
+        level = DIFFERENCE / len(self.tested)
         return NotFound(
             hypothesis=_id(name),
             effect=_EFFECT,

@@ -109,14 +109,10 @@ def test_a_wrong_drag_of_the_air_is_no_friction() -> None:
 
 @pytest.mark.heavy
 def test_a_right_friction_is_left_alone(trials: Callable[[int, int], int]) -> None:
-    """Nothing is claimed in 95 of 100 campaigns of two rolls, one of them in a crosswind.
-
-    JSBSim's gear and the legs differ by .03 % in distance, which is half a standard error here: so
-    a suspicion is a little more frequent than the level of 5 %, and never an addition.
-    """
+    """Nothing is claimed, not even as a suspicion, in 95 of 100 campaigns of two rolls, one of them
+    in a crosswind."""
     campaigns = trials(REDUCED, FULL)
     searches = [searched(0.22, (CROSS, CALM), 2 * k) for k in range(campaigns)]
     found = [[(each.hypothesis, each.verdict) for each in search.findings] for search in searches]
-    print("suspected:", [each for each in found if each])
-    assert sum(bool(search.added) for search in searches) <= campaigns // 20
-    assert sum(map(bool, found)) <= campaigns // 8
+    print("claimed:", [each for each in found if each])
+    assert sum(map(bool, found)) <= campaigns // 20
