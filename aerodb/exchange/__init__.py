@@ -11,6 +11,7 @@ MAT (arrays)       import_mat       export_mat      yes, checked on import
 NetCDF (arrays)    import_netcdf    export_netcdf   yes, checked on import
 Codes (aero_codes) import_code      export_sitl,    none
                                     export_gazebo
+Motors of Gazebo   read_motors      export_motors   none
 
 Every reader takes the content of a file and returns an `aerodb.tables.AeroDatabase`; every writer
 takes an AeroDatabase and returns the content of a file. No function here opens a file.
@@ -33,13 +34,19 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .aero_codes import (
         KnownVehicle,
+        MotorModel,
         code_of,
         differences,
         export_gazebo,
+        export_motors,
         export_sitl,
+        has_rotors,
         import_code,
+        motor_database,
         project_gazebo,
+        project_motors,
         project_sitl,
+        read_motors,
     )
     from .arrays import (
         CSV_HEAD,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .expand import KINDS, Expansion, expand
+    from .expand import KINDS, Expansion, expand, rotors_of
     from .leg import STANDING, contact_points
     from .rotor import beyond_tilt, command_ranges
     from .section import flap_effectiveness

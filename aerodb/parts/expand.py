@@ -84,6 +84,17 @@ def expand(
     return Expansion(motion | variables, terms)
 
 
+def rotors_of(parts: Mapping[str, Any]) -> dict[str, rotor.Rotor]:
+    """Return the rotors of parts [SI] by what their variables begin with; a mirrored one has two.
+    Raises InputError as `expand`."""
+    return {
+        writer.name: sided
+        for entry, name, place in (_entry(name, part) for name, part in parts.items())
+        for sided, writer in _sides(entry, name, place)
+        if isinstance(sided, rotor.Rotor)
+    }
+
+
 def _entry(name: str, part: Any) -> tuple[Entry, str, str]:
     """A part as its kind reads it, its name, and its place in the file."""
     place = f"[parts.{name}]"

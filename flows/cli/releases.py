@@ -205,7 +205,10 @@ def export(
     )
     if format == "jsbsim":
         _say_mass_and_merge(session, document)
-    if largest := document["differences"]:
+    for note in document["notes"]:
+        session.say(note)
+    largest = document["differences"]
+    if largest and not document["notes"]:
         said = ", ".join(f"{axis} {value:.2g}" for axis, value in largest.items())
         session.say(f"what this form cannot hold, -4 to 8 deg, sideslip to 3 deg: {said}")
     session.answer(document)

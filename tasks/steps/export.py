@@ -18,9 +18,11 @@ from aerodb.exchange import (
     export_gazebo,
     export_jsbsim,
     export_mat,
+    export_motors,
     export_netcdf,
     export_sitl,
     from_document,
+    has_rotors,
     import_code,
     import_csv,
     import_daveml,
@@ -30,9 +32,12 @@ from aerodb.exchange import (
     jsbsim_check_cases,
     mass_balance_of,
     merge_jsbsim,
+    motor_database,
     over_dynamic_pressure,
     project_gazebo,
+    project_motors,
     project_sitl,
+    read_motors,
     states_for_jsbsim,
     without_states,
 )
@@ -42,6 +47,7 @@ from aerodb.storage.limits import Limits
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.storage.writers import agreement_in_jsbsim, jsbsim_is_installed
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, make_check_cases
 from aerodb.tasks.workspace_access import WorkspaceAccess
 from aerodb.vehicle import MASS_CHANNELS, Vehicle, full_travels, parse_vehicle
@@ -160,7 +166,8 @@ def export_version(
     into: Path | None = None,
 ) -> dict[str, Any]:
     """Write a version to `output`; document: version, label, format, file, bytes, check_cases,
-    checked, and for JSBSim mass (kg, cg, inertia, source; None if not known) and into.
+    checked, differences (axis -> largest), notes (sentences on Gazebo's motors), and for JSBSim
+    mass (kg, cg, inertia, source; None if not known) and into.
 
     into : a JSBSim aircraft file whose aerodynamics are replaced in what is written; `output` None:
     beside it, with the version's label in its name. `into` in the document: the file, lost (what
@@ -184,11 +191,25 @@ def export_version(
         from_document(json.loads(catalogue.version_documents(version.id).content))
     )
     held: dict[str, float] = {}
-    if form.project is not None:
+    notes: tuple[str, ...] = ()
+    name = f"{version.vehicle}-{version.label}"
+    if format == "gazebo" and has_rotors(database):
+        described = parse_vehicle(catalogue.vehicle(version.vehicle).text, version.vehicle)
+        lags = {rotor: logged.lag for rotor, logged in described.rotors.items() if logged.lag}
+        flown = _flown(workspace, catalogue, version.vehicle, database)
+        motors = project_motors(database, flown, lags.get)
+        held, notes = dict(motors.largest), motors.notes
+        form = Form(
+            make_check_cases,
+            lambda _database, name, _cases, _mass: export_motors(motors.motors, name, notes),
+            read_motors,
+        )
+        database = motor_database(motors.motors, name)
+    elif form.project is not None:
         described = parse_vehicle(catalogue.vehicle(version.vehicle).text, version.vehicle)
         model = form.project(database, described)
         held, database = differences(database, model), model
-    name, cases = f"{version.vehicle}-{version.label}", form.cases(database)
+    cases = form.cases(database)
     mass = _mass(workspace, catalogue, version.vehicle) if format == "jsbsim" else None
     data = archive(database, cases) if archive else form.write(database, name, cases, mass)
     received = form.receive(database, data, cases, load_settings(workspace.root).limits)
@@ -208,6 +229,7 @@ def export_version(
         "check_cases": len(cases),
         "checked": " ".join(filter(None, (f"read back, {len(cases)} check cases pass", received))),
         "differences": held,
+        "notes": list(notes),
     }
     if format == "jsbsim":
         document["mass"] = None if mass is None else asdict(mass)
@@ -226,6 +248,27 @@ def _aircraft(path: Path) -> bytes:
         raise InputError(
             f"it cannot be read: {error}", str(path)[:200], "name a JSBSim aircraft file"
         ) from error
+
+
+def _flown(
+    workspace: Workspace, catalogue: Catalogue, vehicle: str, database: AeroDatabase
+) -> tuple[str, dict[str, Array]] | None:
+    """Name and channels (n,) of the newest flight that has all inputs of a database; None without
+    such a flight."""
+    access = WorkspaceAccess(workspace, catalogue)
+    needed = database.flight_inputs
+    for flight in reversed(catalogue.flights(vehicle)):
+        stored = catalogue.results_of(flight.id, "ingest")
+        if flight.retracted_utc is not None or not stored:
+            continue
+        recorded = read_flight(access.file_of(stored[-1].path))
+        if all(name in recorded for name in needed):
+            values = {name: np.asarray(recorded[name]) for name in needed}
+            known = np.all([np.isfinite(x) for x in values.values()], axis=0)
+            if np.any(known):
+                over = f"{np.count_nonzero(known)} samples of {access.name_of(flight)}"
+                return over, {name: x[known] for name, x in values.items()}
+    return None
 
 
 def _mass(workspace: Workspace, catalogue: Catalogue, vehicle: str) -> MassBalance | None:
