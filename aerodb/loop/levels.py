@@ -74,8 +74,8 @@ class UnexplainedLevel:
     """The constant of an axis that the candidate leaves.
 
     constant : mean over flights of measured - predicted. spread : its standard deviation between
-    flights, None with one. share : part of the axis' mean square error that the flights' constants
-    are. floor : rms that the right database would leave. rivals : believable ones, the least
+    flights, None with one. share : part of the axis' mean square error that it is, or that the
+    flights' constants are where they follow a condition. floor : rms that the right database would leave. rivals : believable ones, the least
     unlikely first. conditions : what the constants follow, the best first; empty where they are
     alike, or follow none.
     """
@@ -121,14 +121,15 @@ def unexplained_levels(
         )
         sigma = np.array([floors[view.flight][axis].total for view in views if axis in view.usable])
         conditions = _conditions(axis, means, sigma, views, library.hypotheses)
-        if not conditions and level**2 <= _SHARE * error**2:
+        told = rms(means) if conditions else abs(level)
+        if told**2 <= _SHARE * error**2 or told <= _FLOORS * floor:
             continue
         normal_equations = in_threads(
             lambda id: source.normal_equations(id, candidate, library), flights
         )
         tests = cross_flight_tests(normal_equations, library.hypotheses, library.settings)
         rivals = () if conditions else _rivals(axis, level, views, tests)
-        share = rms(means) ** 2 / error**2
+        share = told**2 / error**2
         found.append(UnexplainedLevel(axis, level, spread, share, floor, rivals, conditions))
     return tuple(found)
 
