@@ -75,9 +75,9 @@ class UnexplainedLevel:
 
     constant : mean over flights of measured - predicted. spread : its standard deviation between
     flights, None with one. share : part of the axis' mean square error that it is, or that the
-    flights' constants are where they follow a condition. floor : rms that the right database would leave. rivals : believable ones, the least
-    unlikely first. conditions : what the constants follow, the best first; empty where they are
-    alike, or follow none.
+    flights' constants are where they follow a condition. floor : rms that the right database would
+    leave. rivals : believable ones, the least unlikely first. conditions : what the constants
+    follow, the best first; empty where they are alike, or follow none.
     """
 
     axis: str
@@ -100,13 +100,14 @@ def unexplained_levels(
     found: list[UnexplainedLevel] = []
     floors: dict[str, dict[str, NoiseFloor]] = {}  # sought where a level is large: they take long
     for axis in AXES:
-        residuals = [
-            each.residual(axis)[each.usable[axis]]
-            for each in compared
+        shown = {
+            id: each.residual(axis)[each.usable[axis]]
+            for id, each in zip(flights, compared, strict=True)
             if axis in each.usable and each.usable[axis].any()
-        ]
-        if not residuals:
+        }
+        if not shown:
             continue
+        residuals = list(shown.values())
         means = np.array([each.mean() for each in residuals])
         level, error = float(means.mean()), rms(np.concatenate(residuals))
         if rms(means) ** 2 <= _SHARE * error**2:
@@ -119,8 +120,9 @@ def unexplained_levels(
         views = in_threads(
             lambda id: source.view(id, candidate, library.settings.bandwidth), flights
         )
-        sigma = np.array([floors[view.flight][axis].total for view in views if axis in view.usable])
-        conditions = _conditions(axis, means, sigma, views, library.hypotheses)
+        sigma = np.array([floors[flight][axis].total for flight in shown])
+        seen = [view for view in views if view.flight in shown]
+        conditions = _conditions(axis, means, sigma, seen, library.hypotheses)
         told = rms(means) if conditions else abs(level)
         if told**2 <= _SHARE * error**2 or told <= _FLOORS * floor:
             continue
@@ -141,8 +143,9 @@ def _conditions(
     views: Sequence[FlightView],
     hypotheses: Sequence[Hypothesis],
 ) -> tuple[LevelCondition, ...]:
-    """What the levels (g,) of an axis follow, known to sigma (g,): conditions beside which they are
-    alike, while without they are not; or beside which little of their spread is left.
+    """What the levels (g,) of an axis in these flights follow, known to sigma (g,): conditions
+    beside which they are alike, while without they are not; or beside which little of their spread
+    is left.
 
     Weighted least squares. The first are tests of chi-square with known variances, the second an F
     test (Bevington & Robinson, Data Reduction and Error Analysis, 3rd ed., chapters 6 and 11).
@@ -152,12 +155,11 @@ def _conditions(
     spread = float(weight @ apart**2)
     if len(levels) < _FLIGHTS or chdtrc(dof + 1, spread) > DIFFERENCE:
         return ()
-    shown = [view for view in views if axis in view.usable]
     found = []
-    for name, means in conditions_of(shown).items():
-        if len(means) < len(shown):
+    for name, means in conditions_of(views).items():
+        if len(means) < len(views):
             continue
-        at = np.array([means[view.flight] for view in shown])
+        at = np.array([means[view.flight] for view in views])
         off = at - weight @ at / weight.sum()
         slope = float(weight @ (off * apart) / (weight @ off**2))
         left = float(weight @ (apart - slope * off) ** 2)
@@ -166,7 +168,7 @@ def _conditions(
             continue
         pairs = tuple((float(x), float(y)) for x, y in sorted(zip(at, levels, strict=True)))
         error = float((max(1.0, left / dof) / (weight @ off**2)) ** 0.5)
-        effects = _driven_by(name, axis, shown[0], hypotheses)
+        effects = _driven_by(name, axis, views[0], hypotheses)
         found.append((left, LevelCondition(name, slope, error, pairs, effects)))
     return tuple(condition for _, condition in sorted(found, key=lambda pair: pair[0]))
 
