@@ -5,9 +5,8 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.report.glossary import effect_words, in_words, rejected, with_true_signs
+from aerodb.report.glossary import capital, effect_words, in_words, rejected, with_true_signs
 from aerodb.report.numbers import for_people
-from aerodb.report.page import capital
 from aerodb.report.style import picture
 from aerodb.report.update_figures import forest_figure, voter
 

@@ -208,6 +208,11 @@ def channel_words(name: str) -> str:
     return _WORDS.get(name, name.removeprefix("delta_").replace("_", " "))
 
 
+def capital(text: str) -> str:
+    """Return a sentence with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def listed(entries: Sequence[str]) -> str:
     """Join entries to a list in a sentence; empty if there are none.
 

@@ -5,9 +5,8 @@ the document.
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.report.glossary import channel_words, hypothesis_words, listed
+from aerodb.report.glossary import capital, channel_words, hypothesis_words, listed
 from aerodb.report.numbers import display_unit, number
-from aerodb.report.page import capital
 from aerodb.units import UnitSystem
 
 #: Body axis -> axis on which a database declares what follows a condition.

@@ -12,10 +12,9 @@ from aerodb.loop import SensorRival, StallWindow, UnexplainedLevel
 from aerodb.nomenclature import AXES
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
-from aerodb.report.glossary import hypothesis_words, listed
+from aerodb.report.glossary import capital, hypothesis_words, listed
 from aerodb.report.levels import followed, likely, to_declare
 from aerodb.report.numbers import for_people
-from aerodb.report.page import capital
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 from aerodb.units import SI
 

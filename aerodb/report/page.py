@@ -16,6 +16,7 @@ from markupsafe import Markup
 from aerodb.errors import InputError
 from aerodb.report.glossary import (
     advice_words,
+    capital,
     channel_words,
     hypothesis_words,
     in_words,
@@ -120,11 +121,6 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 def words(text: str) -> str:
     """An identifier as words: ``not_excited`` becomes ``not excited``."""
     return text.replace("_", " ")
-
-
-def capital(text: str) -> str:
-    """A sentence with a capital first letter."""
-    return text[:1].upper() + text[1:]
 
 
 def full_stop(text: str) -> str:
