@@ -3,7 +3,6 @@
 from typing import Final
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from aerodb.flight import Flight
 from aerodb.nomenclature import POSITIONS, WHEELS
@@ -27,6 +26,8 @@ def ground_speed(flight: Flight) -> Array | None:
     window = min(round(_SPEED_WINDOW / flight.step) | 1, (len(flight.time) - 1) // 2 * 2 - 1)
     if window < 5:
         return None
+    from scipy.signal import savgol_filter  # slow to import
+
     slopes = [savgol_filter(_filled(each), window, 2, 1, flight.step) for each in place.values()]
     return np.hypot(*slopes)
 
