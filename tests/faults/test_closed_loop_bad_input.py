@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from aerodb.errors import InputError
 from aerodb.flows.cli.main import app
 from aerodb.remarks import of_error, said
-from aerodb.tasks.steps.update import _by_itself, _incomparable, _none_usable, _rejected
+from aerodb.tasks.steps.update import _incomparable, _none_usable, _rejected, by_itself
 from tests.faults.test_bad_input import everything
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -154,7 +154,7 @@ def test_one_reason_of_many_flights_is_said_once() -> None:
         for flight, error in errors.items()
     ]
     excluded += [_rejected(f"{k:064x}", [said(f"V remains {k} m/s")]) for k in range(40, 50)]
-    excluded += [_by_itself("a" * 64, "retracted: iced"), _by_itself("b" * 64, "retracted: bird")]
+    excluded += [by_itself("a" * 64, "retracted: iced"), by_itself("b" * 64, "retracted: bird")]
     assert str(_none_usable("my-glider", excluded)).splitlines() == [
         "update of my-glider: no usable flight: 40 of 52 database db needs delta_flap; 10 of 52"
         " rejected by the check of consistency; 1 of 52 retracted: iced; 1 other reason",
