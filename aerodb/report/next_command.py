@@ -11,6 +11,8 @@ from aerodb.report.levels import to_declare
 
 #: Most measurements that a sentence names, and effects that are accepted one by one.
 _MOST: Final = 3
+#: Options of `close-loop` that `update` has too.
+_OF_UPDATES: Final = ("--baseline", "--flights", "--hold-out", "--select")
 #: Verdict of a finding -> the option of `close-loop` that adds it all the same.
 OPTIONS: Final = {
     "suspected": "--accept-suspected",
@@ -74,8 +76,9 @@ def next_step(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
     if document["candidate"]:
         return f"aerodb version gate {document['label']} --vehicle {document['vehicle']}"
     if model := to_declare(document.get("levels", ())):
-        update = f"aerodb update --vehicle {document['vehicle']} --model FILE"
-        return f"write a model file, {model}; then {update}"
+        shared = [option for option in given if option.split()[0] in _OF_UPDATES]
+        words = ["aerodb update --vehicle", document["vehicle"], *shared, "--model FILE"]
+        return f"write a model file, {model}; then {' '.join(words)}"
     wanted = measurements(document)
     if wanted and (not to_try(document) or document["findings"][0].get("wanted")):
         sizes = [f"{name} to {size}" if size else name for name, size in wanted.items()]

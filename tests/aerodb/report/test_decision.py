@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from aerodb.increments.model_file import parse_model_file
 from aerodb.remarks import REFUSED
 from aerodb.report.decision import decision
 from aerodb.report.next_command import to_try
@@ -49,6 +50,36 @@ def test_a_version_says_change_proof_gate_and_next_command() -> None:
     assert told(document)["gate"] == ("it is released",)
     assert lines["left"][0].startswith("Cm ")
     assert lines["next"][0].startswith(f"aerodb version gate {document['label']} --vehicle")
+
+
+def test_levels_that_follow_a_condition_come_first_with_the_model_that_estimates_them() -> None:
+    """The command has those options of the loop that an update has; a level that follows nothing is
+    no step."""
+    follows = {
+        "condition": "mach",
+        "slope": -0.5,
+        "standard_error": 0.05,
+        "levels": [[0.541, 0.045], [0.583, 0.0236], [0.618, 0.0069]],
+        "effects": ["mach_effect@C_lift"],
+    }
+    level = {"axis": "CZ", "constant": 0.025, "spread": 0.019, "share": 0.9, "floor": 0.003}
+    document = loop([], [], [proof("CZ", 0.03, 0.03, noise_floor=0.003)])
+    document["levels"] = [{**level, "rivals": [], "conditions": [follows]}]
+    given = ("--baseline v0002", "--accept-suspected all", "--hold-out none")
+    made = decision(document, given=given)
+    assert "what the database lacks on CZ differs from flight to flight" in made.verdict
+    lines = dict(made.lines)
+    assert lines["strongest"][0].endswith("follows Mach number: 0.045 at 0.541 to 0.0069 at 0.618")
+    (step,) = lines["next"]
+    model, _, command = step.removeprefix("write a model file, ").partition("; then ")
+    (increment,) = parse_model_file(model).increment
+    assert (increment.axis, increment.terms[-1]) == ("C_lift", "alpha*mach^2")
+    vehicle = document["vehicle"]
+    assert command == (
+        f"aerodb update --vehicle {vehicle} --baseline v0002 --hold-out none --model FILE"
+    )
+    document["levels"] = [{**level, "rivals": [], "conditions": []}]
+    assert "model file" not in "".join(dict(decision(document).lines).get("next", ()))
 
 
 def test_what_became_worse_and_what_the_gate_refuses_is_in_the_lines() -> None:
