@@ -162,11 +162,12 @@ def with_gate(document: dict[str, Any], *, workspace: str, run: str) -> dict[str
 
 
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
-    """Undo the last standing move of `name` by a new event; calling it twice undoes two moves.
+    """Undo the last standing move of `name` by a new event.
 
     Twice in a row by one user for one reason is one roll-back, whose command was killed and runs
-    again: nothing is moved then. Returns a document as `promote` does. Raises InputError if there
-    is no earlier version, and GateRefusal if the earlier version has changed since it was stored.
+    again: nothing is moved then. Another reason undoes the move before. Returns a document as
+    `promote` does. Raises InputError if there is no earlier version, and GateRefusal if the earlier
+    version has changed since it was stored.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue

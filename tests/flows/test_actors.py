@@ -3,6 +3,7 @@
 import json
 import os
 import pwd
+import re
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from aerodb.storage.workspace import Workspace
 from aerodb.tasks import actors
 from aerodb.tasks.actors import NotAllowedError
 from tests.support.command import aerodb, asked
+from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, VEHICLE
 
@@ -36,6 +38,33 @@ def test_nobody_acts_under_the_name_in_the_environment(
     assert json.loads(done.stdout)["event"]["user"] == ME
     flight = asked(workspace.root, "flight", "list")[0]["flight"]
     assert asked(workspace.root, "flight", "retract", flight, "--reason", "r")["user"] == ME
+
+
+#: Flow -> how the table of roles in docs/security.md calls its command.
+NAMED = {
+    "flight_flow": "flight ingest", "again_flow": "flight ingest", "compare_flow": "compare",
+    "frequency_response_flow": "frequency-response", "turbulence_flow": "turbulence",
+    "wake_flow": "wake", "tabulate_flow": "version tabulate", "update_flow": "update",
+    "close_loop_flow": "close-loop", "estimate_flow": "estimate", "nightly_flow": "nightly",
+    "recalibrate_flow": "recalibrate", "import_flow": "database import",
+    "promote_flow": "version promote", "roll_back_flow": "version rollback",
+    "fly_flow": "version fly", "manoeuvre_flow": "version fly", "validate_flow": "validate",
+    "gate_flow": "gate", "report_flow": "reports", "inputs_flow": "queries",
+    "sweep_flow": "the runs of `serve`",
+}  # fmt: skip
+
+
+def test_the_table_of_roles_has_every_flow() -> None:
+    asks = re.compile(r'@requires\("(\w+)"\)\ndef (\w+)\(')
+    found = [
+        pair for file in (ROOT / "flows").glob("*.py") for pair in asks.findall(file.read_text())
+    ]
+    assert {flow for _, flow in found} == NAMED.keys()
+    text = (ROOT / "docs" / "security.md").read_text()
+    rows = {role: re.findall(rf"^\| {role} \|.*$", text, re.M) for role, _ in found}
+    for role, flow in found:
+        (row,) = rows[role]
+        assert NAMED[flow] in row, (role, flow)
 
 
 @pytest.mark.parametrize("role", ["", "read", "ingest", "release"])
