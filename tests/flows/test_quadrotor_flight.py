@@ -5,6 +5,7 @@ Published (Galliker 2021, Table 8.1): c_T0 3.983, c_T1 .118, rotor drag .127, dr
 resampled anew, so that its own least squares are what is met to all digits.
 """
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from aerodb.support import Array
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import aerodb, asked
 
 DATA = "ddd/quadrotor_model.csv"
@@ -175,3 +177,22 @@ def test_the_updated_quadrotor_hovers(workspace: tuple[Path, dict[str, Array]]) 
     mean = np.mean([x[f"command_{k}"].mean() for k in range(1, 5)])
     hover = np.mean([answer["inputs"][f"command_{k}"] for k in range(1, 5)])
     assert hover == pytest.approx(mean, rel=0.02)
+
+
+def test_its_motors_are_written_for_gazebo_with_the_error_over_the_flight(
+    workspace: tuple[Path, dict[str, Array]],
+) -> None:
+    """Thrust per square of speed is that of still air; what grows with the flow along the axis stays
+    out, and is told by its largest force over the samples."""
+    folder, x = workspace
+    output = folder / "motors.sdf"
+    words = ("version", "export", "v0002", "--format", "gazebo", "--output", str(output))
+    answer = asked(folder / "workspace", *words)
+    value = access_workspace(str(folder / "workspace")).database(answer["version"]).parameters
+    constants = [float(t) for t in re.findall(r"<motorConstant>(.*?)<", output.read_text())]
+    assert constants == pytest.approx([1.225 * value["cT0"] / (2.0 * np.pi) ** 2] * 4, rel=1e-6)
+    columns, _ = by_hand(x)
+    (told,) = (note for note in answer["notes"] if "beyond the square of speed" in note)
+    newtons = float(re.findall(r"([\d.]+) N,", told)[0])
+    assert newtons == pytest.approx(np.max(np.abs(columns[2][:, 1])) * value["cT1"], rel=0.02)
+    assert any("samples of flight" in note and "hover.csv" in note for note in answer["notes"])
