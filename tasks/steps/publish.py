@@ -91,21 +91,28 @@ def publish_candidate(
     }
     document["method"] = plan.method
     document |= _selection(plan)
+    why = "declared increments estimated"
+    return store_candidate(access, plan, update.candidate, document, settings, why, run)
+
+
+def store_candidate(
+    access: WorkspaceAccess,
+    plan: UpdatePlan,
+    candidate: AeroDatabase,
+    document: dict[str, Any],
+    settings: Mapping[str, Any],
+    why: str,
+    run: str,
+) -> dict[str, Any]:
+    """Store a candidate (SI units) with its document, point ``candidate`` at it because of `why`,
+    and return the document with ``label``."""
+    keys = list(plan.keys)
     document["by"] = user()
-    document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-    version = add_version(
-        access,
-        update.candidate,
-        plan.vehicle,
-        plan.baseline,
-        list(plan.keys),
-        settings,
-        document,
-        roles_of(plan),
-        run,
-    )
-    move(access, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
-    # Where the same update was made before, the stored report is the one that counts.
+    document["candidate"] = version_id(plan.vehicle, plan.baseline, keys, settings)
+    origin = (plan.vehicle, plan.baseline, keys, settings, document, roles_of(plan))
+    version = add_version(access, candidate, *origin, run)
+    move(access, plan.vehicle, CANDIDATE, version.id, why)
+    # Where the same was made before, the stored report is the one that counts.
     return {**access.catalogue.version_documents(version.id).report, "label": version.label}
 
 
@@ -184,21 +191,9 @@ def publish_loop(
     add_remarks(document, remarks)
     label = None
     if loop.added:
-        document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-        version = add_version(
-            access,
-            loop.candidate,
-            plan.vehicle,
-            plan.baseline,
-            list(plan.keys),
-            settings,
-            document,
-            roles_of(plan),
-            run,
-        )
-        move(access, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
-        # Where the same loop was closed before, the stored report is the one that counts.
-        document, label = dict(access.catalogue.version_documents(version.id).report), version.label
+        why = "effects traced and added"
+        document = store_candidate(access, plan, loop.candidate, document, settings, why, run)
+        label = document.pop("label")
         document.pop("check_cases", None)
     return {
         **document,

@@ -29,19 +29,20 @@ from aerodb.report import (
     parameter_changes,
     update_document,
 )
-from aerodb.support import canonical_json, version_id
+from aerodb.support import canonical_json
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.actors import user
-from aerodb.tasks.result_versions import CANDIDATE, RESULT_VERSION
+from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.steps.methods import method_for_rolls, rolled_flights
-from aerodb.tasks.steps.publish import add_version, keep_report, looks, move, roles_of
+from aerodb.tasks.steps.publish import keep_report, looks, store_candidate
 from aerodb.tasks.steps.update import UpdatePlan, by_itself, split_flights
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import Traced, TracingSettings
 
 #: The method that flies rolls where none is named.
 FLIES: Final = "output-error"
+_WHY: Final = "parameters of the legs estimated"
 #: What to do about a parameter that rolls do not show.
 _ADVICE: Final = "a roll that shows {name}: with the brakes on and off, steering, or a crosswind"
 
@@ -114,7 +115,7 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
         "method": plan.method,
     }
     document |= {"method": plan.method, "rivals": [], "derivatives": []}
-    return publish_rolls(plan, update.candidate, document, settings, workspace=workspace, run=run)
+    return store_candidate(access, plan, update.candidate, document, settings, _WHY, run)
 
 
 @dataclass(frozen=True)
@@ -226,8 +227,7 @@ def close_loop_on_rolls(
     label = None
     if search.added:
         document["parameters"] = parameter_changes(database, candidate)
-        where = {"workspace": workspace, "run": run}
-        document = publish_rolls(plan, candidate, document, settings, **where)
+        document = store_candidate(access, plan, candidate, document, settings, _WHY, run)
         document.pop("check_cases", None)
         label = document["label"]
     return {
@@ -235,35 +235,6 @@ def close_loop_on_rolls(
         "label": label,
         "report": keep_report(access, plan, document, settings, run),
     }
-
-
-def publish_rolls(
-    plan: UpdatePlan,
-    candidate: AeroDatabase,
-    document: dict[str, Any],
-    settings: Mapping[str, Any],
-    *,
-    workspace: str,
-    run: str,
-) -> dict[str, Any]:
-    """Store the candidate (SI units) of rolls, point ``candidate`` at it, and return its document
-    with ``label``."""
-    access = access_workspace(workspace)
-    document["by"] = user()
-    document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-    version = add_version(
-        access,
-        candidate,
-        plan.vehicle,
-        plan.baseline,
-        list(plan.keys),
-        settings,
-        document,
-        roles_of(plan),
-        run,
-    )
-    move(access, plan.vehicle, CANDIDATE, version.id, "parameters of the legs estimated")
-    return {**access.catalogue.version_documents(version.id).report, "label": version.label}
 
 
 def rolls_document(
