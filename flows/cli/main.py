@@ -169,6 +169,8 @@ def main() -> None:
     gc.set_threshold(_OBJECTS)
     # The search for plugins reads the metadata of every package: 20 ms of each command.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # Every step runs BLAS in one thread (`run.py`); its others only spin, from numpy's import on.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         require_supported_system()
         # Outside of its standalone mode the library returns the code of an Exit instead of raising
