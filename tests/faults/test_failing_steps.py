@@ -55,7 +55,7 @@ BAD, GOOD = "flight2.csv", ["flight1.csv", "flight3.csv"]
 
 @pytest.fixture
 def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
-    memory_cache._cache.clear()  # a comparison that is remembered would not fail
+    memory_cache.clear_cache()  # a comparison that is remembered would not fail
     made = shared.prepared(tmp_path / "w")
     (made.root / "settings.toml").write_text(QUICK + HERE, encoding="utf-8")
     (made.inbox / NAME).mkdir()

@@ -128,7 +128,7 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     loaded = load_consistent(access, row, "")
     flight, document, key = loaded.flight, loaded.document, loaded.key
     assert key == found["key"]
-    memory_cache._cache.clear()
+    memory_cache.clear_cache()
     read = load_consistent(access, row, "")
     assert (read.document, read.flight.notes) == (document, flight.notes)
     for now, then in ((read.flight.channels, flight.channels), (read.flight.flags, flight.flags)):

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import psutil
 import pytest
-from cachetools import LRUCache
 
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
@@ -69,10 +68,7 @@ def test_memory_stays_as_it_was_and_queries_answer(
     monkeypatch: pytest.MonkeyPatch,
     record_property: Callable[[str, object], None],
 ) -> None:
-    monkeypatch.setattr(
-        "aerodb.tasks.workers.memory_cache._cache",
-        LRUCache(_KEPT, getsizeof=lambda entry: entry[1]),
-    )
+    monkeypatch.setattr("aerodb.tasks.workers.memory_cache._MAX_BYTES", _KEPT)
     workspace, number = (
         prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent),
         1000,

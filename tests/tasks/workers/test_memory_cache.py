@@ -34,15 +34,30 @@ def test_the_oldest_goes_first_and_what_is_too_large_is_not_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "_MAX_BYTES", 4000)
-    monkeypatch.setattr(
-        module, "_cache", type(module._cache)(4000, getsizeof=lambda entry: entry[1])
-    )
+    monkeypatch.setattr(module, "_entries", module._Entries())
     for name in "abcdef":
         cached(name, lambda: np.zeros(100))
-    assert sorted(module._cache) == ["b", "c", "d", "e", "f"]
+    assert list(module._entries.values) == ["b", "c", "d", "e", "f"]
     large = cached("large", lambda: np.zeros(200))
     assert large.nbytes == 1600
-    assert "large" not in module._cache
+    assert "large" not in module._entries.values
+
+
+def test_what_several_share_counts_once_until_the_last_of_them_is_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "_MAX_BYTES", 4000)
+    monkeypatch.setattr(module, "_entries", module._Entries())
+    shared = np.zeros(100)
+    for name in "abcdef":
+        cached(name, lambda name=name: {"whole": shared, "part": shared[:9], "own": name})
+    assert (module._entries.size, list(module._entries.values)) == (800, list("abcdef"))
+    for name in "ghij":
+        cached(name, lambda: np.zeros(100))
+    assert (module._entries.size, list(module._entries.values)) == (4000, list("abcdefghij"))
+    cached("a", lambda: None)  # used last
+    cached("k", lambda: np.zeros(100))
+    assert (module._entries.size, list(module._entries.values)) == (4000, list("hijak"))
 
 
 def test_a_file_that_changed_is_another(tmp_path: Path) -> None:
