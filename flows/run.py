@@ -31,6 +31,7 @@ from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import require_role
 from aerodb.tasks.provenance import code_version
+from aerodb.units import UnitSystem, shown_in
 
 How = Literal["auto", "direct"]
 Way = Literal["server", "ephemeral", "direct"]
@@ -248,9 +249,10 @@ def _run(
         with at_most(limit, f"run {run[:12]}"), executor_of(workspace.root) as executor:
             if way == "direct":
                 return body(DirectSteps(progress, executor), run=run, **given)
-            if orchestrated:  # a deployment: its flow run is this run
+            if orchestrated:  # a deployment: its flow run is this run, and nobody chose units
                 _open_loggers()
-                return body(PrefectSteps(progress, executor), run=run, **given)
+                with shown_in(UnitSystem(load_settings(workspace.root).show.units)):
+                    return body(PrefectSteps(progress, executor), run=run, **given)
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
     return _recorded(body, call, parameters, workspace, way, orchestrated)

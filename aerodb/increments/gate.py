@@ -168,6 +168,7 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
     lacking = [axis for axis, entry in axes.items() if entry.get("held_out_rms_after") is None]
     if lacking:
         notes.append(f"not held out: {', '.join(lacking)}; no held-out flight measures them")
+    open_ones: dict[tuple[str, str], list[str]] = {}
     for finding in report.get("findings", ()):
         if finding["verdict"] in _OPEN:
             id = finding["hypothesis"]
@@ -176,7 +177,8 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
             )
             if id in report.get("asked_for", ()):
                 added = "added because you asked for it"
-            notes.append(f"{_OPEN[finding['verdict']]}: {id}, {added}")
+            open_ones.setdefault((_OPEN[finding["verdict"]], added), []).append(id)
+    notes += [f"{what}: {'; '.join(ids)}, {added}" for (what, added), ids in open_ones.items()]
     return tuple(notes)
 
 

@@ -33,8 +33,10 @@ from aerodb.tables import (
     slices,
 )
 
-#: Panels of one figure of `diff_figures`: they fill a page.
-_ON_A_PAGE: Final = 6
+#: Panels of one figure of `diff_figures`: two figures, or one and text, fill a page.
+_ON_A_PAGE: Final = 4
+#: Height [in] of a row of panels, with its labels.
+_ROW: Final = 2.2
 #: Panels side by side.
 _COLUMNS: Final = 2
 #: A smaller change of a coefficient is rounding.
@@ -76,15 +78,28 @@ def diff_figures(
     names: tuple[str, str],
     flown: Mapping[str, Array] | None = None,
 ) -> list[Figure]:
-    """As `diff_figure` (channels (n,) in SI units), on as many figures as fit a page each."""
+    """As `diff_figure` (channels (n,) in SI units), on as many figures as needed; on the first is
+    the curve of each axis that changes most."""
     increments = (*new_increments(after, before), *new_increments(before, after))
-    panels = slices(before, after)
+    panels = _largest_first(slices(before, after))
     if not panels:
         return [diff_figure(before, after, names, "", flown)]
     return [
         _figure(panels[k : k + _ON_A_PAGE], increments, names, "", flown)
         for k in range(0, len(panels), _ON_A_PAGE)
     ]
+
+
+def _largest_first(cuts: Sequence[Slice]) -> list[Slice]:
+    """Slices as given where they fit one figure; else the one of each axis that changes most comes
+    first."""
+    if len(cuts) <= _ON_A_PAGE:
+        return list(cuts)
+    most: dict[str, Slice] = {}
+    for cut in cuts:
+        if cut.axis not in most or cut.largest > most[cut.axis].largest:
+            most[cut.axis] = cut
+    return [*most.values(), *(cut for cut in cuts if cut is not most[cut.axis])]
 
 
 def _without_slices(
@@ -120,7 +135,7 @@ def _figure(
     columns = min(_COLUMNS, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
     figure, grid = panel_grid(
-        (PAGE_WIDTH, 0.9 + 2.7 * rows),
+        (PAGE_WIDTH, 0.4 + _ROW * rows),
         rows,
         columns,
         left=0.85,

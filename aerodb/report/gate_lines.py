@@ -89,7 +89,7 @@ def release_lines(
     """
     told = {}
     if "axes" in report and gate is not None:
-        told = dict(decision({**report, "label": gate["label"]}).lines)
+        told = dict(decision({**report, "label": gate["label"]}, rest="below").lines)
     changes = derivative_words(report.get("derivatives") or ())
     checks = [] if gate is None else gate["checks"]
     lines = [

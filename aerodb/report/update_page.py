@@ -103,7 +103,9 @@ def update_report(story: UpdateStory) -> str:
             f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
             f" {story.candidate or 'nothing added'}"
         ),
-        decision=decision({**document, "label": story.candidate}, given=story.given),
+        decision=decision(
+            {**document, "label": story.candidate}, rest="below", given=story.given
+        ),
         head=story.head,
         story=story,
         document=document,
@@ -122,6 +124,7 @@ def update_report(story: UpdateStory) -> str:
         excluded=_bounds(document, decided=True),
         changed=disagreements(document, list(document["axes"]), story.before),
         pictures=_pictures(story),
+        ends=beyond_data(*story.databases) if story.databases and story.candidate else [],
         stall_pictures=_stall_pictures(story),
         **_errors(story),
         **_sentences(story),
@@ -285,14 +288,13 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
         ],
     }
     if story.candidate is not None:
-        ends = with_true_signs(" ".join(beyond_data(before, after)))
         shown["slices"] = [
             picture(
                 figure,
                 f"Slices through {both} on the axes that change.",
                 "Band: two standard errors of the increments. Above: the largest change ± two"
                 " standard errors, and where. Shaded: flown by the identification flights. Grey"
-                f" bars along the lower edge: distribution of this report's flights. {ends}",
+                " bars along the lower edge: distribution of this report's flights.",
             )
             for figure in diff_figures(
                 before, after, (story.baseline, story.candidate), _flown(story)

@@ -230,20 +230,36 @@ class Session:
         with Console(stderr=True).status(what):
             yield
 
+    def write_page(self, output: Path, page: str, as_pdf: bool = False) -> tuple[Path, int]:
+        """Write a page (HTML), as PDF where asked for or where the file ends so, and say so; return
+        the file and its size [bytes]."""
+        from aerodb.storage.workspace import write_for_user
+
+        data = page.encode("utf-8")
+        if as_pdf or output.suffix.lower() == ".pdf":
+            from aerodb.report import pdf
+
+            data = pdf(page)
+        written = write_for_user(self.workspace(), output, data)
+        self.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")
+        return written, len(data)
+
     def answer(self, document: Any) -> None:
         """Print the JSON document if ``--json`` was given."""
         if self.as_json:
             sys.stdout.write(as_json(document, indent=1) + "\n")
 
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
-        """Run a flow, with a progress bar for steps that take longer than two seconds."""
+        """Run a flow, with a progress bar for steps that take longer than two seconds; the reports
+        that it writes are in the units of this session."""
         from aerodb.flows.run import run_flow
         from aerodb.storage.workspace_settings import load_settings
+        from aerodb.units import shown_in
 
         workspace = self.workspace(create=True)
         how: How = "direct" if direct or load_settings(workspace.root).work.direct else "auto"
         waited_for = "starting" if how == "direct" else "starting Prefect (not with --direct)"
-        with _progress(waited_for) as report:
+        with shown_in(self.units), _progress(waited_for) as report:
             return run_flow(body, parameters, workspace, how, report)
 
 

@@ -19,8 +19,10 @@ app = typer.Typer(
     help="Reports as one self-contained HTML page, or as PDF.",
 )
 
-Output = Annotated[Path, typer.Option(help="The file to write.")]
-Pdf = Annotated[bool, typer.Option("--pdf", help="As PDF instead of HTML; needs the extra `pdf`.")]
+Output = Annotated[Path, typer.Option(help="The file to write: HTML, or PDF where it ends so.")]
+Pdf = Annotated[
+    bool, typer.Option("--pdf", help="As PDF whatever the file is called; needs the extra `pdf`.")
+]
 _KEY = re.compile(r"[0-9a-f]{64}")
 
 
@@ -110,20 +112,14 @@ def version(
 
 def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
     from aerodb.flows.report import report_flow
-    from aerodb.report import pdf
-    from aerodb.storage.workspace import write_for_user
-    from aerodb.units import shown_in
 
-    with shown_in(session.units):
-        page: str = session.run(report_flow, parameters, direct=True)
-    data = pdf(page) if as_pdf else page.encode("utf-8")
-    written = write_for_user(session.workspace(), output, data)
-    session.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")
+    page: str = session.run(report_flow, parameters, direct=True)
+    written, size = session.write_page(output, page, as_pdf)
     session.answer(
         {
             "file": str(written),
             "kind": parameters["kind"],
             "about": parameters["about"],
-            "size": len(data),
+            "size": size,
         }
     )

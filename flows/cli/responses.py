@@ -25,7 +25,8 @@ Trimmed = Annotated[
     ),
 ]
 Output = Annotated[
-    Path | None, typer.Option(help="HTML page to write, with each response beside the flight.")
+    Path | None,
+    typer.Option(help="Page (HTML, or PDF) to write, with each response beside the flight."),
 ]
 
 
@@ -170,9 +171,12 @@ def validate(
     _write(session, output, page)
     if table is not None:
         from aerodb.report import qualification_csv
+        from aerodb.storage.workspace import write_for_user
 
         beside = catalogue.version_of_id(baseline).label if baseline else ""
-        _write(session, table, qualification_csv(document, row.label, beside))
+        text = qualification_csv(document, row.label, beside)
+        written = write_for_user(session.workspace(), table, text.encode("utf-8"))
+        session.say(f"wrote {written}")
     session.answer(document)
     if not document["passed"]:
         raise typer.Exit(4)
@@ -195,11 +199,8 @@ def _text(path: Path | None) -> str:
 
 
 def _write(session: Session, output: Path | None, page: str | None) -> None:
-    from aerodb.storage.workspace import write_for_user
-
     if output is not None and page is not None:
-        written = write_for_user(session.workspace(), output, page.encode("utf-8"))
-        session.say(f"wrote {written}")
+        session.write_page(output, page)
 
 
 def _say_stretches(session: Session, document: dict[str, Any]) -> None:

@@ -67,7 +67,7 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         "finding.html",
         f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
         found=document,
-        decision=decision({**judged, "label": label}, given=given),
+        decision=decision({**judged, "label": label}, rest="below", given=given),
         errors=error_rows(document),
         labels=labels,
         reference=meant,

@@ -2,6 +2,7 @@
 states that are not stated exist."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +11,7 @@ from aerodb.tables import height_outside_ground_effect, neutral_point
 from aerodb.tasks.references import value_of
 from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
-from tests.support.small_glider import DATABASE, NAME
+from tests.support.small_glider import DATABASE, MODEL, NAME
 
 STEADY = ("--speed", "25", "--altitude", "1000 ft", "--glide")
 #: A database whose lift grows near the ground, by a table over the height in spans.
@@ -85,6 +86,29 @@ def test_the_user_comes_before_the_settings_and_the_option_before_both(
     settings.write_text('[show]\nunits = "knots"\n')
     assert "m/s" in speed("--units", "si")
     settings.unlink()
+
+
+def test_the_report_that_a_command_writes_is_in_the_units_asked_for(
+    shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    """Also where the settings alone ask for them; the document is the same, in SI."""
+    place, model = tmp_path / "workspace", tmp_path / "model.toml"
+    shared.ingested(place)
+    model.write_text(MODEL, encoding="utf-8")
+    update = ("update", "--model", str(model), "--vehicle", NAME, "--direct")
+
+    def said(*more: str) -> tuple[str, dict[str, Any]]:
+        document = asked(place, *update, *more)
+        page = Path(document.pop("page")).read_text(encoding="utf-8")
+        return page[page.index("<footer>") :], document
+
+    si, document = said("--units", "si")
+    assert "SI units unless stated" in si
+    aero, same = said("--units", "aero")
+    assert "kt, ft, hPa, otherwise SI units unless stated" in aero
+    assert same["axes"] == document["axes"]
+    (place / "settings.toml").write_text('[show]\nunits = "imperial"\n', encoding="utf-8")
+    assert "ft/s, ft" in said()[0]
 
 
 def test_an_unknown_system_of_units_says_which_there_are(workspace: Path) -> None:

@@ -401,6 +401,10 @@ def test_what_was_not_held_out_or_is_only_suspected_is_said(baseline: AeroDataba
     report |= {"added": ["zero_offset@Cm"], "asked_for": []}
     assert notes_on_release(report)[0].endswith("zero_offset@Cm, added with others of its axis")
     assert len(said) == 2
+    findings.append({"verdict": "suspected", "hypothesis": "alpha_slope@CX"})
+    assert notes_on_release({**report, "added": [], "findings": findings})[0] == (
+        "only suspected: zero_offset@Cm; alpha_slope@CX, not added"
+    )
 
 
 def test_the_held_out_error_of_a_list_is_that_of_the_gate() -> None:
