@@ -2,6 +2,7 @@
 bars."""
 
 import math
+import re
 import sys
 import textwrap
 import threading
@@ -36,6 +37,10 @@ UNITS_VARIABLE: Final = "AERODB_UNITS"
 _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
 
 
+#: A verdict that goes on in a second line is not taken for two.
+_HANGING: Final = {"subsequent_indent": "  "}
+
+
 #: Spaces between columns.
 _GAP: Final = 2
 
@@ -55,6 +60,28 @@ def visible(text: str, keep: str = "") -> str:
     return text.translate(
         {ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden}
     )
+
+
+def divided(step: str, room: int) -> list[str]:
+    """Return what to do next in lines of at most `room` characters: what is said, then the command
+    on lines of its own, each but the last with the backslash by which a shell joins them.
+
+    >>> divided("then aerodb update --model m.toml --direct", 31)
+    ['then', 'aerodb update --model m.toml \\\\', '  --direct']
+    """
+    said, found, command = step.partition("aerodb ")
+    told = textwrap.wrap(said, room, **_WHOLE_WORDS)
+    if not found:
+        return told
+    first, *options = re.split(r" (?=--)", found + command)
+    lines = [first]
+    for option in options:
+        longer = f"{lines[-1]} {option}"
+        if len(longer) + 2 <= room:
+            lines[-1] = longer
+        else:
+            lines.append(f"  {option}")
+    return [*told, *(f"{line} \\" for line in lines[:-1]), lines[-1]]
 
 
 def complaint(what: str, where: str, remedy: str) -> str:
@@ -157,17 +184,20 @@ class Session:
     ) -> None:
         """Print the verdict, below it what each label says, what to do next, and `more`.
 
-        lines, more : label and text; a text that is longer than the terminal goes on below its own
-        beginning, and one that is empty is left out. then : the next command, which is never
-        divided, so that it can be copied; empty: none.
+        lines, more : label (empty: as above) and text; a text that is longer than the terminal
+        goes on below its own beginning, and one that is empty is left out. then : the next command,
+        divided before options alone, as a shell takes it, so that it can be copied; empty: none.
         """
         labels = [label for label, text in (*lines, ("next", then), *more) if text]
         margin = 4 + max(map(len, labels), default=0)
-        self.say(verdict)
+        for part in textwrap.wrap(verdict, self.people.width, **_WHOLE_WORDS, **_HANGING):
+            self.say(part)
         for label, text in (*lines, ("next", then), *more):
             room = max(self.people.width - margin, 40)
             beginning = f"  {label}".ljust(margin)
-            parts = textwrap.wrap(text, room, **_WHOLE_WORDS) if text is not then else [text]
+            parts = textwrap.wrap(text, room, **_WHOLE_WORDS)
+            if text is then:
+                parts = divided(then, room) if self.people.is_terminal else [then]
             for part in parts if text else ():
                 self.say(f"{beginning}{part}")
                 beginning = " " * margin

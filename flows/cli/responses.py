@@ -277,7 +277,11 @@ def _within_words(document: dict[str, Any]) -> str:
     from aerodb.report import count_within
 
     if document["checks"]:
-        return f"checks within tolerance: {count_within(document)}"
+        words = f"checks within tolerance: {count_within(document)}"
+        alone = document["feedback"]
+        if alone:
+            words += f"; feedback closed (open loop: {alone['passed']} of {alone['checks']})"
+        return words
     if document["manoeuvres"]:
         return "nothing is judged: the tolerances name no manoeuvre of these flights"
     why = [entry["what"] for entry in document["not_flown"]]

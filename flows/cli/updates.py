@@ -212,10 +212,6 @@ def say_held_or_free(session: Session, found: dict[str, Any]) -> None:
             session.say(f"  {axis}: {', '.join(terms)}")
 
 
-#: Columns of the label on the left of the five lines.
-_LABEL = 11
-
-
 def say_decision(session: Session, document: dict[str, Any], given: "Sequence[str]" = ()) -> None:
     """Print verdict, change, proof, gate and next command, then the error per axis in short.
 
@@ -224,10 +220,13 @@ def say_decision(session: Session, document: dict[str, Any], given: "Sequence[st
     from aerodb.report import decision, error_rows, shown_axes
 
     told = decision(document, session.units, given=given)
-    session.say(told.verdict)
-    for label, texts in told.lines:
-        for number, text in enumerate(texts):
-            session.say(f"  {'' if number else label:<{_LABEL}}{text}".replace("\u2212", "-"))
+    lines = [
+        ("" if number else label, text.replace("\u2212", "-"))
+        for label, texts in told.lines
+        for number, text in enumerate(texts)
+    ]
+    then = [text for label, text in lines if label == "next"]
+    session.headlines(told.verdict, [each for each in lines if each[0] != "next"], *then)
     session.say()
     shown = shown_axes(document)
     rows = [row for row in error_rows(document) if row["axis"] in shown]
