@@ -2,7 +2,6 @@
 bars."""
 
 import math
-import re
 import sys
 import textwrap
 import threading
@@ -63,25 +62,14 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def divided(step: str, room: int) -> list[str]:
-    """Return what to do next in lines of at most `room` characters: what is said, then the command
-    on lines of its own, each but the last with the backslash by which a shell joins them.
+    """Return what to do next in lines of at most `room` characters, and the command in it on a line
+    of its own: as a whole, so that it can be copied.
 
-    >>> divided("then aerodb update --model m.toml --direct", 31)
-    ['then', 'aerodb update --model m.toml \\\\', '  --direct']
+    >>> divided("declare it, then aerodb update --model model.toml", 12)
+    ['declare it,', 'then', 'aerodb update --model model.toml']
     """
     said, found, command = step.partition("aerodb ")
-    told = textwrap.wrap(said, room, **_WHOLE_WORDS)
-    if not found:
-        return told
-    first, *options = re.split(r" (?=--)", found + command)
-    lines = [first]
-    for option in options:
-        longer = f"{lines[-1]} {option}"
-        if len(longer) + 2 <= room:
-            lines[-1] = longer
-        else:
-            lines.append(f"  {option}")
-    return [*told, *(f"{line} \\" for line in lines[:-1]), lines[-1]]
+    return [*textwrap.wrap(said, room, **_WHOLE_WORDS), *([found + command] if found else [])]
 
 
 def complaint(what: str, where: str, remedy: str) -> str:
@@ -186,7 +174,7 @@ class Session:
 
         lines, more : label (empty: as above) and text; a text that is longer than the terminal
         goes on below its own beginning, and one that is empty is left out. then : the next command,
-        divided before options alone, as a shell takes it, so that it can be copied; empty: none.
+        which is never divided, so that it can be copied; empty: none.
         """
         labels = [label for label, text in (*lines, ("next", then), *more) if text]
         margin = 4 + max(map(len, labels), default=0)

@@ -14,6 +14,7 @@ from aerodb.consistency import unmeasured_angles_outlook
 from aerodb.errors import GateRefusal
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
+from aerodb.flows.cli.output import Session
 from aerodb.nomenclature import AXES
 from tests.support.command import asked
 from tests.support.console_workspace import client_of
@@ -28,6 +29,24 @@ WIDTHS = (80, 120)
 def place_of(lines: list[str], word: str) -> int:
     """The number of the first line that begins with `word`, counted from 1."""
     return next(k for k, line in enumerate(lines, 1) if line.strip().startswith(word))
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_the_next_command_stands_alone_and_what_is_said_before_it_is_wrapped(
+    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is copied from the terminal is the command; a pipe gets both in one line."""
+    command = "aerodb update --vehicle my-glider --baseline v0001 --model FILE --direct"
+    said = "write a model file, CX: 1, CZ: (1, alpha, q_hat), Cm: (1, alpha, q_hat, delta_e), then"
+    for forced in ("1", ""):
+        monkeypatch.setenv("FORCE_COLOR", forced)
+        monkeypatch.setenv("COLUMNS", str(columns))
+        session = Session(Path(), as_json=False, debug=False)
+        session.headlines("a verdict " * 14, [("found", "this")], f"{said} {command}")
+        lines = capsys.readouterr().out.splitlines()
+        assert not forced or max(map(len, lines[:-1])) <= columns
+        assert lines[-1].strip() == (command if forced else f"next   {said} {command}")
+        assert lines[1].startswith("  a verdict") == bool(forced)
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
