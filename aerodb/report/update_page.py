@@ -103,9 +103,7 @@ def update_report(story: UpdateStory) -> str:
             f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
             f" {story.candidate or 'nothing added'}"
         ),
-        decision=decision(
-            {**document, "label": story.candidate}, rest="below", given=story.given
-        ),
+        decision=decision({**document, "label": story.candidate}, rest="below", given=story.given),
         head=story.head,
         story=story,
         document=document,
