@@ -36,10 +36,6 @@ UNITS_VARIABLE: Final = "AERODB_UNITS"
 _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
 
 
-#: A verdict that goes on in a second line is not taken for two.
-_HANGING: Final = {"subsequent_indent": "  "}
-
-
 #: Spaces between columns.
 _GAP: Final = 2
 
@@ -178,7 +174,9 @@ class Session:
         """
         labels = [label for label, text in (*lines, ("next", then), *more) if text]
         margin = 4 + max(map(len, labels), default=0)
-        for part in textwrap.wrap(verdict, self.people.width, **_WHOLE_WORDS, **_HANGING):
+        for part in textwrap.wrap(
+            verdict, self.people.width, subsequent_indent="  ", **_WHOLE_WORDS
+        ):
             self.say(part)
         for label, text in (*lines, ("next", then), *more):
             room = max(self.people.width - margin, 40)

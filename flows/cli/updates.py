@@ -225,8 +225,8 @@ def say_decision(session: Session, document: dict[str, Any], given: "Sequence[st
         for label, texts in told.lines
         for number, text in enumerate(texts)
     ]
-    then = [text for label, text in lines if label == "next"]
-    session.headlines(told.verdict, [each for each in lines if each[0] != "next"], *then)
+    then = next((text for label, text in lines if label == "next"), "")
+    session.headlines(told.verdict, [each for each in lines if each[0] != "next"], then)
     session.say()
     shown = shown_axes(document)
     rows = [row for row in error_rows(document) if row["axis"] in shown]
