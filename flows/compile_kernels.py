@@ -10,13 +10,13 @@ Prefect's empty database, which a new workspace gets as a copy.
 import numpy as np
 
 from aerodb.consistency import make_consistent
-from aerodb.effects import played
 from aerodb.estimation import Parameter, Parameters, TimeHistory, filter_error, state_space
 from aerodb.examples.phoenix import read_example
 from aerodb.exchange import read_native
 from aerodb.flight import Flight
 from aerodb.flows.prefect_server import make_template
 from aerodb.identification import flight_dynamics
+from aerodb.signals import played
 from aerodb.simulation import FlightStretch, flight_model, simulate
 from aerodb.storage.readers import prepare_reader
 from aerodb.tracing import prepare_elimination

@@ -19,6 +19,7 @@ from aerodb.conditioning.channel_rates import (
     beta_rate,
     with_accelerations,
 )
+from aerodb.conditioning.frozen import frozen
 from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, channel
@@ -118,12 +119,17 @@ def flag_failed(flight: Flight) -> Flight:
     """Return the flight with ``failed`` flagged where a sensor does not follow the motion; values
     (n,) stay, in SI units.
 
-    Airspeed fails where the speed over ground goes on, or where it falls within a second and no
-    force slows the aircraft. Other sensors fail where they stand still while what they measure
-    changes.
+    All fail where the whole record stands still. Airspeed fails where the speed over ground goes
+    on, or where it falls within a second and no force slows the aircraft. Other sensors fail where
+    they stand still while what they measure changes.
     """
     for name, where in _airspeed_failures(flight).items():
         flight = flight.with_flag(name, "failed", where)
+    for first, last in frozen(flight):
+        where = np.zeros(len(flight.time), dtype=bool)
+        where[first : last + 1] = True
+        for name in flight.channels:
+            flight = flight.with_flag(name, "failed", where)
     usable = with_accelerations(flight)
     for name in _FOLLOWERS:
         if name in flight and (where := _not_following(flight, usable, name)).any():
@@ -335,7 +341,8 @@ class Failure:
     """A sensor that fails in flight, from `start` to `end` [s], as the flags of its channel say.
 
     kind : ``behind`` (airspeed without the speed over ground), ``fallen`` (without a force that
-    slows the aircraft), ``still`` (it does not follow the motion) or ``silent`` (no samples more).
+    slows the aircraft), ``still`` (it does not follow the motion), ``silent`` (no samples more) or
+    ``frozen`` (all channels stand still; one of them is named).
     value : median that it shows [unit of the channel]; beside : speed over ground [m/s] meanwhile;
     nan where there is none.
     """
@@ -351,6 +358,8 @@ class Failure:
     def reason(self) -> str:
         """What shows the failure, in words without a subject."""
         shown = f"{self.value:.3g} {channel(self.channel).unit}".removesuffix(" 1")
+        if self.kind == "frozen":
+            return "every channel repeats its value, and then the motion has gone on"
         if self.kind == "silent":
             return "its samples end, those of the rates go on"
         if self.kind == "still":
@@ -362,12 +371,18 @@ class Failure:
     @property
     def sensor(self) -> str:
         """Name of what was measured: the channel, the airspeed for all that its tube gives."""
+        if self.kind == "frozen":
+            return "the record"
         return "airspeed" if self.channel in AIR else self.channel
 
 
 def failures(flight: Flight) -> tuple[Failure, ...]:
     """Return the failures that a flight's flags tell (`flag_failed`), and sensors that fall silent
     while rates go on; times [s]. Of one pitot tube, the first channel is named."""
+    stand = [
+        Failure("p", "frozen", float(flight.time[a]), float(flight.time[b]), np.nan, np.nan)
+        for a, b in frozen(flight)
+    ]
     found: list[Failure] = []
     ground = speed_over_ground(flight)
     names = [name for name in dict.fromkeys((*AIR, *_FOLLOWERS)) if name in flight]
@@ -377,7 +392,12 @@ def failures(flight: Flight) -> tuple[Failure, ...]:
         for first, last in runs((bits & FLAGS["failed"]) != 0):
             found.append(_failure(flight, name, first, last, ground))
         found += _silent(flight, name, bits)
-    return tuple(sorted(found, key=lambda each: (each.start, each.channel)))
+    found = [each for each in found if not any(_overlap(each, other) for other in stand)]
+    return tuple(sorted((*stand, *found), key=lambda each: (each.start, each.channel)))
+
+
+def _overlap(one: Failure, other: Failure) -> bool:
+    return one.start <= other.end and other.start <= one.end
 
 
 def _failure(flight: Flight, name: str, first: int, last: int, ground: Array | None) -> Failure:

@@ -89,20 +89,21 @@ def physical_range(name: str) -> tuple[float, float] | None:
     return PHYSICAL.get("surface" if surface else name)
 
 
-def spikes(values: Array, floor: float = 0.0) -> Mask:
+def spikes(values: Array, floor: float = 0.0, rarest: float = RAREST) -> Mask:
     """Return a mask (n,) of spikes: up to three samples that depart from both neighbours.
 
     A run of samples is measured by its least departure from the samples before and after it. This
     is zero on the flank of a step and in a ramp however steep, so that sharp inputs stay. It is
     compared with the usual change between samples that far apart (1.48 times the median, of the 25
     around and of the whole record, whichever is larger), with the quantum of the recording, and
-    with the largest 2 % of departures in the record. Smaller departures cannot be distinguished
-    from motion.
+    with the share `rarest` of the largest departures in the record. Smaller departures cannot be
+    distinguished from motion.
 
     Parameters
     ----------
     values : (n,); NaN is never a spike
     floor : smallest departure that can be a spike, same unit
+    rarest : share of samples that spikes do not exceed
 
     References
     ----------
@@ -112,7 +113,7 @@ def spikes(values: Array, floor: float = 0.0) -> Mask:
     for _ in range(2):  # a second round, without what the first found, sees what stood beside it
         index = np.flatnonzero(np.isfinite(values) & ~result)
         wild = (
-            _spikes(values[index], floor)
+            _spikes(values[index], floor, rarest)
             if len(index) > 2 * NEARBY
             else np.zeros(len(index), dtype=bool)
         )
@@ -122,7 +123,7 @@ def spikes(values: Array, floor: float = 0.0) -> Mask:
     return result
 
 
-def _spikes(values: Array, floor: float) -> Mask:
+def _spikes(values: Array, floor: float, rarest: float) -> Mask:
     """One round of `spikes` over finite values. Most channels have no candidate; what is costly is
     done for candidates only."""
     n = len(values)
@@ -139,7 +140,7 @@ def _spikes(values: Array, floor: float) -> Mask:
             continue
         least = max(least, _quantum(values))
         usual = max(1.4826 * float(np.median(change)), least)
-        rare = float(np.quantile(departure, 1.0 - RAREST))
+        rare = float(np.quantile(departure, 1.0 - rarest))
         at = np.flatnonzero(departure > max(SPIKE_FACTOR * usual, 2.0 * rare))
         # Where both sides disagree by as much as the run departs there is a step, not a spike.
         at = at[np.abs(after[at] - before[at]) < 0.5 * departure[at]]

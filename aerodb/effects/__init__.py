@@ -36,7 +36,6 @@ if TYPE_CHECKING:
         air_rotation_columns,
         half_width,
         hypotheses_for_flight,
-        played,
         predicted_change,
         with_reconstructed_angles,
         with_wind,

@@ -4,6 +4,7 @@
   `resampler`, `hold` and `first_order_lag` bring values onto one grid (`resampling`).
 - `smooth`, `low_passed`, `band_passed` and `bridge` are filters without delay
   (`differentiation`).
+- `played` is what follows through a play (`backlash`).
 - `runs` finds stretches of samples (`masks`).
 - `rms` and `theil` measure how well a prediction follows a measurement (`error_measures`).
 """
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .backlash import played
     from .clock import clean_clock, interval, is_uniform
     from .differentiation import FEWEST_SAMPLES, band_passed, bridge, low_passed, smooth
     from .error_measures import Theil, rms, theil

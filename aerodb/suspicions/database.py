@@ -17,6 +17,7 @@ from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
+from aerodb.suspicions.changing import RATIOS as SCALES
 from aerodb.suspicions.derivatives import AxisShares, Share, axis_shares, whole_surface
 from aerodb.suspicions.evidence import (
     ERRORS,
@@ -33,6 +34,7 @@ from aerodb.suspicions.evidence import (
 from aerodb.suspicions.exchanged import exchanged_suspicions
 from aerodb.suspicions.loads import (
     FEWEST_MOMENTS,
+    POSSIBLE,
     cg_beside,
     force_ratio,
     mass_beside,
@@ -108,6 +110,7 @@ def against_database(
     if not (lift or surfaces or shared or jumps):
         slopes = {axis: each.slopes for axis, each in axes.items()}
         surfaces = moved_zeros(flight, slopes, measured, predicted, usable)
+        surfaces = surfaces or _scales(axes, fits)
     return (*lift, *surfaces, *pushed, *shared, *rotors, *jumps)
 
 
@@ -188,6 +191,30 @@ def _size(share: Share) -> list[Suspicion]:
     else:
         return []
     return [Suspicion(share.variable, kind, words, evidence)]
+
+
+def _scales(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
+    """Return controls whose effect on their own axis is so far from the database's that their scale
+    may be another; a tunnel may have it wrong as well."""
+    listed = []
+    for axis in axes.keys() & AXIS_OF.values():
+        for name in axes[axis].parts:
+            if AXIS_OF.get(role_of(name)) != axis or fits[axis].r_squared < WELL_EXPLAINED:
+                continue
+            share = axes[axis].share(fits[axis], name)
+            margin = ERRORS * share.error
+            if share.vif > INFLATION or share.weight < CAUSED:
+                continue
+            if SCALES[0] - margin <= share.ratio <= SCALES[1] + margin:
+                continue
+            words = (
+                f"{name} gives {share.ratio:.3g} +- {share.error:.2g} times the {axis} that the"
+                " database has for it: the scale of its channel is another, or the database's"
+                " effect is wrong"
+            )
+            evidence = {"ratio": share.ratio, "standard_error": share.error}
+            listed.append(Suspicion(name, POSSIBLE, words, evidence))
+    return listed
 
 
 def _delays(axes: Mapping[str, AxisShares]) -> list[Suspicion]:

@@ -9,6 +9,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_command, is_surface
 from aerodb.remarks import Remark, sentences
 from aerodb.suspicions.air import air_suspicions
+from aerodb.suspicions.changing import CHANGED
 from aerodb.suspicions.commands import command_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
@@ -17,6 +18,7 @@ from aerodb.suspicions.lift import lift_suspicions
 from aerodb.suspicions.loads import POSSIBLE
 from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.suspicions.masses import mass_suspicions
+from aerodb.suspicions.moments_in_time import MOVED
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.suspicions.surfaces import size_suspicions
 from aerodb.suspicions.vane import vane_suspicions
@@ -71,6 +73,8 @@ def limits_flight(suspicion: Suspicion) -> bool:
     docs/method/consistency.md, section Verdict."""
     if suspicion.kind in (UNMOVED, POSSIBLE, FAILED):
         return False
+    if suspicion.kind in (CHANGED, MOVED):  # seen beside a database, by forces and moments
+        return True
     told = is_surface(suspicion.channel) or is_command(suspicion.channel)
     return told or suspicion.channel in _OUT_OF_REACH
 

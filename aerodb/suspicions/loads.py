@@ -191,11 +191,13 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
         return []
     (here, error), (there, other) = pitch, yaw
     shift = 0.5 * (here + there)
+    margin = ERRORS * float(np.hypot(error, other))
     if (
-        min(abs(here), abs(there)) < SHIFT * reference.chord
+        margin > abs(shift)  # the two are not told well enough to agree
+        or min(abs(here), abs(there)) < SHIFT * reference.chord
         or abs(here) < ERRORS * error
         or abs(there) < ERRORS * other
-        or abs(here - there) > SCATTER * abs(shift) + ERRORS * float(np.hypot(error, other))
+        or abs(here - there) > SCATTER * abs(shift) + margin
     ):
         return []
     words = (

@@ -39,7 +39,7 @@ JUMPED: Final = "jump"
 LEAST: Final = 0.03
 #: Time to either side over which a jump must be there [s]: flaps and gear take seconds.
 SHARP: Final = 0.2
-#: Least change of a surface's channel from one sample to the next that is a jump [rad].
+#: Least change of an angle's channel from one sample to the next that is a jump [rad].
 SLIPPED: Final = float(np.deg2rad(0.25))
 #: Longest stretch that is fitted as one [s]: within it, fuel and configuration hardly change.
 LONGEST: Final = 60.0
@@ -152,21 +152,23 @@ def _moved(stretch: _Stretch, jump: _Jump) -> str:
 
 
 def _clearest(flight: Flight, vehicle: Vehicle) -> tuple[_Stretch, _Jump] | None:
-    """The stretch of a flight whose mass jumps most clearly, and the jump."""
+    """The stretch of a flight whose mass jumps most clearly, and the jump; none where that is a
+    channel's."""
     found = [
         (stretch, jump)
         for stretch in _stretches(flight, vehicle)
-        if (jump := _jump(stretch)) is not None and not _surface_jumps(flight, stretch, jump)
+        if (jump := _jump(stretch)) is not None
     ]
-    return max(found, key=lambda each: each[1].gain, default=None)
+    best = max(found, key=lambda each: each[1].gain, default=None)
+    return None if best is None or _channel_jumps(flight, *best) else best
 
 
-def _surface_jumps(flight: Flight, stretch: _Stretch, jump: _Jump) -> bool:
-    """Whether a surface's channel jumps there as it does nowhere else: then the channel changed,
-    and the lift that it seems to have lost is no mass."""
+def _channel_jumps(flight: Flight, stretch: _Stretch, jump: _Jump) -> bool:
+    """Whether the channel of a surface or of a flow angle jumps there as it does nowhere else: then
+    the channel changed, and the lift that it seems to have lost is no mass."""
     first, last = max(jump.at - 2, 0), jump.at + 2
     for name in flight.channels:
-        if not is_surface(name):
+        if not is_surface(name) and name not in ("alpha", "beta"):
             continue
         steps = np.abs(np.diff(flight[name][stretch.samples]))
         here = steps[first:last]

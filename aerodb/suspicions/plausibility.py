@@ -20,11 +20,12 @@ from aerodb.conditioning import (
     SAMPLES_PER_PERIOD,
     Suspicion,
     airspeed_rate,
+    spikes,
     stuck,
     with_accelerations,
 )
 from aerodb.flight import Flight
-from aerodb.nomenclature import FLAGS
+from aerodb.nomenclature import FLAGS, is_surface
 from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
 from aerodb.support import Array
@@ -35,6 +36,8 @@ from aerodb.suspicions.hypotheses import explain
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
 _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
+#: Largest share of spikes that is looked for; more is noise.
+OFTEN = 0.2
 #: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
 #: no load factor but an acceleration without gravity.
 LOAD_SPREAD = 0.7
@@ -68,6 +71,7 @@ def suspicions(
 
     - channels without a usable sample at the times of the rates;
     - sensors that do not change while others do;
+    - channels with more spikes than a few;
     - an angle, a rate or an acceleration with the history of another;
     - missing gravity, wrong sign or wrong unit of the vertical acceleration;
     - a rate, attitude, flow angle or acceleration of wrong sign, degrees declared as radians or the
@@ -81,6 +85,7 @@ def suspicions(
     listed = [
         *_without_samples(flight),
         *_standing_still(flight),
+        *_often_wild(flight),
         *_too_large(flight),
         *_impossible_cg(flight, span, chord),
     ]
@@ -165,6 +170,23 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
                     {"share": share, "from": since, "value": float(values[-1])},
                 )
             )
+    return suspicions
+
+
+def _often_wild(flight: Flight) -> list[Suspicion]:
+    """Return sensors and surfaces with so many spikes that they are no wild points."""
+    suspicions = []
+    for name in flight.channels:
+        if name not in _SENSORS and not is_surface(name):
+            continue
+        values = np.where(flight.usable([name]), flight[name], np.nan)
+        share = float(np.mean(spikes(values, rarest=OFTEN)))
+        if share > RAREST:
+            words = (
+                f"{name} has spikes in {100 * share:.2g} % of its samples, too many for wild"
+                " points: another field is mixed in, or its converter fails"
+            )
+            suspicions.append(Suspicion(name, "spikes", words, {"share": share}))
     return suspicions
 
 

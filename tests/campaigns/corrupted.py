@@ -4,7 +4,9 @@
 ingest, said by the comparison with the vehicle's database, refused there (the log lacks what the
 database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
 the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
-every value is believable, or right flights beside databases that lack an effect.
+every value is believable, faults during a flight (``during``: a silent one counts where the verdict
+of the reconstruction stays and an axis has twice the clean residual), or right flights beside
+databases that lack an effect.
 """
 
 import argparse
@@ -20,17 +22,21 @@ import numpy as np
 from aerodb.coefficients.comparison import as_inputs, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion, flag_unusable
+from aerodb.consistency import make_consistent
 from aerodb.errors import InputError
 from aerodb.examples.phoenix import mission, read_example
 from aerodb.logs.mapping import choose_mapping, map_recording
+from aerodb.nomenclature import AXES
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from aerodb.suspicions import against_database, against_vehicle, limits_flight
+from aerodb.suspicions.failed import failed_suspicions
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of
+from tests.campaigns.during_flight import SENSORS, SURFACES
 from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, noise_of, shown
 from tests.campaigns.planted import PLANTED, NotThere
@@ -40,6 +46,9 @@ from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN
 from tests.support.paths import ROOT, VEHICLES
 from tests.support.small_glider import write_csv
 
+#: Least residual that matters, as a share of what was flown of an axis: simulated flights that obey
+#: their database to rounding have none.
+LEAST_LEFT = 0.03
 #: Aircraft of JSBSim whose own files state an inertia that no body has, which ingest says.
 NO_BODIES = frozenset({"Concorde", "787-8"})
 _SURFACES = "".join(
@@ -172,6 +181,77 @@ def noticed_beside(pair: Pair) -> tuple[Suspicion, ...]:
     )
 
 
+def residuals(pair: Pair) -> dict[str, tuple[float, float]]:
+    """Axis -> rms of what the database leaves of it, and of what was flown; empty where the
+    comparison refuses."""
+    if pair.database is None:
+        return {}
+    coefficients = total_coefficients(pair.flight, pair.vehicle)
+    try:
+        made = compare(pair.flight, coefficients, pair.database, pair.vehicle.reference)
+    except InputError:
+        return {}
+    found = {}
+    for axis in AXES:
+        if axis not in made.measured:
+            continue
+        rest = (made.measured[axis] - made.predicted[axis])[made.usable[axis]]
+        flown = float(np.nanstd(made.measured[axis][made.usable[axis]]))
+        found[axis] = (float(np.sqrt(np.nanmean(rest**2))), flown)
+    return found
+
+
+def is_material(right: Pair, wrong: Pair) -> bool:
+    """Whether an axis has at least twice the residual of the right flight."""
+    before, after = residuals(right), residuals(wrong)
+    return any(
+        left > 2.0 * max(before[axis][0], LEAST_LEFT * before[axis][1])
+        for axis, (left, _) in after.items()
+        if axis in before
+    )
+
+
+def unsaid(right: Pair, wrong: Pair) -> bool:
+    """Whether a fault passes in silence: no suspicion, and the verdict of the reconstruction stays;
+    for a right and a wrong flight."""
+    if failed_suspicions(wrong.flight) or noticed(wrong):
+        return False
+    try:
+        if noticed_beside(wrong):
+            return False
+    except InputError:
+        return False
+    word, other = (
+        make_consistent(each.flight, each.vehicle, None).document["verdict"]
+        for each in (right, wrong)
+    )
+    return bool(word == other)
+
+
+@dataclass
+class During:
+    """Faults during a flight: how many, how many of them matter, and which of these are silent."""
+
+    cases: int = 0
+    material: int = 0
+    silent: list[str] = field(default_factory=list)
+
+
+def during(pairs: Sequence[Pair], corrupt: Corruption, most: int) -> During:
+    """One kind, in at most so many flights."""
+    found = During()
+    for pair in pairs:
+        with np.errstate(all="ignore"):
+            made = corrupt(pair) if found.cases < most else None
+            if made is None:
+                continue
+            found.cases += 1
+            if is_material(pair, made):
+                found.material += 1
+                found.silent += [pair.name] if unsaid(pair, made) else []
+    return found
+
+
 @dataclass
 class Count:
     """Where a kind was noticed at ingest, beside the database, by a refusal of the comparison, and
@@ -230,8 +310,9 @@ def main() -> None:
     """Print the table for the measured and the simulated flights."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
-    parts = ("flights", "files", "believable", "lacking")
+    parts = ("flights", "files", "believable", "during", "lacking")
     parser.add_argument("--only", choices=parts, help="one part of the table")
+    parser.add_argument("--most", type=int, default=100, help="flights per kind of `during`")
     asked = parser.parse_args()
     cache = asked.cache or Path(tempfile.mkdtemp())
     cache.mkdir(parents=True, exist_ok=True)
@@ -253,6 +334,22 @@ def main() -> None:
             f"databases that lack an effect: {count.cases}, limited {len(stopped)}, only suspected"
             f" {len(count.suspected)}: {', '.join(stopped + count.suspected)}"
         )
+    if asked.only in (None, "during"):
+        kinds_during = {**SURFACES, **SENSORS}
+        rng = np.random.default_rng(1)
+        tables = {}
+        for kind, corrupt in kinds_during.items():
+            mixed = [pairs[k] for k in rng.permutation(len(pairs))]
+            tables[kind] = each = during(mixed, corrupt, asked.most)
+            numbers = f"{each.cases:4} {each.material:4} {len(each.silent):4}"
+            print(f"  {kind:36} {numbers}  {', '.join(each.silent)}", flush=True)
+        cases, mattering, silent = (
+            sum(numbers)
+            for numbers in zip(
+                *((e.cases, e.material, len(e.silent)) for e in tables.values()), strict=True
+            )
+        )
+        print(f"during a flight: {cases}, material {mattering}, of these silent {silent}")
     titles: dict[str, tuple[str, Mapping[str, Corruption]]] = {
         "flights": ("corrupted flights", FLIGHTS),
         "files": ("wrong vehicle files", FILES),

@@ -10,6 +10,7 @@ from aerodb.suspicions import limits_flight
 from tests.campaigns.corrupted import (
     Count,
     attack,
+    during,
     fleet,
     lacking,
     noticed,
@@ -19,7 +20,10 @@ from tests.campaigns.corrupted import (
 )
 from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Pair
+from tests.campaigns.during_flight import SENSORS, SURFACES
 
+#: Largest share of faults during a flight that matter and are silent, as measured with a margin.
+SILENT_DURING = 0.16
 #: Largest shares of silent flights and files over all kinds, as measured with a margin.
 SILENT = {"flights": 0.02, "files": 0.02}
 
@@ -89,6 +93,23 @@ def test_wrong_files_of_a_measured_flight_are_noticed(measured_folder: Path, kin
     pair = next(pair for pair in measured_pairs(measured_folder) if "AilRud" in pair.name)
     count = attack([pair], {kind: BELIEVABLE[kind]})[kind]
     assert (count.cases, count.silent) == (1, [])
+
+
+@pytest.mark.parametrize(
+    "kind", ["elevator reversed from .4 on", "elevator jumps 4 deg", "record held 3 s"]
+)
+def test_faults_during_a_flight_are_noticed(flights: list[Pair], kind: str) -> None:
+    found = during(flights, {**SURFACES, **SENSORS}[kind], most=2)
+    assert found.material > 0
+    assert found.silent == []
+
+
+@pytest.mark.campaign
+def test_few_faults_during_a_flight_are_silent(measured_folder: Path, tmp_path: Path) -> None:
+    pairs = [*fleet(tmp_path), *simulated(), *measured_pairs(measured_folder)]
+    found = [during(pairs, corrupt, most=4) for corrupt in {**SURFACES, **SENSORS}.values()]
+    silent = sum(len(each.silent) for each in found)
+    assert silent <= SILENT_DURING * sum(each.material for each in found)
 
 
 @pytest.mark.campaign

@@ -20,6 +20,6 @@ if TYPE_CHECKING:
     from .remaining_errors import within_reconstruction_accuracy
     from .sensor import BELIEVED, predicted_change
     from .sensor_flow_angles import NATURAL_ANGLE_ERRORS
-    from .surface_motion import SURFACE_MOTION, half_width, played
+    from .surface_motion import SURFACE_MOTION, half_width
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -13,11 +13,6 @@ dC/ddelta`` with w0 a third of the rms deflection.
 Believable size: 10 ms for a logger's and an actuator's delay that is not stated, half a second for
 a fault; play of .05 deg for a sound linkage, several degrees for a worn one. Source: Tao &
 Kokotovic, *Adaptive Control of Systems with Actuator and Sensor Nonlinearities*, 1996.
-
-The play follows with half a width of slack to either side:
-
->>> played(np.array([0.0, 0.2, 0.5, 0.4, 0.2, 0.0]), 0.1).round(2).tolist()
-[0.0, 0.1, 0.4, 0.4, 0.3, 0.1]
 """
 
 from collections.abc import Callable
@@ -31,7 +26,7 @@ from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import delay_prior, predicted_change, sensor
 from aerodb.effects.surfaces import Deflection, Role
 from aerodb.effects.template import LibraryContext, Template, read_alone
-from aerodb.signals import smooth
+from aerodb.signals import played, smooth
 from aerodb.support import Array
 
 SOURCE: Final = "Tao & Kokotovic 1996"
@@ -43,14 +38,6 @@ _WIDE: Final = 2.0 / 3.0
 _LEAST: Final = 1e-3
 #: Kinds of surfaces that move to and fro.
 _MOVING: Final[frozenset[Role]] = frozenset({"pitch", "roll", "yaw"})
-
-
-def played(values: Array, half_width: float) -> Array:
-    """The output (n,) of a play of `half_width` that begins in the middle; in the unit of
-    `values`."""
-    from aerodb.effects.measurement.play import follow  # numba is slow to import
-
-    return follow(np.asarray(values, dtype=np.float64), half_width)
 
 
 def half_width(values: Array, share: float = _MIDDLE) -> float:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.special import stdtrit
 
-from aerodb.effects import half_width, played
+from aerodb.effects import half_width
+from aerodb.signals import played
 from aerodb.support import Array
 
 Indices = NDArray[np.intp]

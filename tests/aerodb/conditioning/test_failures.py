@@ -35,6 +35,22 @@ def straight(
     return flag_unusable(Flight("a", "any", time, made))
 
 
+def test_a_record_that_stands_still_is_told_as_such() -> None:
+    """Not as the failure of one of its sensors."""
+    right = straight()
+    held = (right.time >= 40.0) & (right.time < 43.0)
+    channels = {
+        name: np.where(held, values[np.argmax(held)], values)
+        for name, values in right.channels.items()
+    }
+    made = Flight("a", "any", right.time, channels)
+    flight = flag_unusable(made)
+    (said,) = failed_suspicions(flight)
+    assert said.sentence.startswith("the record failed from 40.0 to 43.0 s: every channel repeats")
+    assert not flight.usable(["theta"])[held].any()
+    assert failed_suspicions(right) == ()
+
+
 def kinds(flight: Flight) -> dict[str, list[tuple[float, float]]]:
     found: dict[str, list[tuple[float, float]]] = {}
     for each in segments(flight):

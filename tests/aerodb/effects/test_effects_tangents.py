@@ -14,9 +14,9 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
-from aerodb.effects.measurement import played
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.signals import played
 from aerodb.signals.error_measures import rms
 from aerodb.support.arrays import Array
 from aerodb.tables.analysis.sensitivity import slopes_by

@@ -121,7 +121,24 @@ def test_a_right_flight_shows_the_derivatives_of_its_database() -> None:
     ],
 )
 def test_what_a_wind_tunnel_may_have_wrong_is_no_contradiction(factors: dict[str, float]) -> None:
-    assert said(flight(), about_cg(), database(**factors)) == ()
+    assert not any(limits_flight(each) for each in said(flight(), about_cg(), database(**factors)))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize(("axis", "surface"), [("Cm", "elevator"), ("Cl", "aileron")])
+def test_a_control_of_half_or_twice_the_effect_is_suspected(
+    axis: str, surface: str, factor: float
+) -> None:
+    """A scale of its channel and an error of the tunnel look alike: both are named."""
+    name = f"delta_{surface}"
+    (found,) = said(flight(), about_cg(), database(**{f"{axis}_{name}": factor}))
+    assert (found.channel, found.kind) == (name, "possible")
+    assert found.evidence["ratio"] == pytest.approx(1.0 / factor, rel=0.1)
+    assert "the scale of its channel is another, or the database's" in found.sentence
+    scaled = changed(flight(), **{name: flight()[name] / factor})
+    (same,) = said(scaled, about_cg(), database())
+    assert (same.channel, same.kind) == (found.channel, found.kind)
+    assert not limits_flight(found)
 
 
 @pytest.mark.parametrize("deficit", [{}, {"Cm_delta_elevator": 0.5, "Cl_delta_aileron": 2.0}])

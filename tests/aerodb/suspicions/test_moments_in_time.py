@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerodb.signals import played
 from aerodb.suspicions import limits_flight
 from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.vehicle import add_combinations
@@ -107,6 +108,58 @@ def test_a_channel_that_stands_still_for_a_while(flight: Pair, change: Change) -
     assert "stands still" in said.sentence
 
 
+def late(seconds: float, begin: float = 0.0) -> Change:
+    """Samples of 20 ms."""
+    shift = round(seconds / 0.02)
+    return lambda d, share: np.where(share >= begin, np.roll(d, shift), d)
+
+
+def test_a_delay_that_begins_in_flight_is_told_with_its_time(flight: Pair) -> None:
+    found = noticed_beside(changed(flight, "pitch", late(0.3, 0.5)))
+    (said,) = (each for each in found if each.channel == "delta_elevator")
+    assert "late" in said.sentence
+    if said.kind == "changed":
+        assert said.evidence["change"] == pytest.approx(-0.3, abs=0.12)
+
+
+def test_a_gain_that_grows_is_told_with_its_size(flight: Pair) -> None:
+    """Logged from once to twice: a radian of the log does half of what it did."""
+    found = noticed_beside(changed(flight, "pitch", lambda d, share: d * (1.0 + share)))
+    (said,) = (each for each in found if each.channel == "delta_elevator")
+    assert said.kind == "changed"
+    assert said.evidence["change"] == pytest.approx(-0.5, abs=0.15)
+    assert limits_flight(said)
+
+
+def test_play_in_the_linkage_of_a_surface(flight: Pair) -> None:
+    """The surface follows the logged servo through a play of 3 deg; what the log shows moved it."""
+    half = np.deg2rad(1.5)
+    found = noticed_beside(changed(flight, "pitch", lambda d, share: played(d, half)))
+    assert any(each.channel == "delta_elevator" for each in found)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("alpha", 0.6), ("az", 1.5)])
+def test_a_sensor_whose_scale_changes_is_named_with_what_looks_alike(
+    record: Pair, name: str, factor: float
+) -> None:
+    own = record.flight
+    share = (own.time - own.time[0]) / np.ptp(own.time)
+    made = own.with_channels({name: np.where(share > 0.5, factor, 1.0) * own[name]})
+    (said,) = (s for s in noticed_beside(replace(record, flight=made)) if "CZ" in s.sentence)
+    assert (said.kind, limits_flight(said)) == ("changed", True)
+    assert "alpha" in said.sentence
+    assert "az" in said.sentence
+
+
+def test_a_side_force_that_turns_its_sign(flight: Pair) -> None:
+    own = flight.flight
+    late = own.time > 8.0
+    made = own.with_channels({"ay": np.where(late, -own["ay"], own["ay"])})
+    (said,) = noticed_beside(replace(flight, flight=made))
+    assert (said.channel, said.kind) == ("ay", "changed")
+    assert said.evidence["change"] == pytest.approx(-2.0, abs=0.4)
+
+
 def test_a_surface_that_stands_while_nothing_happens_is_none(flight: Pair) -> None:
     """What rests exactly, and was flown so."""
     own = flight.flight
@@ -116,6 +169,8 @@ def test_a_surface_that_stands_while_nothing_happens_is_none(flight: Pair) -> No
                for s in noticed_beside(replace(flight, flight=own.with_channels(quiet))))  # fmt: skip
 
 
-def test_a_jump_of_a_channel_is_no_mass(flight: Pair) -> None:
+def test_a_jump_of_a_channel_is_no_mass(flight: Pair, record: Pair) -> None:
+    vane = np.where(record.flight.time > 30.0, 0.6, 1.0) * record.flight["alpha"]
+    assert mass_event_suspicions(record.flight.with_channels({"alpha": vane}), record.vehicle) == ()
     made = changed(flight, "pitch", jumped)
     assert mass_event_suspicions(made.flight, made.vehicle) == ()

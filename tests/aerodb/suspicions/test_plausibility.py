@@ -206,3 +206,16 @@ def test_records_in_which_nothing_moves_or_nothing_is_there() -> None:
     assert suspicions(parked) == ()
     assert explain({"theta": np.zeros(1000), "q": np.zeros(1000)}, 0.02) is None
     assert suspicions(Flight("s", "synthetic", time[:2], {"q": np.array([0.0, 0.1])})) == ()
+
+
+@pytest.mark.parametrize("name", ["az", "q"])
+def test_frequent_spikes_are_said(name: str) -> None:
+    """Too many for wild points, which are left out."""
+    flight = kinematic_flight(3)
+    values = flight[name].copy()
+    values[10::20] += 3.0 * np.std(values)
+    (found,) = (
+        each for each in suspicions(flight.with_channels({name: values})) if each.kind == "spikes"
+    )
+    assert found.channel == name
+    assert found.evidence["share"] == pytest.approx(0.05, abs=0.01)

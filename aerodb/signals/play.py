@@ -1,4 +1,4 @@
-"""The compiled play of `surface_motion.played`."""
+"""The compiled loop of `backlash.played`."""
 
 import numpy as np
 from numba import njit
