@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 16,
     "consistency": 23,
     "coefficients": 4,
-    "compare": 8,
+    "compare": 9,
     "import": 2,
     "fly": 4,
     "estimate": 11,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         flag_unusable,
         from_document,
         suspicion_documents,
+        suspicions_from,
         to_document,
     )
     from .delay import (

@@ -30,10 +30,15 @@ def flag_unusable(flight: Flight) -> Flight:
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
-    """Return suspicions as JSON, figures in SI units; `from_document` reads them back."""
+    """Return suspicions as JSON, figures in SI units; `suspicions_from` reads them back."""
     return [
         {**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions
     ]
+
+
+def suspicions_from(documents: Iterable[Mapping[str, Any]]) -> tuple[Suspicion, ...]:
+    """Return the suspicions that `suspicion_documents` made to JSON, figures in SI units."""
+    return tuple(Suspicion(**entry) for entry in documents)
 
 
 def to_document(conditioning: Conditioning) -> dict[str, Any]:
@@ -55,7 +60,7 @@ def from_document(document: Mapping[str, Any]) -> Conditioning:
     """Return the findings in a document of `to_document`, in SI units; KeyError for another
     document."""
     return Conditioning(
-        tuple(Suspicion(**entry) for entry in document["suspicions"]),
+        suspicions_from(document["suspicions"]),
         tuple(Segment(**entry) for entry in document["segments"]),
         tuple(
             Delay(

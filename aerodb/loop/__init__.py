@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from .frozen_library import Library
     from .levels import LevelRival, UnexplainedLevel, unexplained_levels
     from .model_error import with_model_error
-    from .noise_floor import noise_floors
+    from .noise_floor import noise_floor_of, noise_floors
     from .rivals import SensorRival, sensor_rivals
     from .roll_search import RollSearch, search_rolls, with_air_drag
     from .rounds import LoopResult, run_loop

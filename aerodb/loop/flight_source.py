@@ -9,6 +9,7 @@ from aerodb.conditioning import Segment
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView
 from aerodb.flight import Flight
+from aerodb.increments import NoiseFloor
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import FlightNormalEquations
@@ -76,6 +77,11 @@ class FlightSource(Protocol):
         """Return a flight compared with a database: at the full rate (None), or at that which
         tracing at `bandwidth` [Hz] needs (`aerodb.tracing.thinned`).
         """
+        ...
+
+    def noise_floor(self, flight: str, database: AeroDatabase) -> Mapping[str, NoiseFloor]:
+        """Return axis -> error that remains on a flight if a database is right, dimensionless:
+        `aerodb.loop.noise_floor_of`."""
         ...
 
     def normal_equations(

@@ -7,7 +7,7 @@ instead: an effect that hardly changes within a flight is in nothing else.
 docs/method/tracing.md, section 14.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -98,7 +98,8 @@ def unexplained_levels(
     """
     compared = in_threads(lambda id: source.comparison(id, candidate), flights)
     found: list[UnexplainedLevel] = []
-    floors: dict[str, dict[str, NoiseFloor]] = {}  # sought where a level is large: they take long
+    # sought where a level is large: they take long
+    floors: dict[str, Mapping[str, NoiseFloor]] = {}
     for axis in AXES:
         shown = {
             id: each.residual(axis)[each.usable[axis]]

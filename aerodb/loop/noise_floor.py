@@ -31,43 +31,49 @@ _MOST: Final = 6000
 
 def noise_floors(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
-) -> dict[str, dict[str, NoiseFloor]]:
-    """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless.
+) -> dict[str, Mapping[str, NoiseFloor]]:
+    """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless; see
+    `noise_floor_of`."""
+    return dict(
+        zip(flights, in_threads(lambda id: source.noise_floor(id, database), flights), strict=True)
+    )
+
+
+def noise_floor_of(
+    source: FlightSource, flight: str, database: AeroDatabase
+) -> dict[str, NoiseFloor]:
+    """Return axis -> error that remains on a flight (its id) if `database` is right, dimensionless.
 
     The larger of the sensors' white noise in the measured coefficient and of the state noise run
     through measurement and prediction (which holds both, where reconstruction gives it), with the
     stated noise of deflections and the rotation of gusts. With what the constant errors leave of
     which reconstruction is not sure, and those that the vehicle file states of mass properties,
-    thrust and deflections. Raises InputError where a flight lacks what is needed.
+    thrust and deflections. Raises InputError where the flight lacks what is needed.
     """
-
-    def floor(id: str) -> dict[str, NoiseFloor]:
-        comparison = source.comparison(id, database)
-        white = {
-            axis: rms(comparison.sigma[axis][good])
-            for axis, good in comparison.usable.items()
-            if good.any()
-        }
-        flight = source.flight(id)
-        noise = with_deflection_noise(
-            source.reconstruction(id).noise, source.vehicle, flight.channels, flight.step
+    comparison = source.comparison(flight, database)
+    white = {
+        axis: rms(comparison.sigma[axis][good])
+        for axis, good in comparison.usable.items()
+        if good.any()
+    }
+    flown = source.flight(flight)
+    noise = with_deflection_noise(
+        source.reconstruction(flight).noise, source.vehicle, flown.channels, flown.step
+    )
+    known = {} if noise is None else state_error(flown, noise, database, source.vehicle)
+    view = view_of(flown, comparison, database, source.vehicle)
+    stated = stated_consider_parameters(view) if source.vehicle.measured else ()
+    return {
+        axis: _with_stated(
+            _with_white(sigma, known.get(axis)),
+            [
+                each.sigma * each.columns[axis][comparison.usable[axis]]
+                for each in stated
+                if axis in each.columns
+            ],
         )
-        known = {} if noise is None else state_error(flight, noise, database, source.vehicle)
-        view = view_of(flight, comparison, database, source.vehicle)
-        stated = stated_consider_parameters(view) if source.vehicle.measured else ()
-        return {
-            axis: _with_stated(
-                _with_white(sigma, known.get(axis)),
-                [
-                    each.sigma * each.columns[axis][comparison.usable[axis]]
-                    for each in stated
-                    if axis in each.columns
-                ],
-            )
-            for axis, sigma in white.items()
-        }
-
-    return dict(zip(flights, in_threads(floor, flights), strict=True))
+        for axis, sigma in white.items()
+    }
 
 
 def _with_white(sigma: float, known: tuple[float, NoiseFloor] | None) -> NoiseFloor:

@@ -1,11 +1,13 @@
 """What sources of flights that stand in no store have in common."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from aerodb.effects import FlightView, view_of
+from aerodb.increments import NoiseFloor
 from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
+from aerodb.loop.noise_floor import noise_floor_of
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
 
@@ -23,6 +25,12 @@ class WithoutStore:
         if bandwidth is not None:
             given = thinned(*given, bandwidth)
         return view_of(*given, database, self.vehicle)
+
+    def noise_floor(
+        self: FlightSource, flight: str, database: AeroDatabase
+    ) -> Mapping[str, NoiseFloor]:
+        """Return axis -> error that remains on a flight if a database is right, dimensionless."""
+        return noise_floor_of(self, flight, database)
 
     def normal_equations(
         self: FlightSource, flight: str, database: AeroDatabase, library: Library

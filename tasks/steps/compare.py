@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from aerodb.coefficients import Comparison, as_inputs, compare
-from aerodb.conditioning import Suspicion, suspicion_documents
+from aerodb.conditioning import Suspicion, suspicion_documents, suspicions_from
 from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
 from aerodb.storage.catalogue import FlightRow
-from aerodb.storage.files import write_results
+from aerodb.storage.files import read_results, write_results
 from aerodb.suspicions import against_database, limits_flight
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.result_versions import RELEASED
@@ -31,11 +31,13 @@ class FlightComparison:
     """A consistent flight and its comparison with a database.
 
     key : of the stored comparison, or of the coefficients if the comparison is not stored.
+    suspicions : what in the flight contradicts the database, of a stored comparison.
     """
 
     flight: Flight
     comparison: Comparison
     key: str
+    suspicions: tuple[Suspicion, ...] = ()
 
 
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
@@ -75,15 +77,14 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     comparison = loaded.comparison
     axes = {axis: comparison.summary(axis) for axis in AXES if axis in comparison.usable}
     row = access.catalogue.flight(flight)
-    found = _contradictions(loaded, access.database(version), access.vehicle(row.vehicle)[0])
-    _judge(access, row, version, found, run)
+    _judge(access, row, version, loaded.suspicions, run)
     return {
         "flight": flight,
         "key": loaded.key,
         "axes": axes,
         "notes": list(comparison.notes),
         "left_out": list(comparison.left_out),
-        "suspicions": suspicion_documents(found),
+        "suspicions": suspicion_documents(loaded.suspicions),
     }
 
 
@@ -130,7 +131,8 @@ def _judge(
 def load_comparison(
     access: WorkspaceAccess, flight: str, version: str, run: str
 ) -> FlightComparison:
-    """Return the comparison of a flight with a version (both by id), and store it.
+    """Return the comparison of a flight with a version (both by id), and store it with what
+    contradicts the version.
 
     Reads coefficients and the version. Raises UnknownNameError for an unknown id, InputError as
     `compare_with_database`.
@@ -140,10 +142,18 @@ def load_comparison(
     comparison = compared.comparison
     inputs = {"coefficients": compared.key, "version": version}
     result = StoredResult(access, "compare", "comparison", inputs, flight=row.id)
-    if not result.is_stored():
-        metadata = {"notes": list(comparison.notes), "version": version}
+    path = result.stored()
+    if path is None:
+        found = _contradictions(compared, access.database(version), access.vehicle(row.vehicle)[0])
+        metadata = {
+            "notes": list(comparison.notes),
+            "version": version,
+            "suspicions": suspicion_documents(found),
+        }
         result.keep(run, lambda path: write_results(path, _long(comparison), metadata))
-    return FlightComparison(compared.flight, comparison, result.key)
+    else:
+        found = suspicions_from(read_results(path, ())[1]["suspicions"])
+    return FlightComparison(compared.flight, comparison, result.key, found)
 
 
 def compare_with_database(

@@ -10,7 +10,8 @@ from aerodb.conditioning import Segment, selected
 from aerodb.effects import FlightView, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
-from aerodb.loop import Library, ReconstructionErrors, evidence_beside
+from aerodb.increments import NoiseFloor
+from aerodb.loop import Library, ReconstructionErrors, evidence_beside, noise_floor_of
 from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
@@ -130,6 +131,16 @@ class StoredFlights:
                 bandwidth,
             )
         return view_of(*given, database, self.vehicle)
+
+    def noise_floor(self, flight: str, database: AeroDatabase) -> Mapping[str, NoiseFloor]:
+        """Return axis -> error that remains on a flight if a database is right, dimensionless; what
+        several steps of a run ask is calculated once."""
+        return self._once(
+            lambda: noise_floor_of(self, flight, database),
+            "noise floor",
+            flight,
+            database_document_sha256(database),
+        )
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library

@@ -122,6 +122,8 @@ def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path
     )
     assert f"suspicion: {found['sentence']}" in again.stdout
     assert asked(workspace, "flight", "show", outcome["flight"])["reasons"] == shown["reasons"]
+    stored = asked(workspace, "flight", "compare", outcome["flight"], "v0001")
+    assert stored["suspicions"] == outcome["comparison"]["suspicions"]
 
 
 def test_what_aerodynamics_may_explain_is_said_and_limits_nothing(tmp_path: Path) -> None:
