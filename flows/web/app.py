@@ -35,6 +35,7 @@ from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.models import REFUSALS
 from aerodb.flows.web.security import Secured, UserOf
+from aerodb.flows.web.server_paths import for_visitor
 from aerodb.flows.web.sessions import ForbiddenError, units_of
 from aerodb.report import FLAGGED, FLIGHT, MEASURED, UPDATED, render
 from aerodb.storage.workspace import Workspace
@@ -174,7 +175,9 @@ async def _malformed(request: Request, error: Exception) -> Response:
 
 
 def _said(request: Request, status: int, what: str, where: str, remedy: str) -> Response:
-    """Return an error as a page, or as a document if a document was requested."""
+    """Return an error as a page, or as a document if a document was requested; with paths of the
+    server for those who may release only."""
+    what, where, remedy = (for_visitor(text) for text in (what, where, remedy))
     if request.url.path.startswith("/api/") or request.url.path == "/openapi.json":
         answer = document(
             {"error": {"status": status, "what": what, "where": where, "remedy": remedy}},

@@ -122,9 +122,12 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     return response
 
 
-def report(text: str, more_policy: str = "") -> Response:
-    """Return a report as a self-contained page; more_policy : a directive of its own, for its
-    script."""
+def report(request: Request, text: str, more_policy: str = "") -> Response:
+    """Return a report as a self-contained page, with the folder of the workspace for those who may
+    release only; more_policy : a directive of its own, for its script."""
+    if not acts_as("release"):
+        root = console_of(request).root
+        text = text.replace(str(root), root.name)
     policy = f"{REPORT_POLICY}; {more_policy}" if more_policy else REPORT_POLICY
     headers = {"content-security-policy": policy}
     return Response(text.encode("utf-8", "replace"), 200, headers, "text/html; charset=utf-8")

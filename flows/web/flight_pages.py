@@ -168,7 +168,7 @@ def flight_report(
         access.catalogue.version(row.vehicle, against).id if against else _released(access, row)
     )
     parameters = {"kind": "flight", "about": row.id, "version": version or ""}
-    return report(console_of(request).run(report_flow, parameters))
+    return report(request, console_of(request).run(report_flow, parameters))
 
 
 def _released(access: WorkspaceAccess, row: FlightRow) -> str | None:

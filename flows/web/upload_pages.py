@@ -101,7 +101,7 @@ def looked_at(request: Request, key: str) -> Response:
     kept: OrderedDict[str, str] = request.app.state.looked_at
     if key not in kept:
         raise UnknownNameError("this page is no longer kept", "/logs", "drop the log once more")
-    return report(kept[key], script_source())
+    return report(request, kept[key], script_source())
 
 
 def _looked_at(log: Path, root: Path, name: str) -> LogsPage:

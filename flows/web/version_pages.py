@@ -274,7 +274,9 @@ def table(
 def version_report(request: Request, version: str, vehicle: Vehicle = None) -> Response:
     """The report of a version, as `aerodb report version` writes it."""
     row = version_at(access_of(request), version, vehicle)
-    return report(console_of(request).run(report_flow, {"kind": "version", "about": row.id}))
+    return report(
+        request, console_of(request).run(report_flow, {"kind": "version", "about": row.id})
+    )
 
 
 @router.get("/versions/{version}/responses", include_in_schema=False)
@@ -291,7 +293,7 @@ def version_responses(request: Request, version: str, vehicle: Vehicle = None) -
         "independent": independent,
         "page": True,
     }
-    return report(console_of(request).run(validate_flow, parameters)["page"])
+    return report(request, console_of(request).run(validate_flow, parameters)["page"])
 
 
 @router.get("/api/versions/{version}/export", summary="Export of a version")

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from aerodb.flows.web.console import access_of, document, page_of
+from aerodb.flows.web.server_paths import for_visitor
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.view import status_of
 
@@ -16,7 +17,7 @@ router = APIRouter(tags=["work"])
 def work_page(request: Request) -> Response:
     """The status page."""
     access = access_of(request)
-    status = status_of(access)
+    status = for_visitor(status_of(access))
     server = _server(status)
     has_pages = load_settings(access.workspace.root).serve.ui
     return page_of(
@@ -32,7 +33,7 @@ def work_page(request: Request) -> Response:
 @router.get("/api/status", summary="What is waiting, running or failed")
 def status(request: Request) -> Response:
     """The document of `aerodb status`."""
-    return document(status_of(access_of(request)))
+    return document(for_visitor(status_of(access_of(request))))
 
 
 def _server(status: dict[str, Any]) -> str:
