@@ -146,7 +146,7 @@ def list_flights(
                 r.name or document["file"],
                 r.id[:12],
                 r.vehicle,
-                _when(r),
+                _when(r)[:16],  # to the minute
                 f"{r.duration:.1f}",
                 r.verdict,
                 _standing(document),

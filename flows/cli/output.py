@@ -6,7 +6,7 @@ import sys
 import textwrap
 import threading
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from itertools import chain
@@ -36,6 +36,8 @@ UNITS_VARIABLE: Final = "AERODB_UNITS"
 _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
 
 
+#: Least width of a column of text, which may be divided.
+_TEXT: Final = 8
 #: Spaces between columns.
 _GAP: Final = 2
 
@@ -156,8 +158,22 @@ class Session:
         return Catalogue.open(self.workspace(create).catalogue, create)
 
     def say(self, text: str = "") -> None:
-        """Print a line for people; text is never parsed as markup, because names come from logs."""
-        self.people.print(visible(text, keep="\n\t"), markup=False)
+        """Print a line for people; text is never parsed as markup, because names come from logs.
+
+        On a terminal a line that is too long goes on below, unless it has a command, which is to be
+        copied as a whole.
+        """
+        shown = visible(text, keep="\n\t")
+        if self.people.is_terminal and len(shown) > self.people.width:
+            shown = "\n".join(map(self._wrapped, shown.split("\n")))
+        self.people.print(shown, markup=False)
+
+    def _wrapped(self, line: str) -> str:
+        room = self.people.width
+        if len(line) <= room or "aerodb " in line:
+            return line
+        hanging = " " * (len(line) - len(line.lstrip()) + 2)
+        return textwrap.fill(line, room, subsequent_indent=hanging, **_WHOLE_WORDS)
 
     def headlines(
         self,
@@ -192,19 +208,72 @@ class Session:
         """Return `text` cut to one line of the terminal beside so many characters, with ... where
         something is missing."""
         text, width = "; ".join(visible(text, keep="\n").splitlines()), self.people.width - beside
-        return text if len(text) <= width else f"{text[: width - 4].rstrip()} ..."
+        return text if len(text) <= width else textwrap.shorten(text, width, placeholder=" ...")
 
     def table(
-        self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
+        self,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        numbers: Sequence[int] = (),
+        spare: Sequence[int] = (),
     ) -> None:
-        """Print a table for people; columns whose indices are in `numbers` are right-aligned.
+        """Print a table for people; columns whose indices are in `numbers` are right-aligned, and
+        never cut: where they do not fit side by side, the table is printed in parts.
 
-        A table that fits is printed as it is; rich lays out only one whose cells have to be
+        spare : indices of columns that a narrow terminal leaves out, the first one first; it says
+        so. A table that fits is printed as it is; rich lays out only one whose cells have to be
         divided, which takes a hundred times as long.
         """
         cells = [[visible(cell) for cell in row] for row in rows]
         if self._fits(columns, cells, numbers):
             return
+        if self.people.is_terminal and all(len(row) == len(columns) for row in cells):
+            self._narrow(columns, cells, numbers, spare)
+        else:
+            self._laid_out(columns, cells, numbers)
+
+    def _narrow(
+        self,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        numbers: Sequence[int],
+        spare: Sequence[int],
+    ) -> None:
+        """Print a table that is wider than the terminal: without spare columns, or in parts."""
+        wide = [max(map(cell_len, column)) for column in zip(columns, *rows, strict=True)]
+        kept = [k for k in range(len(columns)) if not rows or any(row[k] for row in rows)]
+        left_out = []
+        for k in spare:
+            if k in kept and self._over(wide[each] for each in kept):
+                kept.remove(k)
+                left_out.append(columns[k])
+        least = [wide[k] if k in numbers else min(wide[k], _TEXT) for k in range(len(columns))]
+        parts = [kept[:1]]
+        for k in kept[1:]:
+            if self._over(least[each] for each in [*parts[-1], k]):
+                parts.append(kept[:1])
+            parts[-1].append(k)
+        for number, part in enumerate(parts):
+            right = [place for place, k in enumerate(part) if k in numbers]
+            shown = [[row[k] for k in part] for row in rows]
+            if len(parts) > 1:
+                shown = [row for row in shown if any(row[1:])]
+            if number:
+                self.say()
+            if not self._fits([columns[k] for k in part], shown, right):
+                self._laid_out([columns[k] for k in part], shown, right)
+        if left_out:
+            self.say(f"not shown on a terminal this narrow: {', '.join(left_out)}")
+
+    def _over(self, widths: Iterable[int]) -> bool:
+        """Whether columns of these widths do not fit side by side."""
+        held = list(widths)
+        return sum(held) + _GAP * (len(held) - 1) > self.people.width
+
+    def _laid_out(
+        self, columns: Sequence[str], cells: Sequence[Sequence[str]], numbers: Sequence[int]
+    ) -> None:
+        """Print a table whose cells have to be divided."""
         grid = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
             grid.add_column(

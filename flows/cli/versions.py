@@ -94,6 +94,7 @@ def list_versions(
             ]
             for each in documents
         ],
+        spare=(2, 1, 8, 7),
     )
     if any(each["held_out"]["after"] is not None for each in documents):
         session.say("held-out error: rms before and after on flights that did not identify it")
@@ -202,8 +203,9 @@ def show(
     session.headlines(
         f"{row.vehicle}: {row.label} {_standing(names, waits, document['stale'])}",
         [
-            (label, "; ".join(texts).replace("\u2212", "-"))
+            ("" if number else label, text.replace("\u2212", "-"))
             for label, texts in version_lines(document["report"], row.label, session.units)
+            for number, text in enumerate(texts)
         ],
         f"aerodb version gate {row.label} --vehicle {row.vehicle}" if waits else "",
     )

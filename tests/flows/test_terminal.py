@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 from typer.testing import CliRunner
 
 from aerodb.consistency import unmeasured_angles_outlook
@@ -21,7 +22,7 @@ from tests.support.console_workspace import client_of
 from tests.support.contradictions import contradictions
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv
-from tests.support.terminal import on_terminal
+from tests.support.terminal import on_terminal, plain
 
 WIDTHS = (80, 120)
 
@@ -47,6 +48,33 @@ def test_the_next_command_stands_alone_and_what_is_said_before_it_is_wrapped(
         assert not forced or max(map(len, lines[:-1])) <= columns
         assert lines[-1].strip() == (command if forced else f"next   {said} {command}")
         assert lines[1].startswith("  a verdict") == bool(forced)
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_no_number_is_cut_where_the_terminal_is_narrow(
+    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Columns that can be spared are left out, which is said; numbers go on in a second part."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", str(columns))
+    session = Session(Path(), as_json=False, debug=False)
+    numbers = [[f"{row}.{k}234567 ± 0.00123" for k in range(7)] for row in (1, 2)]
+    heads = [f"figure {k} [rad/s]" for k in range(7)]
+    rows = [["Dutch roll", "id-1", *numbers[0]], ["phugoid", "id-2", *numbers[1]]]
+    session.table(["mode", "id", *heads], rows, range(2, 9), spare=(1,))
+    out = plain(capsys.readouterr().out)
+    assert max(map(cell_len, out.splitlines())) <= columns
+    assert all(cell in out for row in numbers for cell in row)
+    assert all(head in out for head in heads)
+    assert out.count("Dutch roll") == out.count("phugoid") == out.count("mode") > 1
+    assert "id-1" not in out
+    assert "not shown on a terminal this narrow: id" in out
+    session.table(["mode", "id"], [], spare=(1,))
+    assert plain(capsys.readouterr().out).split() == ["mode", "id"]
+    session.say("  a long sentence about what was found " * 5)
+    wrapped = capsys.readouterr().out.splitlines()
+    assert max(map(len, wrapped)) <= columns
+    assert all(line.startswith("    ") for line in wrapped[1:])
 
 
 @pytest.mark.parametrize("columns", WIDTHS)

@@ -17,4 +17,9 @@ def on_terminal(workspace: Path, columns: int, *words: str) -> tuple[int, list[s
         patch.setenv("FORCE_COLOR", "1")
         patch.setenv("COLUMNS", str(columns))
         done = CliRunner().invoke(app, ["--workspace", str(workspace), *words])
-    return done.exit_code, _STYLE.sub("", done.stdout).splitlines()
+    return done.exit_code, plain(done.stdout).splitlines()
+
+
+def plain(text: str) -> str:
+    """What was printed, without its style."""
+    return _STYLE.sub("", text)
