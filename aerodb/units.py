@@ -41,6 +41,7 @@ _ANY_CASE: Final = {
     # German; the hundredth of a right angle is "gon".
     **{"grad": "deg", "grad/s": "deg/s", "grad/sec": "deg/s"},
     **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **{"cdeg": "cdeg", "mrad": "mrad", "cdeg/s": "cdeg/s", "mrad/s": "mrad/s"},
     **dict.fromkeys(("deg/s", "deg/sec", "degs/sec", "degree/s", "degrees/s", "dps"), "deg/s"),
     **dict.fromkeys(("degrees/second", "degree/second", "degs/s"), "deg/s"),
     **dict.fromkeys(("rad/s", "rad/sec", "rads/s", "radians/s", "rads/sec"), "rad/s"),
@@ -149,6 +150,14 @@ def spelled(unit: str) -> str:
     return _SPELLINGS.get(plain, plain)
 
 
+def _is_unit(unit: str) -> bool:
+    try:
+        conversion(unit, unit)
+    except InputError:
+        return False
+    return True
+
+
 _SIGNS: Final = {"°": "deg", "º": "deg", "µ": "u", "μ": "u", "²": "^2", "³": "^3", "⁻¹": "^-1"}
 
 
@@ -159,10 +168,11 @@ def is_spelled(text: str) -> bool:
     (True, False, True)
     """
     words = text.strip()
+    unit = spelled(words)
     return (
         words in ("", "-")
         or words in _SPELLINGS
-        or spelled(words) != words
+        or (unit != words and _is_unit(unit))
         or words.lower() in _ANY_CASE
         or words.lower() in _OTHER_UNITS
     )

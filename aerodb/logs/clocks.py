@@ -14,8 +14,8 @@ from aerodb.signals import clean_clock
 from aerodb.support import Array
 from aerodb.units import conversion, spelled
 
-_OF_LOG: Final = r"elapsed|flight|log|rec(ord)?|recording|boot|system|sys|session|mission|host"
-_OF_CLOCK: Final = r"gps|utc|gmt|lcl|local|unix|epoch|date|zulu|abs|rel|absolute|relative"
+_OF_LOG: Final = r"elapsed|fly|flight|log|rec(ord)?|recording|boot|system|sys|session|mission|host"
+_OF_CLOCK: Final = r"gps|utc|gmt|lcl|local|unix|epoch|date|zulu|abs|rel|absolute|relative|offset"
 _OF_RUN: Final = r"totl|total|real|missn|sim(ulation)?|sample|loop"
 _BEFORE: Final = f"({_OF_LOG}|{_OF_CLOCK}|{_OF_RUN})"
 _CLOCK: Final = r"(t|time|times|time_?stamps?|zeit|uhrzeit|clock|tempo|temps|date_?time)"
@@ -28,7 +28,7 @@ _NAMES: Final = tuple(
         r"(milli|micro|nano)?s(ec(ond)?s?)?|millis|micros|[mun]sec|[mun]s|utc(_?sec)?|elapsed|date"
         r"|\w+_time_?stamps?",
         r"hh_?mm_?ss|(unix|posix|epoch|stamp|when|datum|zulu|gmt)(_?(s|sec|ms|us|ns))?",
-        r"\w+_(time|clock)",
+        r"\w+_(time|clock)|x_value",
     )
 )
 #: Units of a time, in the order of their size [s].
@@ -173,13 +173,15 @@ def _is_counter(values: Array) -> bool:
 
 def _unit(topic: Topic, field: str, values: Array) -> tuple[str, str, str]:
     """Unit of a time, why, and what is to be asked about it."""
-    declared = topic.units.get(field, "")
-    for stated, why in ((declared, "the log states its unit"), (_of_name(field), "by its name")):
-        if stated and _is_time(stated):
-            return spelled(stated), why, ""
     times = values[np.isfinite(values)]
     steps = np.diff(times)
     step = float(np.median(steps[steps > 0]))
+    declared = topic.units.get(field, "")
+    for stated, why in ((declared, "the log states its unit"), (_of_name(field), "by its name")):
+        if stated and _is_time(stated):
+            seconds = step * conversion(stated, "s")[0]
+            doubt = f"is {field} in {spelled(stated)}? Its steps would be {seconds:.3g} s"
+            return spelled(stated), why, doubt if seconds * _RATES[1] < 1.0 else ""
     for low, high in _DAYS:
         if low < times[0] < high and step < _MOST_DAYS:
             return "day", f"from {times[0]:.6g}: days, as spreadsheets and MATLAB count them", ""

@@ -1,26 +1,34 @@
 """Which channel a field of a log is by its name, how sure that is, and what it leaves open."""
 
 import re
-from dataclasses import dataclass
+import unicodedata
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
+from aerodb.logs.foreign_names import CLIMBING, FOREIGN
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.units import is_spelled, spelled
 
+#: Names of `velocity_down` that are positive upwards.
+_UP: Final = r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc"
 #: Channel -> pattern of its names in logs, in lower case with underscores.
 _NAMES: Final[dict[str, str]] = {
-    "V": r"(true_?)?(air_?speed|tas|v_?tas|vtas|v_?true)|v|tas_?air_?speed",
-    "calibrated_airspeed": r"cas|ias|(calibrated|indicated)_?air_?speed|v_?cas|v_?ias|v_?ind",
+    "V": r"(true_?)?(air_?speed|k?tas|v_?tas|vtas|v_?true)|v|vt|tas_?air_?speed",
+    "calibrated_airspeed": r"cas|ias|(calibrated|indicated)_?air_?speed|v_?cas|v_?ias|v_?ind|vc"
+    r"|k[ic]as",
     "alpha": r"alpha|aoa|alfa|angle_?of_?attack|alpha_?vane",
-    "beta": r"beta|aos|ssa|(angle_?of_?)?side_?slip(_?angle)?|beta_?vane",
+    "beta": r"beta|aoss?|ssa|(angle_?of_?)?side_?slip(_?angle)?|beta_?vane",
     "qbar": r"q_?bar|q_?dyn|dyn(amic)?_?press(ure)?|q_?inf|p_?dyn|impact_?pressure",
     "mach": r"mach(_?(number|no))?|ma",
     "rho": r"rho|(air_?)?density",
     "temperature": r"oat|sat|((static|outside|ambient)_?)?(air_?)?temp(erature)?",
     "static_pressure": r"ps|p_?stat(ic)?|static_?press(ure)?|baro_?press(ure)?",
-    "p": r"p|(b_?)?roll_?(rate|speed)|gyro?_?x|gx|omega_?x|wx|roll_?rt|angular_velocity_x",
-    "q": r"q|(b_?)?pitch_?(rate|speed)|gyro?_?y|gy|omega_?y|wy|pitch_?rt|angular_velocity_y",
-    "r": r"r|(b_?)?yaw_?(rate|speed)|gyro?_?z|gz|omega_?z|wz|yaw_?rt|angular_velocity_z",
+    "p": r"p|p_?b|p_?rate|(b_?)?roll_?(rate|speed)|gyro?_?x|gx|omega_?x|wx|roll_?rt"
+    r"|angular_velocity_x",
+    "q": r"q|q_?b|q_?rate|(b_?)?pitch_?(rate|speed)|gyro?_?y|gy|omega_?y|wy|pitch_?rt"
+    r"|angular_velocity_y",
+    "r": r"r|r_?b|r_?rate|(b_?)?yaw_?(rate|speed)|gyro?_?z|gz|omega_?z|wz|yaw_?rt"
+    r"|angular_velocity_z",
     "ax_imu": r"a_?x|nx|acc(el|eleration)?_?x|(b_?)?long(itudinal)?_?acc(el|eleration)?"
     r"|linear_acceleration_x|gload_?axial",
     "ay_imu": r"a_?y|ny|acc(el|eleration)?_?y|(b_?)?lat(eral|rl)?_?acc?(el|eleration)?"
@@ -29,22 +37,23 @@ _NAMES: Final[dict[str, str]] = {
     r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?",
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
     "theta": r"theta|pitch|pitch_?(angle|attitude)|euler_?pitch",
-    "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(yaw|heading)_?angle|euler_?yaw",
+    "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
+    r"|euler_?yaw",
     "altitude": r"alt(itude)?(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?|alt(itude)?_?baro"
     r"|gps_?alt(itude)?|alt(itude)?_?gps|height",
     "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground|radio_?alt(itude)?",
     "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity",
     "velocity_east": r"v_?e(ast)?|vel_?e(ast)?|velocity_?e(ast)?|east_?velocity",
     "velocity_down": r"v_?d(own)?|vel_?d(own)?|velocity_?d(own)?|down_?velocity"
-    r"|v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc",
+    rf"|sink_?rate|{_UP}",
     "latitude": r"lat(itude)?|gps_?lat(itude)?",
     "longitude": r"lon(g|gitude)?|gps_?lon(g|gitude)?|lng",
     "delta_elevator": r"(delta_?)?(elevator|elev|ele)(_?(pos|position|deflection|angle))?|de|d_?e"
-    r"|delta_?e",
+    r"|delta_?e|dele|d_?elev",
     "delta_aileron": r"(delta_?)?(aileron|ail|ailrn)(_?(pos|position|deflection|angle))?|da|d_?a"
-    r"|delta_?a",
+    r"|delta_?a|dela|d_?ail",
     "delta_rudder": r"(delta_?)?(rudder|rud|ruddr)(_?(pos|position|deflection|angle))?|dr|d_?r"
-    r"|delta_?r",
+    r"|delta_?r|delr|d_?rud",
     "delta_flap": r"(delta_?)?flaps?(_?(pos|position|deflection|angle))?|df|d_?f|delta_?f",
     "thrust": r"thrust|total_?thrust",
     "mass": r"mass|aircraft_?mass|gross_?(mass|weight)",
@@ -83,7 +92,7 @@ _OTHERS: Final = frozenset(
             "vacc",
         ),
         *("gimbal", "camera", "mount", "autopilot", "fd", "director", "ils", "egt", "cht", "tit"),
-        *("i", "ff", "gain", "cpu", "term"),
+        *("i", "ff", "gain", "cpu", "term", "soll", "sollwert", "consigne", "vent", "huile"),
     }
 )
 #: Words behind a name that leave it what it is.
@@ -91,7 +100,7 @@ _BEHIND: Final = frozenset(
     {
         *("filtered", "filt", "corr", "corrected", "raw", "meas", "measured", "est", "estimated"),
         *("ekf", "ins", "imu", "ahrs", "adc", "boom", "vane", "body", "b", "true", "0", "1", "2"),
-        *("mean", "avg", "average", "smoothed", "value", "val", "surf"),
+        *("mean", "avg", "average", "smoothed", "value", "val", "surf", "cg"),
     }
 )
 #: Names that leave something open -> what is to be answered.
@@ -103,10 +112,13 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("psi", r"heading|hdg|hding", "is it true or magnetic?"),
     ("velocity_down", r"vs", "is it the rate of climb?"),
     ("height_above_ground", r"radio_?alt(itude)?", "is it above the ground?"),
-    ("mass", r"gross_?weight", "is it a mass?"),
+    ("mass", r"gross_?weight|gewicht", "is it a mass?"),
+    ("V", r"(flug)?geschwindigkeit|fahrt|vitesse(_air)?", "is it true or indicated airspeed?"),
+    ("V", r"v_?v", "is it true airspeed, or a vertical velocity?"),
+    ("altitude", r"hoe?he", "above sea level, or above the ground or a take-off?"),
+    ("temperature", r"temperatur", "is it that of the outside air?"),
+    ("psi", r"cap|steuerkurs", "is it true or magnetic?"),
 )
-#: Names of `velocity_down` that are positive upwards.
-_CLIMB: Final = re.compile(r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc")
 #: Ending of a name -> unit, beside those of `aerodb.units`; single letters that end other names too
 #: are not among them.
 _ENDINGS: Final = {
@@ -122,8 +134,12 @@ _ENDINGS: Final = {
     **{"inhg": "inHg", "degc": "degC", "deg_c": "degC", "celsius": "degC", "kelvin": "K"},
     **{"sec": "s", "seconds": "s", "usec": "us", "msec": "ms", "min": "minute", "newton": "N"},
     **{"deg/s": "deg/s", "rad/s": "rad/s", "m/s": "m/s", "ft/s": "ft/s", "m/s^2": "m/s^2"},
-    **{"m/s2": "m/s^2"},
+    **{"m/s2": "m/s^2", "cdeg": "cdeg", "mrad": "mrad", "cdeg_s": "cdeg/s", "mrad_s": "mrad/s"},
+    **{"cm": "cm", "mm": "mm", "cm_s": "cm/s", "km": "km", "degf": "degF", "psi": "psi"},
+    **{"kg_m3": "kg/m^3", "slug_ft3": "slug/ft^3", "lbf_ft2": "psf", "grad": "deg"},
 }
+#: Specific forces of other logs are those that an accelerometer measured.
+_AT_CG: Final = {"ax", "ay", "az"}
 _INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
 
 
@@ -164,24 +180,46 @@ def _words(field: str) -> tuple[str, str]:
     is_unit = bracket is not None and not _INDEX.fullmatch(bracket[1].strip())
     short = field[: bracket.start()] if bracket and is_unit else field
     stated = bracket[1].strip() if bracket and is_unit else ""
-    parts = [
-        each for each in re.split(r"[.:]" if "/" not in short[:1] else r"[.:/]", short) if each
-    ]
+    parts = _parts(short)
     last = parts[-1].strip() if parts else short
     if len(parts) > 1 and re.fullmatch(r"[xyzXYZ]|\d+", last):
         last = f"{parts[-2]}_{last}"
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z]|(?:US|MS)$)", "_", last).lower()
-    words = re.sub(r"[^a-z0-9/^]+", "_", words).strip("_")
-    return words, spelled(stated) if stated and is_spelled(stated) else ""
+    return _lower(last), spelled(stated) if stated and is_spelled(stated) else ""
+
+
+def _parts(field: str) -> list[str]:
+    """The parts of a path; DatCon writes behind a name whether it is computed."""
+    path = re.sub(r"(?<=.):[CD]$", "", field)
+    return [each for each in re.split(r"[.:]" if "/" not in path[:1] else r"[.:/]", path) if each]
+
+
+def _lower(name: str) -> str:
+    """A name in lower case with underscores, accents left out."""
+    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss"))
+    plain = "".join(each for each in plain if not unicodedata.combining(each))
+    plain = re.sub(r"(?<=[_ ])(kPa|hPa|inHg|deg[CF])$", lambda unit: unit[0].lower(), plain)
+    plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z]|(?:US|MS)$)", "_", plain).lower()
+    return re.sub(r"[^a-z0-9/^]+", "_", plain).strip("_")
 
 
 def named(field: str, stated: str = "") -> Named | None:
     """Return the channel that a name is of; None for none.
 
     stated : the unit that the log states beside the name, as written: ``KIAS`` and ``ft agl`` also
-    tell the quantity.
+    tell the quantity. What stands on a path of other things, such as ``HOME.latitude``, is a part.
     """
-    if field in CHANNELS or (is_surface(field) and _known(field) in (None, field)):
+    meant = _own_name(field, stated)
+    above = {word for part in _parts(field)[:-1] for word in _lower(part).split("_")}
+    if meant is not None and _OTHERS.intersection(above):
+        return replace(meant, how="part")
+    return meant
+
+
+def _own_name(field: str, stated: str) -> Named | None:
+    """The channel of a name, whatever path it stands on."""
+    if (field in CHANNELS and field not in _AT_CG) or (
+        is_surface(field) and _known(plain_name(field)[0]) in (None, field)
+    ):
         return None if field == "time" else Named(field, "exact", "")
     whole, bracket = _words(field)
     short, unit = plain_name(field)
@@ -210,7 +248,11 @@ def named(field: str, stated: str = "") -> Named | None:
 
 
 def _known(words: str) -> str | None:
-    return next((k for k, pattern in _NAMES.items() if re.fullmatch(pattern, words)), None)
+    for names in (_NAMES, FOREIGN):
+        for known, pattern in names.items():
+            if re.fullmatch(pattern, words):
+                return known
+    return None
 
 
 def _meant(
@@ -236,5 +278,5 @@ def _meant(
     if known == "psi" and "true" in text:
         return Named(known, how, unit)
     open_ = next((ask for k, p, ask in _OPEN if k == known and re.fullmatch(p, words)), "")
-    up = known == "velocity_down" and _CLIMB.fullmatch(words) is not None
+    up = known == "velocity_down" and re.fullmatch(f"{_UP}|{CLIMBING}", words) is not None
     return Named(known, how, unit, open_, -1.0 if up else 1.0)

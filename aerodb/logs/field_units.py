@@ -25,6 +25,12 @@ class Sized:
 _TURN: Final = 6.3
 #: Largest size of other angles in radians.
 _ANGLE: Final = 1.6
+#: Channel -> largest size [deg] in flight; a larger one may be another unit, as hundredths of it.
+_DEGREES: Final = {"phi": 181.0, "psi": 361.0, "latitude": 90.0, "longitude": 180.0}
+#: The same of other angles [deg].
+_STEEP: Final = 90.0
+#: The same of a rate [deg/s].
+_FASTEST: Final = 400.0
 #: Rates of most aircraft are slower [rad/s].
 _SLOW: Final = 6.0
 #: Rates of aerobatic models are slower [rad/s].
@@ -35,6 +41,7 @@ _SIZES: Final = {
     "temperature": (("degC", 0.0, 100.0), ("K", 200.0, 340.0)),
     "static_pressure": (("Pa", 1e4, 1.2e5), ("hPa", 100.0, 1200.0), ("inHg", 3.0, 35.0)),
     "mach": (("1", 0.0, 8.0),),
+    "throttle": (("1", 0.0, 1.01), ("percent", 1.01, 110.0)),
 }
 #: Standard gravity [m/s^2].
 _GRAVITY: Final = 9.80665
@@ -68,10 +75,14 @@ def unit_by_size(channel: str, si: str, size: float, values: Array) -> Sized:
             return Sized("deg", f"up to {size:.4g}: whole numbers of 1e-7 deg", _MAVLINK)
         if size > most:
             is_share = channel.startswith("delta_")  # of full travel, in per cent
-            return Sized("deg", f"up to {size:.4g}: too large for rad", assumed=is_share)
+            return Sized(
+                "deg",
+                f"up to {size:.4g}: too large for rad",
+                assumed=is_share or size > _DEGREES.get(channel, _STEEP),
+            )
     if si == "rad/s" and size > _SLOW:
         too_large = f"up to {size:.4g}: too large for rad/s"
-        return Sized("deg/s", too_large, assumed=size < _RATE)
+        return Sized("deg/s", too_large, assumed=not _RATE <= size <= _FASTEST)
     if channel == "az_imu":
         level = abs(float(np.nanmedian(values)))
         for unit, of in (("m/s^2", _GRAVITY), ("g", 1.0), ("ft/s^2", 32.2)):

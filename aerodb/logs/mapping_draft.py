@@ -31,7 +31,7 @@ _FASTEST_SOUND = 365.0
 #: Difference of two columns, over the range of one, up to which they hold the same.
 _SAME: Final = 1e-3
 #: Names of a normal load, which is positive upwards whatever the axes are.
-_LOADS: Final = re.compile(r"(n_?z|norm|load|g)")
+_LOADS: Final = re.compile(r"(n_?z|norm|load|g|lastviel|facteur)")
 #: Units that a mapping file writes as people do.
 _WRITTEN: Final = {"g0": "g", "dimensionless": "1"}
 #: Names that are a channel only beside others: components of velocity.

@@ -81,6 +81,8 @@ def text_layout(lines: list[bytes], where: str) -> Layout:
         rows = [row for row in rows if row.filled]
         for least in (0.5, 1e-9):
             data = [r for r in rows if not r.comment and r.numbers > least * len(r.filled) - 1e-9]
+            while data and _is_units(data[0]) and not any(map(_has_digits, data[0].filled)):
+                data = data[1:]  # dashes where there is no unit
             if data:
                 break
         widths = Counter(len(row.words) for row in data)
@@ -181,12 +183,17 @@ def _fits(row: _Row, width: int, trails: bool) -> bool:
 
 def _is_words(row: _Row) -> bool:
     """Whether more than half of the words are not numbers: one damaged number makes no header."""
-    return sum(not is_number(word) for word in row.filled) > 0.5 * len(row.filled)
+    return sum(not _has_digits(word) for word in row.filled) > 0.5 * len(row.filled)
+
+
+def _has_digits(word: str) -> bool:
+    """Whether a word is a number or a time, and no mark of nothing."""
+    return is_filled_as_data(word) and any(each.isdigit() for each in word)
 
 
 def _is_units(row: _Row) -> bool:
-    known = sum(is_spelled(word.strip("[]() ")) for word in row.filled)
-    return known >= max(_LEAST_UNITS * len(row.filled), 1)
+    known = [is_spelled(word.strip("[]() ")) for word in row.filled]
+    return sum(known) >= max(_LEAST_UNITS * len(known), 1) and any(set(row.filled) - {"-"})
 
 
 def _adjacent(named: list[_Row]) -> list[_Row]:

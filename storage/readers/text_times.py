@@ -20,7 +20,8 @@ _CLOCK: Final = (
 _ZONE: Final = r"\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d)?"
 _STAMP: Final = re.compile(rf"\s*(?:{_DATE})(?:(?:\s*[T,;_]\s*|\s+){_CLOCK}{_ZONE})?\s*")
 _OF_DAY: Final = re.compile(
-    r"\s*(?:(?P<days>\d+)\s*days?,?\s*)?(?P<hour>\d{1,4}):(?P<minute>\d\d)"
+    r"\s*(?:(?P<days>\d+(?=\s*day)|\d{3}(?=:\d\d:\d\d:\d\d))(?:\s*days?,?\s*|:))?"  # IRIG: ddd:
+    r"(?P<hour>\d{1,4}):(?P<minute>\d\d)"
     r"(?::(?P<whole>\d\d)(?:[.,:](?P<part>\d+))?)?"
     rf"\s*(?P<half>[AaPp]\.?[Mm]\.?)?{_ZONE}\s*"
 )
