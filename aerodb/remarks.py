@@ -18,6 +18,8 @@ RATES_AGAINST_ATTITUDE: Final = "rates_against_attitude"
 SENSOR_ERROR: Final = "sensor_error_beyond_serviceable"
 KNOWN_SENSOR_ERROR: Final = "calibrated_error_beyond_serviceable"
 NOT_CONVERGED: Final = "reconstruction_not_converged"
+#: Limits of the verdict far beyond the product's; subjects: fields of `[accuracy]`.
+WIDE_LIMITS: Final = "limits_wider_than_usual"
 NOT_CHECKED: Final = "kinematics_not_checked"
 NEVER_AIRBORNE: Final = "never_airborne"
 POSITION_AGAINST_VELOCITY: Final = "position_against_velocity"
@@ -152,6 +154,15 @@ def _departure(remark: Remark) -> tuple[str, ...]:
     )
 
 
+def _wide(remark: Remark) -> tuple[str, ...]:
+    told = [f"{name} {remark.values[name][0]:.3g} times" for name in remark.subjects]
+    return (
+        "this verdict has wider limits than the product's ([accuracy] of the vehicle file or of"
+        " settings.toml)",
+        ", ".join(told),
+    )
+
+
 def _rates(remark: Remark) -> tuple[str, ...]:
     return (
         "the rates do not belong to the attitude",
@@ -204,6 +215,7 @@ WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
     RATES_AGAINST_ATTITUDE: _rates,
     SENSOR_ERROR: _sensor_error,
     KNOWN_SENSOR_ERROR: _sensor_error,
+    WIDE_LIMITS: _wide,
     NOT_CONVERGED: lambda _: (
         "the reconstruction did not converge",
         "the channels do not quite belong to one motion",

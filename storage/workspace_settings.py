@@ -290,7 +290,9 @@ class AccuracySettings(Strict):
     attitude: Radians | None = None
     flow_angle: Radians | None = None
     horizontal_velocity: Annotated[float, in_unit("m/s")] | None = None
+    climb_rate: Annotated[float, in_unit("m/s")] | None = None
     lateral_position: Metres | None = None
+    altitude: Metres | None = None
     qbar_fraction: Number | None = None
 
     @property

@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 7,
     "conditioning": 16,
-    "consistency": 23,
+    "consistency": 24,
     "coefficients": 4,
     "compare": 9,
     "import": 2,

@@ -38,6 +38,7 @@ from aerodb.remarks import (
     RATES_AGAINST_ATTITUDE,
     RESIDUAL,
     SENSOR_ERROR,
+    WIDE_LIMITS,
     Remark,
     sentences,
 )
@@ -49,6 +50,8 @@ _RANK: tuple[VerdictWord, ...] = ("good", "limited", "rejected")
 #: A residual of velocity over the earth, or of two attitude angles, beyond its limit by this factor
 #: is an error of the accelerations or rates.
 GROSS = 3.0
+#: Ratio of a limit of `[accuracy]` to the product's from which it is said with every verdict.
+WIDE = 10.0
 
 #: Smallest fraction of a flight's records with moving air that limits the whole flight.
 LEAST_MOVING = 0.25
@@ -90,6 +93,16 @@ class Verdict:
         """Return the verdict with one more reason, after the others; the worse word counts
         (docs/method/consistency.md, section "Verdict")."""
         return replace(self, word=_worst([self.word, word]), remarks=(*self.remarks, remark))
+
+
+def with_limits_said(verdict: Verdict, accuracy: Accuracy) -> Verdict:
+    """Return the verdict with a remark on limits that are `WIDE` times the product's or more,
+    dimensionless ratios; it judges nothing. Source: `docs/method/consistency.md`, section
+    "Verdict"."""
+    usual = Accuracy().model_dump()
+    ratios = {name: value / usual[name] for name, value in accuracy.model_dump().items()}
+    wide = {name: (ratio, "1") for name, ratio in ratios.items() if ratio >= WIDE}
+    return verdict.with_last("good", Remark(WIDE_LIMITS, tuple(wide), wide)) if wide else verdict
 
 
 def judge(

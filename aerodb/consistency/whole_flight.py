@@ -35,7 +35,14 @@ from aerodb.consistency.sensors import (
     flow_against_velocity,
     position_against_velocity,
 )
-from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
+from aerodb.consistency.verdict import (
+    Verdict,
+    as_document,
+    judge,
+    judge_navigation,
+    unchecked,
+    with_limits_said,
+)
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.remarks import MISPLACED, NEVER_AIRBORNE, Remark, of_error
@@ -142,6 +149,7 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     wrong = [check for check in navigation if not check.good]
     for check in (check for check in wrong if check.source == MAPPED and check.against == OWN):
         verdict = verdict.with_last("limited", check.remark)
+    verdict = with_limits_said(verdict, vehicle.accuracy)
     beside = [check.sentence for check in wrong if check.remark not in verdict.remarks]
     wanted = applied_corrections(known.sensors, plan, calibration)
     withheld = [
@@ -180,6 +188,7 @@ def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
     checked against itself, if it is logged. One that never left the ground is rejected."""
     if was_airborne(flight):
         verdict = _navigation(flight, vehicle) or unchecked(because)
+        verdict = with_limits_said(verdict, vehicle.accuracy)
     else:
         verdict = Verdict("rejected", (Remark(NEVER_AIRBORNE),), ())
     document = {**as_document(verdict), "checked": False, "because": because, "notes": []}

@@ -13,6 +13,7 @@ from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_damage, say_repeats, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, percent, visible
 from aerodb.nomenclature import AXES
+from aerodb.remarks import WIDE_LIMITS, from_document
 
 #: A residual below so many noise floors is mostly noise of the sensors.
 _ABOVE_NOISE: Final = math.sqrt(2.0)
@@ -184,6 +185,8 @@ def _why(outcome: Mapping[str, Any]) -> list[str]:
         if entry["counts"]
     ]
     checked = outcome["consistency"] or {"verdict": "unchecked", "reasons": []}
+    remarks = [from_document(each) for each in checked.get("verdict_remarks", [])]
+    why += [each.sentence for each in remarks if each.kind == WIDE_LIMITS]
     why += checked["reasons"] if checked["verdict"] != "good" else []
     for step in ("coefficients", "comparison"):
         result = outcome[step]

@@ -290,3 +290,6 @@ def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key
         assert limits.attitude == pytest.approx(np.deg2rad(1.0) if more else default.attitude)
         assert limits.flow_angle == default.flow_angle
     assert [len(each) for each in keys] == [1, 2, 2]
+    path.write_text(SETTINGS + f'[vehicles.{NAME}.accuracy]\nattitude = "300 deg"\n', "utf-8")
+    again = asked(workspace.root, "flight", "ingest", str(logs[0]), "--vehicle", NAME, "--direct")
+    assert "attitude 1e+03 times" in again[0]["consistency"]["reasons"][-1]

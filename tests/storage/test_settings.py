@@ -5,7 +5,14 @@ from pathlib import Path
 import pytest
 
 from aerodb.errors import InputError, UnknownNameError
-from aerodb.storage.workspace_settings import Schedule, Settings, checked_token, load_settings
+from aerodb.storage.workspace_settings import (
+    AccuracySettings,
+    Schedule,
+    Settings,
+    checked_token,
+    load_settings,
+)
+from aerodb.vehicle import Accuracy
 
 FULL = """\
 [serve]
@@ -33,6 +40,8 @@ on = ["candidate"]
 held_out = 2
 [vehicles.glider.accuracy]
 attitude = "0.5 deg"
+climb_rate = "100 ft/min"
+altitude = 20.0
 """
 
 
@@ -48,7 +57,11 @@ def test_what_a_vehicle_leaves_out_is_the_workspaces(tmp_path: Path) -> None:
     assert (settings.loop_of("other").run, settings.loop_of("other").after) == (("close-loop",), 8)
     assert settings.notification_of("glider").on == ("candidate",)
     assert settings.notification_of("other").webhook == "$HOOK"
-    assert settings.of("glider").accuracy.given == {"attitude": pytest.approx(0.00872664626)}
+    assert settings.of("glider").accuracy.given == pytest.approx(
+        {"attitude": 0.00872664626, "climb_rate": 0.508, "altitude": 20.0}
+    )
+    assert settings.of("glider").accuracy.given.keys() <= Accuracy.model_fields.keys()
+    assert AccuracySettings.model_fields.keys() == Accuracy.model_fields.keys()
     assert settings.of("other").accuracy.given == {}
 
 

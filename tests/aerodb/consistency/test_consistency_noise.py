@@ -97,3 +97,16 @@ def test_declared_noise_hides_no_error() -> None:
     """A wave of 3 m/s beside the noise rejects, declared or not."""
     noisy = parse_vehicle(f"{VEHICLE}\n[sensors.V]\nnoise = 1.2\n")
     assert make_consistent(_airspeed_beside(1.2, 3.0), noisy).verdict.word == "rejected"
+
+
+def test_limits_a_thousand_times_the_products_are_said_with_a_good_verdict() -> None:
+    """Who reads "good" must know of what: a limit that is not the product's judges nothing."""
+    columns = table(seed=3)
+    flight = Flight("wide", "formula-plane", columns["time"],
+                    {n: v for n, v in columns.items() if n != "time"})  # fmt: skip
+    wide = '[accuracy]\nflow_angle = "500 deg"\nattitude = "300 deg"\n'
+    made = make_consistent(flight, parse_vehicle(f"{VEHICLE}\n{wide}"))
+    assert made.verdict.word == "good"
+    (reason,) = made.document["reasons"]
+    assert "attitude 1e+03 times, flow_angle 1e+03 times" in reason
+    assert make_consistent(flight, parse_vehicle(VEHICLE)).document["reasons"] == []
