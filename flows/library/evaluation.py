@@ -18,10 +18,11 @@ from aerodb.flows.library.views import (
     over_axes,
 )
 from aerodb.nomenclature import AXES, channel
+from aerodb.report import beyond_words
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import value_of
-from aerodb.tasks.view import TAKEN
+from aerodb.tasks.view import TAKEN, outside_envelope
 from aerodb.units import convert
 
 
@@ -74,6 +75,11 @@ class EvaluatedPoints(Result):
             for name, value in self.taken.items()
         ]
         said += [f"edge values of table {name} are held" for name in outside]
+        zero = np.zeros(len(self[AXES[0]]))
+        stated = {**dict.fromkeys(self.assumed, 0.0), **self.taken, **self.inputs}
+        channels = {name: zero + value for name, value in stated.items()}
+        if beyond := outside_envelope(self.database, channels):
+            said += beyond_words(self.database.increments, beyond)
         return Summary(
             f"{self.database.name} at {len(self[AXES[0]])} points",
             (),

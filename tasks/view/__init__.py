@@ -26,7 +26,14 @@ if TYPE_CHECKING:
         series_of,
         track_of,
     )
-    from .evaluation import MOST_LINE_POINTS, TAKEN, database_of, evaluate_at, sweep
+    from .evaluation import (
+        MOST_LINE_POINTS,
+        TAKEN,
+        database_of,
+        evaluate_at,
+        outside_envelope,
+        sweep,
+    )
     from .finding_documents import finding_document, findings_page, labels_of, reference_of
     from .flight_documents import damage_document, flight_details, flights_document, step_words
     from .json_documents import as_json

@@ -43,7 +43,7 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     point = _point(database, at)
     channels = {name: np.array([value]) for name, value in point.channels.items()}
     evaluation = evaluate_database(database, channels)
-    outside = _outside_envelope(database, channels)
+    outside = outside_envelope(database, channels)
     free = with_extrapolated_slopes(database).predict(channels).coefficients if outside else None
     return {
         "version": version.id,
@@ -62,8 +62,11 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     }
 
 
-def _outside_envelope(database: AeroDatabase, channels: Mapping[str, Array]) -> list[str]:
-    """Variables that lie outside the envelope of an increment that acts, sorted."""
+def outside_envelope(database: AeroDatabase, channels: Mapping[str, Array]) -> list[str]:
+    """Return the variables that lie outside the envelope of an increment that acts, sorted.
+
+    channels : inputs (n,), SI.
+    """
     acting = [increment for increment in database.increments if increment.acts_as_layer]
     names = frozenset[str]().union(*(increment.names for increment in acting))
     values = database.resolved(names, channels)

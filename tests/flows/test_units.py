@@ -9,6 +9,7 @@ import pytest
 from aerodb.exchange import read_native
 from aerodb.tables import height_outside_ground_effect, neutral_point
 from aerodb.tasks.references import value_of
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import DATABASE, MODEL, NAME
@@ -132,6 +133,20 @@ def test_an_angle_without_a_unit_is_questioned(workspace: Path) -> None:
     assert value_of("alpha", "-1.5") == -1.5
     assert value_of("q", "5") == 5.0
     assert value_of("alpha", "5", by_program=True) == 5.0
+
+
+def test_a_point_beyond_the_flown_range_is_told_where_the_change_fades(workspace: Path) -> None:
+    import aerodb as library
+
+    catalogue = access_workspace(str(workspace)).catalogue
+    version = catalogue.version(NAME, "candidate").id
+    database = access_workspace(str(workspace)).database(version)
+    inside, beyond = (
+        library.evaluate(database, alpha=alpha, V=25.0).report() for alpha in ("3 deg", "40 deg")
+    )
+    assert "alpha <" not in inside
+    assert "beyond the flown range (alpha <" in beyond
+    assert "the change fades to nothing at" in beyond
 
 
 def test_a_height_that_is_not_stated_is_outside_ground_effect(tmp_path: Path) -> None:
