@@ -76,8 +76,11 @@ class EvaluatedPoints(Result):
         ]
         said += [f"edge values of table {name} are held" for name in outside]
         zero = np.zeros(len(self[AXES[0]]))
-        stated = {**dict.fromkeys(self.assumed, 0.0), **self.taken, **self.inputs}
-        channels = {name: zero + value for name, value in stated.items()}
+        channels = {
+            **dict.fromkeys(self.assumed, zero),
+            **{name: zero + value for name, value in self.taken.items()},
+            **self.inputs,
+        }
         if beyond := outside_envelope(self.database, channels):
             said += beyond_words(self.database.increments, beyond)
         return Summary(
