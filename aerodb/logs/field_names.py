@@ -36,7 +36,7 @@ _NAMES: Final[dict[str, str]] = {
     "az_imu": r"a_?z|nz|acc(el|eleration)?_?z|(b_?)?norm(al)?_?acc?(el|eleration)?"
     r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?",
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
-    "theta": r"theta|pitch|pitch_?(angle|attitude)|euler_?pitch",
+    "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
     "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
     r"|euler_?yaw",
     "altitude": r"alt(itude)?(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?|alt(itude)?_?baro"

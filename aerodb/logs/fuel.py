@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from aerodb.flight import Flight
 from aerodb.signals import bridge
@@ -28,7 +27,9 @@ def with_fuel_mass(flight: Flight, vehicle: Vehicle) -> Flight:
     if used and all(name in flight for name in used):
         burnt, source = _sum(flight, used), " and ".join(used)
     elif flows and all(name in flight for name in flows):
-        burnt = cumulative_trapezoid(_sum(flight, flows), flight.time, initial=0)
+        flow = _sum(flight, flows)
+        steps = 0.5 * (flow[1:] + flow[:-1]) * np.diff(flight.time)
+        burnt = np.concatenate([[0.0], np.cumsum(steps)])
         source = "the integral of " + " and ".join(flows)
     else:
         return flight

@@ -35,7 +35,7 @@ _NAMED: Final = 3
 #: Suffixes of logs and tables, by which the one log among other files is known.
 LOGS: Final = frozenset(
     (".ulg", ".ulog", ".bin", ".log", ".mcap", ".tlog", ".csv", ".tsv", ".txt", ".asc", ".dat")
-) | frozenset((".mat", ".h5", ".hdf5", ".parquet", ".bag", ".db3"))
+) | frozenset((".mat", ".h5", ".hdf5", ".parquet", ".bag", ".db3", ".lvm"))
 
 
 def read_packed(path: Path, read: Callable[[Path], Recording]) -> Recording:

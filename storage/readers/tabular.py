@@ -28,7 +28,7 @@ _LYING: Final = 10
 #: Names of the cells of texts that name the columns of a matrix, or their endings.
 _NAMES: Final = ("label", "labels", "names", "columns", "header", "headers", "varnames", "signals")
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
-_TEXT_SUFFIXES = (".csv", ".tsv", ".asc", ".dat", ".txt")
+_TEXT_SUFFIXES = (".csv", ".tsv", ".asc", ".dat", ".txt", ".lvm")
 SUFFIXES: Final = (".mat", ".h5", ".hdf5", ".parquet", *_TEXT_SUFFIXES)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
+from aerodb.storage.readers.labview import without_labview_header
 from aerodb.storage.readers.text_cells import Cells, is_number, numbers_of
 from aerodb.storage.readers.text_layout import SAMPLE, SEP, Layout, closing_lines, text_layout
 from aerodb.storage.readers.text_times import seconds_of_digits
@@ -58,7 +59,7 @@ def read_text(data: bytes, where: str) -> TextTable:
     Raises InputError for binary files, ragged lines (naming the first one), and files without
     numbers. Columns (n,), in the units of the file; times in [s].
     """
-    data = _as_utf8(data)
+    data = without_labview_header(_as_utf8(data))
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not data.strip():

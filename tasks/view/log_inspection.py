@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.conditioning import STATES
 from aerodb.errors import InputError
@@ -37,7 +37,6 @@ from aerodb.logs import (
 from aerodb.logs import Mapping as LogMapping
 from aerodb.nomenclature import is_surface
 from aerodb.recording import Recording
-from aerodb.report import MOST_LOGS, LogStory, log_report
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.steps import SERVOS, PlottedLog, Wanted, look_over, plot_log
@@ -46,6 +45,9 @@ from aerodb.tasks.view.flight_documents import damage_document
 from aerodb.tasks.view.log_documents import recording_document
 from aerodb.tasks.workers import Parsed, parsed_log, start_workers
 from aerodb.units import UnitSystem
+
+if TYPE_CHECKING:
+    from aerodb.report import LogStory
 
 #: Largest number of suspicions, and of kinds of manoeuvres, that are named in words.
 _FEW: Final = 2
@@ -251,6 +253,9 @@ def logs_page(
 
     Raises InputError for a log that cannot be read, and UnknownNameError for a name that one lacks.
     """
+    # An inspection draws nothing and must not wait for matplotlib.
+    from aerodb.report import MOST_LOGS, log_report
+
     if len(logs) > MOST_LOGS:
         raise InputError(f"{len(logs)} logs", "log show", f"give at most {MOST_LOGS} at once")
     parsed = [parse_formula(text) for text in formulas]
@@ -281,7 +286,9 @@ def logs_page(
     )
 
 
-def _story(name: str, looked: InspectedLog, plotted: PlottedLog) -> LogStory:
+def _story(name: str, looked: InspectedLog, plotted: PlottedLog) -> "LogStory":
+    from aerodb.report import LogStory
+
     document = looked.document
     mapped = document["mapping"] is not None
     return LogStory(

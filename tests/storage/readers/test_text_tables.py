@@ -288,3 +288,18 @@ def test_a_column_that_only_rises_is_no_clock(tmp_path: Path) -> None:
         path = tmp_path / "flight.csv"
         path.write_text("time,V\n" + "".join(f"{v:.3f},{k % 7}\n" for k, v in enumerate(values)))
         assert np.allclose(read_tabular(path).topics["table"].fields["time"], values, atol=1e-3)
+
+
+@pytest.mark.parametrize("writes_times", [True, False])
+def test_a_labview_measurement_file_is_its_table(tmp_path, writes_times):
+    head = "LabVIEW Measurement\t\nSeparator\tTab\t\nDecimal_Separator\t,\t\nTime\t14:00:00,1\t\n"
+    head += "***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t4\t4\t\nY_Unit_Label\tdeg\tPa\t\n"
+    head += "X0\t0,0E+0\t0,0E+0\t\nDelta_X\t0,02\t0,02\t\n***End_of_Header***\t\t\t\n"
+    rows = [f"{0.02 * k if writes_times else ''}\t{k}.5\t60{k}.25\t" for k in range(4)]
+    text = head + "X_Value\tRollwinkel\tStaudruck\tComment\n" + "\n".join(rows).replace(".", ",")
+    path = tmp_path / "a.lvm"
+    path.write_text(text + "\n", encoding="utf-8")
+    topic = read_tabular(path).topics["table"]
+    np.testing.assert_allclose(topic.fields["X_Value"], [0.0, 0.02, 0.04, 0.06])
+    np.testing.assert_allclose(topic.fields["Staudruck"], [600.25, 601.25, 602.25, 603.25])
+    assert topic.units == {"X_Value": "s", "Rollwinkel": "deg", "Staudruck": "Pa"}
