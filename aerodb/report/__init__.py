@@ -14,8 +14,8 @@ error tables); `glossary`, `terms`, `numbers`
 (names of effects, channels and terms, numbers and units: everything that is shown uses these);
 `findings` (findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
 `update_figures`, `database_figure`, `diff_figures`, `front_figure`, `lineage_figure` (figures);
-`reach` (where data end); `style` (colours, units, names as text); `decimation` (long records with
-fewer points); `flight_errors` (errors of single flights).
+`reach` (where data end); `style` (colours); `labels` (names as text); `decimation` (long records
+with fewer points); `flight_errors` (errors of single flights).
 """
 
 from typing import TYPE_CHECKING
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     )
     from .head import Head
     from .headlines import error_rows, excluded_sizes, headline, shown_axes
+    from .labels import channel_scale, visible
     from .lineage_figure import Graph, Relative, lineage_graph
     from .log_page import MOST_LOGS, LogStory, log_report, script_source
     from .loop_documents import loop_document, rival_remarks, stall_remarks
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
     from .qualification import feedback_words, qualification_csv
     from .reach import beyond_data, beyond_words
     from .response_page import FlownStretch, response_report
-    from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, visible
+    from .style import FLAGGED, FLIGHT, MEASURED, UPDATED
     from .terms import derivative_unit, sensor_error_unit, term_name, term_unit
     from .update_page import UpdateStory, update_report
     from .version_page import NameMove, UsedFlight, VersionStory, version_report

@@ -6,14 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES, axis_quantity
-from aerodb.report.style import (
-    DATABASE,
-    PAGE_WIDTH,
-    SMALLEST,
-    channel_scale,
-    panel_grid,
-    plain_panel,
-)
+from aerodb.report.labels import channel_scale
+from aerodb.report.style import DATABASE, PAGE_WIDTH, SMALLEST, panel_grid, plain_panel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, vary
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import AXES
+from aerodb.report.labels import channel_scale, in_figure
 from aerodb.report.numbers import display_unit, number
 from aerodb.report.reach import Reach, reach_of
 from aerodb.report.style import (
@@ -17,8 +18,6 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     UPDATED,
-    channel_scale,
-    in_figure,
     panel_grid,
     plain_panel,
 )

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from aerodb.nomenclature import CHANNELS, channel, is_surface
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
+from aerodb.report.labels import channel_scale
 from aerodb.report.numbers import for_people, number
 from aerodb.report.page import render
 from aerodb.report.style import (
@@ -18,7 +19,6 @@ from aerodb.report.style import (
     SMALLEST,
     UPDATED,
     Picture,
-    channel_scale,
     panel_grid,
     picture,
     plain_panel,

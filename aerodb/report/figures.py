@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from aerodb.coefficients import Comparison
 from aerodb.report.decimation import extremes
+from aerodb.report.labels import in_figure
 from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
@@ -17,7 +18,6 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     UPDATED,
-    in_figure,
     panel_grid,
     plain_panel,
 )

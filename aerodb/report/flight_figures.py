@@ -11,6 +11,7 @@ from aerodb.conditioning import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description, is_surface
 from aerodb.report.decimation import decimated, extremes, flagged_stretches
+from aerodb.report.labels import channel_scale
 from aerodb.report.numbers import display_unit
 from aerodb.report.style import (
     DATABASE,
@@ -20,7 +21,6 @@ from aerodb.report.style import (
     MEASURED,
     PAGE_WIDTH,
     SMALLEST,
-    channel_scale,
     panel_grid,
     plain_panel,
 )

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.logs import Signal
 from aerodb.nomenclature import channel
+from aerodb.report.labels import in_figure, visible
 from aerodb.report.numbers import for_people
 from aerodb.report.page import render
 from aerodb.report.style import (
@@ -29,11 +30,9 @@ from aerodb.report.style import (
     SMALLEST,
     UPDATED,
     Picture,
-    in_figure,
     panel_grid,
     picture,
     plain_panel,
-    visible,
 )
 from aerodb.support import Array
 from aerodb.units import UnitSystem

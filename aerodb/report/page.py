@@ -25,8 +25,9 @@ from aerodb.report.glossary import (
 )
 from aerodb.report.head import Head
 from aerodb.report.headlines import excluded_sizes
+from aerodb.report.labels import visible
 from aerodb.report.numbers import number
-from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, visible
+from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED
 from aerodb.report.terms import term_name, term_unit
 from aerodb.units import shown_units
 

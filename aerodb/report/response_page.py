@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from aerodb.report.gate_lines import count_within
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
+from aerodb.report.labels import channel_scale
 from aerodb.report.page import render
 from aerodb.report.qualification import feedback_words, qualification_table
 from aerodb.report.style import (
@@ -20,7 +21,6 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     UPDATED,
-    channel_scale,
     panel_grid,
     picture,
     plain_panel,

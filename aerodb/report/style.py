@@ -4,7 +4,6 @@ import base64
 import io
 import re
 import threading
-import unicodedata
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,9 +12,6 @@ from typing import Any, Final
 
 import matplotlib
 from matplotlib.figure import Figure
-
-from aerodb.report.numbers import display_unit, for_people
-from aerodb.units import UnitSystem
 
 #: Okabe & Ito's colours, which colour-blind readers can tell apart. Colours and line styles mean
 #: the same in every figure; line styles survive a print in black and white.
@@ -34,8 +30,6 @@ PAGE_HEIGHT: Final = 9.2
 #: Smallest type of a figure [pt].
 SMALLEST: Final = 8
 
-#: Names longer than this are cut in figures; pages show them in full.
-LONGEST: Final = 28
 
 # Matplotlib's settings and its font measures are global: pictures are written one at a time.
 _writing = threading.Lock()
@@ -143,48 +137,6 @@ def panel_grid(
         down / panel_height,
     )
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
-
-
-def visible(text: str) -> str:
-    """Escape control, formatting and broken characters; log text cannot alter a page.
-
-    >>> visible("a\\x1b[1m")
-    'a\\\\x1b[1m'
-    """
-    hidden = {c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs")}
-    return text.translate(
-        {ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden}
-    )
-
-
-def in_figure(text: str, most: int = LONGEST) -> str:
-    """Return a name for a figure: not parsed as a formula, cut to `most` characters.
-
-    >>> in_figure("$x$")
-    '\\\\$x\\\\$'
-    """
-    shown = visible(text)
-    shown = shown if len(shown) <= most else f"{shown[: most - 1]}…"
-    return shown.replace("$", r"\$")
-
-
-def channel_scale(name: str, units: UnitSystem | None = None) -> tuple[float, str]:
-    """Return factor (a scalar) to the display unit and axis label of a channel, such as ``alpha
-    [deg]``.
-
-    A free input has no unit: it is drawn as it is.
-
-    >>> channel_scale("alpha")[1], channel_scale("mach")[1]
-    ('alpha [deg]', 'mach [-]')
-    """
-    factor, unit = display_unit(name, units)
-    return factor, f"{name} [{unit or '-'}]" if unit is not None else in_figure(name)
-
-
-def parameter_scale(name: str, unit: str) -> tuple[float, str]:
-    """As `channel_scale`, for an estimated parameter of unit `unit`."""
-    factor, shown = for_people(unit)
-    return factor, f"{in_figure(name)} [{shown}]"
 
 
 def plain_panel(panel: Any) -> None:

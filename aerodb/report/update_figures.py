@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from aerodb.coefficients import Comparison
+from aerodb.report.labels import channel_scale, in_figure, parameter_scale
 from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
@@ -18,10 +19,7 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     UPDATED,
-    channel_scale,
-    in_figure,
     panel_grid,
-    parameter_scale,
     plain_panel,
 )
 from aerodb.support import Array

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 from scipy.fft import prev_fast_len
-from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning import BAND, KINEMATICS, OPTIONAL
 from aerodb.physics import GRAVITY
@@ -209,6 +208,8 @@ def _path(name: str, channels: Channels, step: float) -> Array | None:
         if not set(needed) <= channels.keys():
             return None
         rate = rate_of(channels)
+    from scipy.integrate import cumulative_simpson
+
     path: Array = cumulative_simpson(np.nan_to_num(rate), dx=step, initial=0.0)
     return path
 

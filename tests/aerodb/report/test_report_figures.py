@@ -27,8 +27,9 @@ from aerodb.report.flight_figures import (
     segment_figure,
     shown_channels,
 )
+from aerodb.report.labels import in_figure, visible
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
-from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, in_figure, picture, visible
+from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, picture
 from aerodb.report.update_figures import (
     error_figure,
     forest_figure,
