@@ -5,6 +5,7 @@ docs/method/tracing.md, section 13.
 
 from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from aerodb.effects import SURFACE_MOTION, FlightView, add_effects, envelopes_of
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.accept import Accept
 from aerodb.loop.axis_models import AxisModel, axis_models
+from aerodb.loop.constant_lift import Written, as_constant_lift, leans_on_it
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -207,7 +209,18 @@ def _next_round(given: _Given, state: _State) -> _State:
         return state
     new, beside = _with_linear_terms(new, suspected, have)
     sensors = found_sensors(traced.findings)
-    candidate, kept = _bearable(source, database, library, new, flights, sensors)
+
+    def with_one(finding: Finding, written: Written) -> dict[str, Comparison]:
+        candidate = _added(source, given.baseline, library, [finding], flights, sensors, written)
+        return compared(source, flights, candidate)
+
+    written = as_constant_lift(new, library, with_one)
+    if written and any(leans_on_it(f) for f in (*state.added, *new)):
+        # It comes first: the next rounds find what remains beside it.
+        database = given.baseline
+        new = [f for f in new if f.hypothesis in written]
+        state = replace(_State(database), findings={f.hypothesis: f for f in new}, rounds=1)
+    candidate, kept = _bearable(source, database, library, new, flights, sensors, written)
     return replace(
         state,
         database=candidate,
@@ -374,6 +387,7 @@ def _bearable(
     new: Sequence[Finding],
     flights: Sequence[str],
     sensors: Mapping[str, float],
+    written: Written,
 ) -> tuple[AeroDatabase, list[Finding]]:
     """The candidate with as many of the new findings as make no axis worse, and these findings.
 
@@ -381,7 +395,7 @@ def _bearable(
     together with terms that may not enter, a term can be right and still do harm.
     """
     kept = list(new)
-    candidate = _added(source, database, library, kept, flights, sensors)
+    candidate = _added(source, database, library, kept, flights, sensors, written)
     before = compared(source, flights, database)
     for only_constants in (True, False):
         worse = worse_axes(before, compared(source, flights, candidate))
@@ -392,7 +406,9 @@ def _bearable(
             for f in kept
             if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")
         ]
-        candidate = _added(source, database, library, kept, flights, sensors) if kept else database
+        candidate = (
+            _added(source, database, library, kept, flights, sensors, written) if kept else database
+        )
     return candidate, kept
 
 
@@ -415,9 +431,11 @@ def _added(
     new: Sequence[Finding],
     flights: Sequence[str],
     sensors: Mapping[str, float],
+    written: Written = MappingProxyType({}),
 ) -> AeroDatabase:
     """The database with the findings as increments inside the envelope of the flights that have
-    their channels. sensors : found to be wrong beside them, id -> error.
+    their channels. sensors : found to be wrong beside them, id -> error. written : what is written
+    otherwise than in the library.
     """
     if any(_separates(finding) for finding in new):
         database = added_stall(source, database, tuple(library.stall))
@@ -429,7 +447,8 @@ def _added(
         stalled = [flight for flight in flights if flight in library.lift_hysteresis]
         database, hysteresis = added_lift_hysteresis(source, database, stalled)
         known[hysteresis.id] = hysteresis
-    accepted = [known[finding.hypothesis] for finding in new]
+    templates = [known[finding.hypothesis] for finding in new]
+    accepted = [written.get(each.id, each) for each in templates]
 
     def view_beside_database(id: str) -> FlightView:
         return with_unused_states(source.view(id, database))
@@ -456,16 +475,17 @@ def _added(
     )  # a suspicion holds beside what may not enter
     shaped = all(each.increment for each in accepted)  # a parameter's shape is its database's
     finer = (
-        refit_terms(source, candidate, library, accepted, [view.flight for view in views])
+        refit_terms(source, candidate, library, templates, [view.flight for view in views])
         if by_flights and shaped
         else None
     )
     if finer is not None:
         values, covariance = finer.beside(values, covariance)
-        envelopes = envelopes_of(finer.terms, views, database)
+        terms = [written.get(each.id, each) for each in finer.terms]
+        envelopes = envelopes_of(terms, views, database)
         candidate = add_effects(
             database,
-            finer.terms,
+            terms,
             values,
             covariance,
             envelopes,
