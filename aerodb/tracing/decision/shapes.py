@@ -151,16 +151,23 @@ class _Shapes:
             before = problem.left_out(problem.flights, range(len(named)))
             after = problem.predicted(rest)
             fall, p = self._fall(problem, after, before)
-            if fall > WORTH and p < self.settings.level:
-                picked = problem.chosen(problem.flights, rest)
-                without = float(problem.left_out(problem.flights, rest).sum())
-                share = (float(before.sum()) - without) / max(float(after.sum()) - without, TRACE)
-                information = (
-                    float(problem.square[:, own, own].sum()) / problem.combined[own, own] ** 2
-                )
-                misfit = np.sqrt(max(0.0, float((after - before).sum())) / information)
-                if picked and not self._stands(problem, own, rest, picked):
-                    return self._other(finding, axis, problem, rest, picked, fall, p, misfit, share)
+            if not (fall > WORTH and p < self.settings.level):
+                continue
+            picked = problem.chosen(problem.flights, rest)
+            apart = self._apart(problem, own, rest, picked)
+            if not picked or apart is None:
+                continue
+            rival = [k for k in picked if k not in apart]
+            if apart:  # other defects of the axis: they stand beside the term and beside its rival
+                after = problem.left_out(problem.flights, problem.with_functions(rest, picked))
+                before = problem.left_out(problem.flights, problem.with_functions([*rest, own], apart))
+                fall, p = self._fall(problem, after, before)
+            beside = problem.with_functions(rest, apart)
+            without = float(problem.left_out(problem.flights, beside).sum())
+            share = (float(before.sum()) - without) / max(float(after.sum()) - without, TRACE)
+            information = float(problem.square[:, own, own].sum()) / problem.combined[own, own] ** 2
+            misfit = np.sqrt(max(0.0, float((after - before).sum())) / information)
+            return self._other(finding, axis, problem, beside, rival, fall, p, misfit, share)
         return next(filter(None, (self._leaning(finding, axis) for axis in on)), finding)
 
     def _leaning(self, finding: Finding, axis: str) -> Finding | None:
@@ -277,7 +284,7 @@ class _Shapes:
         freed = self._made(axis, names, finding.hypothesis, True)
         rest = range(len(names) - 1)
         picked = freed.chosen(freed.flights, rest)
-        if not alone and self._stands(freed, len(names) - 1, rest, picked):
+        if not alone and self._apart(freed, len(names) - 1, rest, picked) is None:
             return finding
         if not variables or not (as_well or may_be) or p >= self.settings.level:
             return finding
@@ -290,16 +297,20 @@ class _Shapes:
             shape=_shape(axis, variables, share, p, []),
         )
 
-    def _stands(
+    def _apart(
         self, problem: FunctionProblem, own: int, rest: Sequence[int], picked: Sequence[int]
-    ) -> bool:
-        """Return whether a named column keeps its gain given the functions, which are then other
-        defects of the axis; or given all but one of them, where that one predicts no more than the
-        named column does in its place."""
+    ) -> list[int] | None:
+        """Return those of the picked functions that are other defects of the axis, given which a
+        named column keeps its gain, while the others take its place; None where it keeps its name.
+
+        It keeps it where it keeps its gain given the functions, or given all but one of them, where
+        that one predicts no more than the named column does in its place.
+        """
         alone = self._gain(problem, own, rest, ())
         if self._kept(problem, own, rest, picked, alone):
-            return True
+            return None
         every = problem.left_out(problem.flights, problem.with_functions(rest, picked))
+        apart: list[list[int]] = []
         for one in picked if len(picked) > 1 else ():
             others = [p for p in picked if p != one]
             if not self._kept(problem, own, rest, others, alone):
@@ -309,8 +320,9 @@ class _Shapes:
             )
             fall, p = self._fall(problem, every, instead)
             if not (fall > WORTH and p < self.settings.level):
-                return True
-        return False
+                return None
+            apart.append(others)
+        return apart[0] if len(apart) == 1 else []
 
     def _kept(
         self,
