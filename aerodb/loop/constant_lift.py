@@ -17,7 +17,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import number
-from aerodb.tracing import Finding
+from aerodb.tracing import Finding, doubted
 
 #: A constant force along z.
 CONSTANT: Final = "zero_offset@CZ"
@@ -45,9 +45,7 @@ def as_constant_lift(
     if constant is None or not any("C_lift" in each.written_on for each in known.values()):
         return {}
     on_lift = {
-        CONSTANT: replace(
-            known[CONSTANT], axes=("CX", "CZ"), increment=(("C_lift", number(-1.0)),)
-        )
+        CONSTANT: replace(known[CONSTANT], axes=("CX", "CZ"), increment=(("C_lift", number(-1.0)),))
     }
     along_z, along_lift = (_varying(compared(constant, each)) for each in ({}, on_lift))
     return on_lift if along_lift < along_z else {}
@@ -56,6 +54,23 @@ def as_constant_lift(
 def leans_on_it(finding: Finding) -> bool:
     """Return whether what a constant lift changes may have been taken for this effect."""
     return finding.hypothesis != CONSTANT and _CHANGES in finding.axis
+
+
+def beside_constant(finding: Finding, again: Finding | None) -> Finding:
+    """Return a finding that leans on a constant of CZ which was not added, as `again` tracing finds
+    it beside that constant as a lift: suspected where it does not, and else with an interval that
+    holds both sizes."""
+    if again is None:
+        why = "a constant of the lift, which the levels of CZ show as well, takes it away"
+        return doubted(finding, why, verdict="suspected")
+    low, high = finding.ci95
+    if low <= again.value <= high:
+        return finding
+    return doubted(
+        finding,
+        f"beside a constant of the lift, which the levels of CZ show, it is {again.value:.3g}",
+        ci95=(min(low, again.ci95[0]), max(high, again.ci95[1])),
+    )
 
 
 def _varying(compared: Mapping[str, Comparison]) -> float:

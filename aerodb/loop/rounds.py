@@ -5,43 +5,42 @@ docs/method/tracing.md, section 13.
 
 from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-
 from aerodb.coefficients import Comparison
-from aerodb.effects import SURFACE_MOTION, FlightView, add_effects, envelopes_of
-from aerodb.increments import Update, keep_slope_signs, worse_axes
+from aerodb.effects import SURFACE_MOTION
+from aerodb.increments import worse_axes
 from aerodb.loop.accept import Accept
+from aerodb.loop.adding import added_to, bearable, compared, separates
 from aerodb.loop.axis_models import AxisModel, axis_models
-from aerodb.loop.constant_lift import Written, as_constant_lift, leans_on_it
+from aerodb.loop.constant_lift import (
+    CONSTANT,
+    Written,
+    as_constant_lift,
+    beside_constant,
+    leans_on_it,
+)
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
-from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms
+from aerodb.loop.refit import axes_of_misfit_shapes
 from aerodb.loop.remarks import on_linear_terms, on_shapes, on_stall, on_withheld, on_without_gain
 from aerodb.loop.sensor_share import found_sensors
 from aerodb.loop.shapes import checked_shapes
-from aerodb.loop.stall import EFFECT, added_stall
-from aerodb.loop.stall_hysteresis import (
-    added_lift_hysteresis,
-    is_lift_hysteresis,
-    one_stall,
-    with_unused_states,
-)
+from aerodb.loop.stall import EFFECT
+from aerodb.loop.stall_hysteresis import one_stall
 from aerodb.loop.turned_slopes import about_flown_mean, about_zero_lift
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
+    ADDED,
     FewFlightFindings,
     Finding,
     Traced,
     accompanying_linear_terms,
     downgraded_on_axes,
-    joint_covariance,
     trace,
 )
 
@@ -77,7 +76,7 @@ class LoopResult:
     @property
     def separates(self) -> bool:
         """Return whether a stall with separating flow was added."""
-        return any(_separates(finding) for finding in self.added)
+        return any(separates(finding) for finding in self.added)
 
 
 def run_loop(
@@ -100,8 +99,9 @@ def run_loop(
     accept.check(library)
     known_before = source.looked_before(flights, library)
     given = _Given(source, tuple(flights), baseline, library, accept, without_gain, known_before)
-    end = _turned(given, _with_withheld(given, _with_axis_models(given, _rounds(given), modelled)))
-    stalled = any(_separates(finding) for finding in end.added)
+    traced = _beside_constant_lift(given, _rounds(given))
+    end = _turned(given, _with_withheld(given, _with_axis_models(given, traced, modelled)))
+    stalled = any(separates(finding) for finding in end.added)
     return LoopResult(
         baseline,
         end.database,
@@ -210,23 +210,68 @@ def _next_round(given: _Given, state: _State) -> _State:
     new, beside = _with_linear_terms(new, suspected, have)
     sensors = found_sensors(traced.findings)
 
-    def with_one(finding: Finding, written: Written) -> dict[str, Comparison]:
-        candidate = _added(source, given.baseline, library, [finding], flights, sensors, written)
-        return compared(source, flights, candidate)
-
-    written = as_constant_lift(new, library, with_one)
+    written = _as_lift(given, new, sensors)
     if written and any(leans_on_it(f) for f in (*state.added, *new)):
         # It comes first: the next rounds find what remains beside it.
         database = given.baseline
         new = [f for f in new if f.hypothesis in written]
         state = replace(_State(database), findings={f.hypothesis: f for f in new}, rounds=1)
-    candidate, kept = _bearable(source, database, library, new, flights, sensors, written)
+    candidate, kept = bearable(source, database, library, new, flights, sensors, written)
     return replace(
         state,
         database=candidate,
         added=(*state.added, *kept),
         withheld=state.withheld | {f.hypothesis for f in new if f not in kept},
         linear_beside=(*state.linear_beside, *beside),
+    )
+
+
+def _as_lift(given: _Given, findings: Sequence[Finding], sensors: Mapping[str, float]) -> Written:
+    """How a constant of CZ among the findings is written: see `as_constant_lift`."""
+    source, flights = given.source, given.flights
+
+    def with_one(finding: Finding, written: Written) -> dict[str, Comparison]:
+        candidate = added_to(
+            source, given.baseline, given.library, [finding], flights, sensors, written, refit=False
+        )
+        return compared(source, flights, candidate)
+
+    return as_constant_lift(findings, given.library, with_one)
+
+
+def _beside_constant_lift(given: _Given, state: _State) -> _State:
+    """The state in which what may enter, and leans on a constant of CZ that may not, is judged
+    beside that constant as a lift, where CX allows one."""
+    constant = state.findings.get(CONSTANT)
+    held = [state.findings[id] for id in state.withheld if id in state.findings]
+    leaning = [f for f in (*state.added, *held) if leans_on_it(f)]
+    if not constant or constant in state.added or not leaning or state.by_manoeuvre:
+        return state
+    source, flights, library = given.source, given.flights, given.library
+    sensors = found_sensors(state.findings.values())
+    written = _as_lift(given, [constant], sensors)
+    if not written or state.database.states:
+        return state
+    lifted = added_to(
+        source, given.baseline, library, [constant], flights, sensors, written, refit=False
+    )
+    traced, _ = _traced(source, flights, lifted, library, (), given.known_before)
+    found = {f.hypothesis: f for f in traced.findings if f.verdict in ADDED}
+    judged = {f.hypothesis: beside_constant(f, found.get(f.hypothesis)) for f in leaning}
+    if all(judged[f.hypothesis] == f for f in leaning):
+        return state
+    added = [judged.get(f.hypothesis, f) for f in state.added]
+    added = [f for f in added if given.accept.admits(f)]
+    database = given.baseline
+    if added:
+        database = added_to(source, database, library, added, flights, sensors)
+    out = {id for id, f in judged.items() if not given.accept.admits(f)}
+    return replace(
+        state,
+        database=database,
+        findings={**state.findings, **judged},
+        added=tuple(added),
+        withheld=state.withheld - out,
     )
 
 
@@ -295,7 +340,7 @@ def _with_withheld(given: _Given, state: _State) -> _State:
             continue
         source, flights, database = given.source, given.flights, state.database
         sensors = found_sensors(state.findings.values())
-        candidate = _added(source, database, given.library, [finding], flights, sensors)
+        candidate = added_to(source, database, given.library, [finding], flights, sensors)
         before = compared(source, flights, database)
         worse = worse_axes(before, compared(source, flights, candidate))
         turned = about_flown_mean(source, flights, database, candidate, worse)
@@ -372,126 +417,3 @@ def _with_linear_terms(
         beside += [each.hypothesis for each in more]
         new += more
     return new, beside
-
-
-def _separates(finding: Finding) -> bool:
-    """Return whether it is a stall with separating flow, which is added with its own fit on all
-    axes."""
-    return finding.effect == EFFECT and not is_lift_hysteresis(finding.hypothesis)
-
-
-def _bearable(
-    source: FlightSource,
-    database: AeroDatabase,
-    library: Library,
-    new: Sequence[Finding],
-    flights: Sequence[str],
-    sensors: Mapping[str, float],
-    written: Written,
-) -> tuple[AeroDatabase, list[Finding]]:
-    """The candidate with as many of the new findings as make no axis worse, and these findings.
-
-    First without the constants of the axes concerned, then without anything on them. Estimated
-    together with terms that may not enter, a term can be right and still do harm.
-    """
-    kept = list(new)
-    candidate = _added(source, database, library, kept, flights, sensors, written)
-    before = compared(source, flights, database)
-    for only_constants in (True, False):
-        worse = worse_axes(before, compared(source, flights, candidate))
-        if not worse:
-            break
-        kept = [
-            f
-            for f in kept
-            if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")
-        ]
-        candidate = (
-            _added(source, database, library, kept, flights, sensors, written) if kept else database
-        )
-    return candidate, kept
-
-
-def compared(
-    source: FlightSource, flights: Sequence[str], database: AeroDatabase
-) -> dict[str, Comparison]:
-    """Return, for each flight (its id), its comparison with a database.
-
-    Coefficients are (n,), dimensionless.
-    """
-    return dict(
-        zip(flights, in_threads(lambda id: source.comparison(id, database), flights), strict=True)
-    )
-
-
-def _added(
-    source: FlightSource,
-    database: AeroDatabase,
-    library: Library,
-    new: Sequence[Finding],
-    flights: Sequence[str],
-    sensors: Mapping[str, float],
-    written: Written = MappingProxyType({}),
-) -> AeroDatabase:
-    """The database with the findings as increments inside the envelope of the flights that have
-    their channels. sensors : found to be wrong beside them, id -> error. written : what is written
-    otherwise than in the library.
-    """
-    if any(_separates(finding) for finding in new):
-        database = added_stall(source, database, tuple(library.stall))
-        new = [finding for finding in new if not _separates(finding)]
-        if not new:
-            return database
-    known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
-    if any(is_lift_hysteresis(finding.hypothesis) for finding in new):
-        stalled = [flight for flight in flights if flight in library.lift_hysteresis]
-        database, hysteresis = added_lift_hysteresis(source, database, stalled)
-        known[hysteresis.id] = hysteresis
-    templates = [known[finding.hypothesis] for finding in new]
-    accepted = [written.get(each.id, each) for each in templates]
-
-    def view_beside_database(id: str) -> FlightView:
-        return with_unused_states(source.view(id, database))
-
-    views = [
-        view
-        for view in in_threads(view_beside_database, flights)
-        if all(view.has(hypothesis.needs) for hypothesis in accepted)
-    ]
-    values = np.array([finding.value for finding in new])
-    covariance = joint_covariance(new, library.settings.prior_dof)
-    note = "traced: " + ", ".join(f"{f.hypothesis} ({f.verdict.replace('_', ' ')})" for f in new)
-    candidate = add_effects(
-        database,
-        accepted,
-        values,
-        covariance,
-        envelopes_of(accepted, views, database),
-        tuple(flights),
-        note,
-    )
-    by_flights = all(
-        finding.verdict != "suspected" for finding in new
-    )  # a suspicion holds beside what may not enter
-    shaped = all(each.increment for each in accepted)  # a parameter's shape is its database's
-    finer = (
-        refit_terms(source, candidate, library, templates, [view.flight for view in views])
-        if by_flights and shaped
-        else None
-    )
-    if finer is not None:
-        values, covariance = finer.beside(values, covariance)
-        terms = [written.get(each.id, each) for each in finer.terms]
-        envelopes = envelopes_of(terms, views, database)
-        candidate = add_effects(
-            database,
-            terms,
-            values,
-            covariance,
-            envelopes,
-            tuple(flights),
-            note,
-            refit_of(finer),
-        )
-    candidate = about_zero_lift(source, flights, database, candidate, library, sensors)
-    return keep_slope_signs(Update(candidate, (), tuple(flights)), database).candidate

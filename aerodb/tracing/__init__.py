@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         agreement,
         cross_flight_tests,
         dependences_on_conditions,
+        doubted,
         downgraded_on_axes,
         driven_by_rates,
         few_flight_findings,

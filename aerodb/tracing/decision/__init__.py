@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         few_flight_findings,
         windows,
     )
-    from .findings import ADDED, Finding, NotFound, Traced, Verdict, Vote, only_suspected
+    from .findings import ADDED, Finding, NotFound, Traced, Verdict, Vote, doubted, only_suspected
     from .joint_model import joint_bands, joint_fit
     from .refinement import Refined, downgraded_on_axes, refine
     from .residual_records import FlightResidual

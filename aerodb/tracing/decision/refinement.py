@@ -193,7 +193,10 @@ class ShapeProblem:
         score = self.right[:, index] - square @ values - ridge * values
         within = inverse @ square.sum(axis=0) @ inverse
         between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
-        excess = max(1.0, float(np.median(np.diagonal(between) / np.diagonal(within))))
+        own = np.diagonal(within)
+        shown = own > 0.0  # a constant of the axis is in no flight's changes
+        ratios = np.diagonal(between)[shown] / own[shown]
+        excess = max(1.0, float(np.median(ratios))) if len(ratios) else 1.0
         covariance = (prior_dof * excess * within + (count - 1.0) * between) / (
             prior_dof + count - 1.0
         )

@@ -143,11 +143,10 @@ class _Shapes:
     def term(self, finding: Finding) -> Finding:
         """A confirmed term against the functions that could stand in its place on its axes, or in
         that of another term there."""
-        on = [axis for axis in finding.axis if finding.hypothesis in self._named(axis)]
+        on = self._acts_on(finding)
         for axis in on:
             problem, named = self._problem(axis), self._named(axis)
-            own = named.index(finding.hypothesis)
-            rest = [k for k in range(len(named)) if k != own]
+            own, rest = self._own_and_rest(finding, axis)
             before = problem.left_out(problem.flights, range(len(named)))
             after = problem.predicted(rest)
             fall, p = self._fall(problem, after, before)
@@ -160,7 +159,9 @@ class _Shapes:
             rival = [k for k in picked if k not in apart]
             if apart:  # other defects of the axis: they stand beside the term and beside its rival
                 after = problem.left_out(problem.flights, problem.with_functions(rest, picked))
-                before = problem.left_out(problem.flights, problem.with_functions([*rest, own], apart))
+                before = problem.left_out(
+                    problem.flights, problem.with_functions([*rest, own], apart)
+                )
                 fall, p = self._fall(problem, after, before)
             beside = problem.with_functions(rest, apart)
             without = float(problem.left_out(problem.flights, beside).sum())
@@ -170,6 +171,28 @@ class _Shapes:
             return self._other(finding, axis, problem, beside, rival, fall, p, misfit, share)
         return next(filter(None, (self._leaning(finding, axis) for axis in on)), finding)
 
+    def _own_and_rest(self, finding: Finding, axis: str) -> tuple[int, list[int]]:
+        """The column of a term on an axis, and those of the others there."""
+        named = self._named(axis)
+        own = named.index(finding.hypothesis)
+        return own, [k for k in range(len(named)) if k != own]
+
+    def _acts_on(self, finding: Finding) -> list[str]:
+        """The axis on which a term gains most, and others on which its gain is significant: on the
+        rest, such as the CY of a drag, it claims nothing that another effect could do better."""
+        gains = {}
+        for axis in finding.axis:
+            if finding.hypothesis in self._named(axis):
+                gains[axis] = self._gain(
+                    self._problem(axis), *self._own_and_rest(finding, axis), ()
+                )
+        most = max(gains, key=lambda axis: float(gains[axis].sum()), default=None)
+        return [
+            axis
+            for axis, gain in gains.items()
+            if axis == most or paired_p(gain, np.zeros(len(gain))) < self.settings.level
+        ]
+
     def _leaning(self, finding: Finding, axis: str) -> Finding | None:
         """The finding as suspected where it is needed only beside the shape of another term, or
         beside those of two, of which it is a combination.
@@ -178,9 +201,8 @@ class _Shapes:
         well; given them, the finding gains little. None where it leans on no other term.
         """
         problem, named = self._problem(axis), self._named(axis)
-        own = named.index(finding.hypothesis)
+        own, others = self._own_and_rest(finding, axis)
         before = problem.left_out(problem.flights, range(len(named)))
-        others = [k for k in range(len(named)) if k != own]
         groups = (group for n in range(1, _PARTNERS + 1) for group in combinations(others, n))
         for partners in groups:
             rest = [k for k in range(len(named)) if k not in partners]

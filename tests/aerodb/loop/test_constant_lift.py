@@ -1,0 +1,71 @@
+"""A constant that the lift lacks changes CX with the angle of attack: one effect, not two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jsbsim")
+
+from aerodb.coefficients import total_coefficients
+from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
+from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.expression import parse
+from tests.support.flights_in_memory import FlightsInMemory
+from tests.support.jsbsim_campaign import imported
+from tests.support.jsbsim_cases import CASES, IDENTIFIED, campaign
+
+NAME = "f16 with an alpha slope 8 % too small"  # its flights, with alpha well excited
+SIZE = 0.05
+
+
+def whole() -> AeroDatabase:
+    return imported(CASES[NAME].aircraft)
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    vehicle, flights = campaign(NAME)
+    return FlightsInMemory(
+        vehicle,
+        {each.id: (each, total_coefficients(each, vehicle)) for each in flights[:IDENTIFIED]},
+    )
+
+
+def looped(source: FlightsInMemory, *terms: Term) -> LoopResult:
+    ids, database = tuple(source.flown), replace(whole(), terms=(*whole().terms, *terms))
+    return run_loop(source, ids, database, freeze_library(source, ids, database), Accept())
+
+
+def lacks(axis: str, regressor: str) -> Term:
+    return Term(f"lacks {axis}", axis, parse(regressor))
+
+
+def added(loop: LoopResult) -> dict[str, list[float]]:
+    """Axis -> estimates of what was added on it."""
+    first = len(loop.baseline.increments)
+    return {
+        each.axis: np.asarray(each.estimates).tolist() for each in loop.candidate.increments[first:]
+    }
+
+
+def test_a_constant_lift_is_one_effect(source: FlightsInMemory) -> None:
+    loop = looped(source, lacks("C_lift", repr(SIZE)))
+    (found,) = loop.added
+    assert (found.hypothesis, found.verdict) == ("zero_offset@CZ", "confirmed")
+    assert found.ci95[0] < SIZE < found.ci95[1]  # the database has too much lift, CZ too little
+    assert added(loop) == {"C_lift": [pytest.approx(SIZE, rel=0.1)]}
+    assert not [each for each in loop.findings if each.verdict == "confirmed" and each is not found]
+
+
+def test_a_constant_along_z_stays_on_it(source: FlightsInMemory) -> None:
+    loop = looped(source, lacks("CZ", repr(SIZE)))
+    assert [each.hypothesis for each in loop.added] == ["zero_offset@CZ"]
+    assert added(loop) == {"CZ": [pytest.approx(-SIZE, rel=0.1)]}
+
+
+def test_a_drag_that_grows_with_alpha_beside_it_is_found_next(source: FlightsInMemory) -> None:
+    loop = looped(source, lacks("C_lift", repr(SIZE)), lacks("C_drag", "-0.3*alpha"))
+    assert [each.hypothesis for each in loop.added] == ["zero_offset@CZ", "alpha_slope@C_drag"]
+    drag = loop.added[1]
+    assert drag.ci95[0] < 0.3 < drag.ci95[1]
