@@ -56,6 +56,13 @@ def leans_on_it(finding: Finding) -> bool:
     return finding.hypothesis != CONSTANT and _CHANGES in finding.axis
 
 
+def sized_as(finding: Finding, before: Finding) -> Finding:
+    """Return the finding with the size that it had before, and its votes and interval."""
+    return replace(
+        finding, value=before.value, ci95=before.ci95, test=before.test, votes=before.votes
+    )
+
+
 def beside_constant(finding: Finding, again: Finding | None) -> Finding:
     """Return a finding that leans on a constant of CZ which was not added, as `again` tracing finds
     it beside that constant as a lift: suspected where it does not, and else with an interval that

@@ -19,6 +19,7 @@ from aerodb.loop.constant_lift import (
     as_constant_lift,
     beside_constant,
     leans_on_it,
+    sized_as,
 )
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
@@ -183,6 +184,7 @@ def _next_round(given: _Given, state: _State) -> _State:
         shaped = tuple(leaning.get(finding.hypothesis, finding) for finding in shaped)
         traced = replace(traced, findings=shaped)
     traced = replace(traced, findings=only_with_gain(traced.findings, given.without_gain))
+    earlier = state.findings
     have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain
     if database.states:
         have |= {h.id for h in library.hypotheses if h.effect == EFFECT}
@@ -211,10 +213,10 @@ def _next_round(given: _Given, state: _State) -> _State:
     sensors = found_sensors(traced.findings)
 
     written = _as_lift(given, new, sensors)
-    if written and any(leans_on_it(f) for f in (*state.added, *new)):
-        # It comes first: the next rounds find what remains beside it.
-        database = given.baseline
-        new = [f for f in new if f.hypothesis in written]
+    if written:
+        # It comes first, as it was seen beside the baseline: the next rounds find what remains.
+        database, before = given.baseline, earlier.get(CONSTANT)
+        new = [f if before is None else sized_as(f, before) for f in new if f.hypothesis in written]
         state = replace(_State(database), findings={f.hypothesis: f for f in new}, rounds=1)
     candidate, kept = bearable(source, database, library, new, flights, sensors, written)
     return replace(

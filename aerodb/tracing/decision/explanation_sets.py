@@ -69,7 +69,7 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
     )
     broken = _breaking(tests, terms, freed, index, fewest) if index not in sensors else ()
     if index in tests.campaign.offsets:
-        broken = (*broken, *_constant(tests, terms, freed, index))
+        broken = tuple(_constant(tests, terms, freed, index, broken))
     rivals = tuple(i for i in fitting if i not in sensors)
     behind = tuple(dict.fromkeys([*broken, *(i for i in fitting if i in sensors)]))
     for i in (*rivals, *behind):
@@ -237,12 +237,17 @@ def _breaking(
 
 
 def _constant(
-    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int
+    tests: CrossFlightTests,
+    terms: tuple[int, ...],
+    freed: tuple[int, ...],
+    index: int,
+    broken: Sequence[int],
 ) -> list[int]:
     """Sensors of which a believable constant error, the same in all flights, leaves an axis'
     constant, or what its interval has nearest to zero; one that these flights' own estimate of the
     sensor does not exclude. Where no single one does: those whose independent errors leave it
-    together.
+    together. Of the sensors that break it when they are freed (`broken`), those whose believable
+    errors leave it.
     """
     products = tests.campaign.products
     each = products.intercepts[:, products.offsets[index]].mean(axis=0)
@@ -251,13 +256,18 @@ def _constant(
     largest_shift = dict[int, float]()
     for sensor in tests.campaign.sensors:
         low, high = _may_be(tests, test, sensor)
-        constant = tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
-        if constant and low <= high:
+        if low <= high:
             largest_shift[sensor] = float(max(0.0, *(sign * each[sensor] * np.array([low, high]))))
     able = [sensor for sensor, most in largest_shift.items() if most >= nearest and most > 0.0]
-    if able:
-        return able
-    together = sorted(largest_shift, key=lambda sensor: -largest_shift[sensor])
+    constant = [
+        sensor
+        for sensor in largest_shift
+        if tests.campaign.hypotheses[sensor].effect.endswith(("_bias", "_offset"))
+    ]
+    found = [sensor for sensor in able if sensor in broken or sensor in constant]
+    if found:
+        return found
+    together = sorted(constant, key=lambda sensor: -largest_shift[sensor])
     size = np.sqrt(np.cumsum(np.square([largest_shift[sensor] for sensor in together])))
     enough = int(np.searchsorted(size, nearest))
     return together[: enough + 1] if enough < len(together) else []

@@ -22,7 +22,7 @@ from aerodb.support import Array, in_threads
 from aerodb.tracing.decision.findings import Finding, only_suspected
 from aerodb.tracing.decision.functions import WORTH
 from aerodb.tracing.decision.shapes import FEWEST_SHAPED
-from aerodb.tracing.estimates import Campaign, campaign, paired_p
+from aerodb.tracing.estimates import OFFSET, Campaign, campaign, paired_p
 from aerodb.tracing.evidence import evidence_of, normal_equations_of
 from aerodb.tracing.settings import TracingSettings
 
@@ -108,7 +108,8 @@ def refine(
         return None
     options: list[tuple[int, str, tuple[Hypothesis, ...]]] = []
     for index, hypothesis in enumerate(accepted):
-        for variable in variables_of(hypothesis) if len(hypothesis.increment) == 1 else ():
+        shaped = len(hypothesis.increment) == 1 and hypothesis.effect != OFFSET
+        for variable in variables_of(hypothesis) if shaped else ():
             spline = spline_over(variable, hypothesis, views)
             if spline is not None:
                 options.append((index, variable, ramp_terms(hypothesis, spline)))

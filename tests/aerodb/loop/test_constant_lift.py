@@ -11,6 +11,7 @@ from aerodb.coefficients import total_coefficients
 from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
+from aerodb.vehicle import Sensor
 from tests.support.flights_in_memory import FlightsInMemory
 from tests.support.jsbsim_campaign import imported
 from tests.support.jsbsim_cases import CASES, IDENTIFIED, campaign
@@ -23,13 +24,22 @@ def whole() -> AeroDatabase:
     return imported(CASES[NAME].aircraft)
 
 
-@pytest.fixture(scope="module")
-def source() -> FlightsInMemory:
+def flown(flaperon: float = 0.0) -> FlightsInMemory:
+    """The flights; flaperon : one sigma of the zero of the flaperons, as the vehicle file says
+    [rad]."""
     vehicle, flights = campaign(NAME)
+    if flaperon:
+        sensors = {**vehicle.sensors, "delta_flaperon": Sensor(bias_prior=flaperon)}
+        vehicle = vehicle.model_copy(update={"sensors": sensors})
     return FlightsInMemory(
         vehicle,
         {each.id: (each, total_coefficients(each, vehicle)) for each in flights[:IDENTIFIED]},
     )
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    return flown()
 
 
 def looped(source: FlightsInMemory, *terms: Term) -> LoopResult:
@@ -69,3 +79,16 @@ def test_a_drag_that_grows_with_alpha_beside_it_is_found_next(source: FlightsInM
     assert [each.hypothesis for each in loop.added] == ["zero_offset@CZ", "alpha_slope@C_drag"]
     drag = loop.added[1]
     assert drag.ci95[0] < 0.3 < drag.ci95[1]
+
+
+def test_what_leans_on_a_constant_that_may_be_a_surfaces_zero_is_not_confirmed_as_it_is() -> None:
+    source = flown(flaperon=0.03)
+    alone = looped(source, lacks("C_lift", repr(SIZE)))
+    assert not alone.added
+    verdicts = {f.hypothesis: f.verdict for f in alone.findings}
+    assert verdicts["zero_offset@CZ"] == "ambiguous_sensor"
+    assert verdicts["alpha_slope@C_drag"] == "suspected"
+    both = looped(source, lacks("C_lift", repr(SIZE)), lacks("C_drag", "-0.3*alpha"))
+    (drag,) = both.added
+    assert drag.hypothesis == "alpha_slope@C_drag"
+    assert drag.ci95[0] < 0.3 < 0.3 + SIZE < drag.ci95[1]  # with the constant and without it
