@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 11,
     "update": 17,
     "gram": 15,
-    "close_loop": 48,
+    "close_loop": 49,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.
