@@ -95,9 +95,14 @@ def beside_its_database(root: Path, vehicle: str, text: str) -> tuple[Path, dict
 def test_a_wind_tunnel_may_be_wrong(tmp_path: Path) -> None:
     text = database_text(CZ_alpha=0.8, Cm_delta_elevator=0.5, Cl_p_hat=1.4)
     workspace, outcome = beside_its_database(tmp_path, VEHICLE, text)
-    assert outcome["comparison"]["suspicions"] == []
+    # Half the effect of a control looks like another scale of its channel: said, and limits nothing.
+    (found,) = outcome["comparison"]["suspicions"]
+    assert (found["channel"], found["kind"]) == ("delta_elevator", "possible")
+    assert found["sentence"].endswith("or the database's effect is wrong")
+    assert found["evidence"]["ratio"] == pytest.approx(2.0, rel=0.1)
     shown = asked(workspace, "flight", "show", outcome["flight"])
-    assert shown["reasons"] == outcome["consistency"]["reasons"]
+    assert shown["verdict"] == outcome["consistency"]["verdict"]
+    assert shown["reasons"][:-1] == outcome["consistency"]["reasons"]
 
 
 def test_what_contradicts_the_released_database_limits_the_flight(tmp_path: Path) -> None:
