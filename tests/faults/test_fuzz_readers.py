@@ -318,6 +318,17 @@ def _excel_text(path: Path, table: pd.DataFrame) -> None:
     path.write_text(f"sep=;\nFlight test\n\n{names}\n;deg;deg;deg/s;ft msl;\n{rows}END OF DATA\n")
 
 
+def _labview(path: Path, table: pd.DataFrame) -> None:
+    """A header with the step, and a table that writes no times."""
+    names = "abcd"
+    head = f"LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\nChannels\t{len(names)}\n"
+    head += "Y_Unit_Label" + "\tdeg" * len(names) + "\nX0" + "\t0" * len(names) + "\n"
+    head += "Delta_X" + "\t0.05" * len(names) + "\n***End_of_Header***\n"
+    rows = table[[*names]].to_csv(index=False, sep="\t", header=False).splitlines()
+    text = "X_Value\t" + "\t".join(names) + "\n" + "\n".join(f"\t{row}" for row in rows)
+    path.write_text(head + text + "\n")
+
+
 def _parquet(path: Path, table: pd.DataFrame) -> None:
     table.to_parquet(path)
 
@@ -338,6 +349,7 @@ def _hdf5(path: Path, table: pd.DataFrame) -> None:
     [
         (".csv", _csv),
         (".txt", _excel_text),
+        (".lvm", _labview),
         (".parquet", _parquet),
         (".mat", _mat),
         (".h5", _hdf5),
