@@ -56,10 +56,17 @@ def leans_on_it(finding: Finding) -> bool:
     return finding.hypothesis != CONSTANT and _CHANGES in finding.axis
 
 
-def sized_as(finding: Finding, before: Finding) -> Finding:
-    """Return the finding with the size that it had before, and its votes and interval."""
+def entering_first(finding: Finding, before: Finding | None) -> Finding:
+    """Return the constant as it enters on the lift: with that reason, and with the size, interval
+    and votes of the round that saw it first, beside the baseline."""
+    seen = before or finding
     return replace(
-        finding, value=before.value, ci95=before.ci95, test=before.test, votes=before.votes
+        finding,
+        value=seen.value,
+        ci95=seen.ci95,
+        test=seen.test,
+        votes=seen.votes,
+        reasons=(*finding.reasons, "CX follows it as a lift, on which it is written"),
     )
 
 

@@ -18,8 +18,8 @@ from aerodb.loop.constant_lift import (
     Written,
     as_constant_lift,
     beside_constant,
+    entering_first,
     leans_on_it,
-    sized_as,
 )
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
@@ -211,13 +211,18 @@ def _next_round(given: _Given, state: _State) -> _State:
         return state
     new, beside = _with_linear_terms(new, suspected, have)
     sensors = found_sensors(traced.findings)
-
     written = _as_lift(given, new, sensors)
     if written:
         # It comes first, as it was seen beside the baseline: the next rounds find what remains.
-        database, before = given.baseline, earlier.get(CONSTANT)
-        new = [f if before is None else sized_as(f, before) for f in new if f.hypothesis in written]
-        state = replace(_State(database), findings={f.hypothesis: f for f in new}, rounds=1)
+        database, before, beside = given.baseline, earlier.get(CONSTANT), []
+        new = [entering_first(f, before) for f in new if f.hypothesis in written]
+        state = _State(
+            database,
+            findings={f.hypothesis: f for f in new},
+            by_manoeuvre=state.by_manoeuvre,
+            rounds=1,
+            remarks=remarks,
+        )
     candidate, kept = bearable(source, database, library, new, flights, sensors, written)
     return replace(
         state,
