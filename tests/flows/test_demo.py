@@ -75,11 +75,11 @@ def test_the_phoenix_case_finds_what_003_found(phoenix):
     claimed = {f["parameter"] for f in document["findings"] if f["verdict"] == "confirmed"}
     assert claimed <= true.keys()
     assert set(document["added"]) == {findings[parameter]["hypothesis"] for parameter in true}
-    # Most of what Cm lacks is its constant, which .05 deg of an elevator's zero would leave as well:
-    # it is part of the model of Cm, and the sensor is named beside it.
+    # Most of what Cm lacks is its constant. An elevator's zero would have to be off by sixteen of its
+    # stated sigmas to leave it, so that none stands beside it.
     level = findings["Cm_0"]
-    assert level["verdict"] == "ambiguous_sensor"
-    assert "surface_bias@all:elevator_inboard" in level["explanation_set"]
+    assert level["verdict"] == "confirmed"
+    assert level["explanation_set"] == ["zero_offset@Cm"]
     for axis in ("CY", "Cl", "Cn"):  # nothing was planted there, and nothing gets worse
         floor = document["truth_floor"][axis]
         assert floor["after"] <= 1.001 * floor["before"], axis
