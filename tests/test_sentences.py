@@ -62,6 +62,7 @@ ALLOWED = {
     "aerodb/estimation/regression/equation_error.py": "the first sign of a formula",
     "aerodb/simulation/modes.py": "names of modes",
     "flows/demo.py": "names of parameters",
+    "flows/cli/output.py": "lines of a terminal with a command, which are not divided",
     # what others write
     "aerodb/errors.py": "Python's messages",
     "aerodb/exchange/aero_codes/avl.py": "the output of AVL",

@@ -57,6 +57,11 @@ ALIKE: Final = 0.7
 PLAY: Final = float(np.deg2rad(0.5))
 #: Least half of a play that is said [rad].
 LEAST_PLAY: Final = float(np.deg2rad(0.2))
+#: Flow angle up to which most of a flight must be for changes of its forces to be sought [rad]: an
+#: aircraft that hovers has any, and no slope over it.
+STEEP: Final = float(np.deg2rad(30.0))
+#: Part of a flight that is most of it.
+MOST_OF: Final = 0.9
 #: When a change acts that begins at no sample, in words.
 ALWAYS: Final = "all the time"
 EVENLY: Final = "over the whole flight"
@@ -116,11 +121,21 @@ def moved_zeros(
             continue
         rest = measured[axis] - predicted[axis]
         good = usable[axis] & np.isfinite(rest) & flying(flight, ())
+        if _is_steep(flight, _CAUSES[axis][1], good):
+            continue
         for each in _moved(flight, axis, slopes[axis], rest, predicted[axis], good):
             known = found.get(each.channel)
             if known is None or each.evidence.get("likelier", 0.0) > known.evidence["likelier"]:
                 found[each.channel] = each
     return list(found.values())
+
+
+def _is_steep(flight: Flight, angle: str, good: NDArray[np.bool_]) -> bool:
+    """Whether the flow angle of an axis, if it has one, is beyond `STEEP` for a part of the flight
+    that matters."""
+    if not angle or angle not in flight.channels or not good.any():
+        return False
+    return bool(np.nanquantile(np.abs(flight[angle][good]), MOST_OF) > STEEP)
 
 
 def _moved(

@@ -203,9 +203,8 @@ def show(
     session.headlines(
         f"{row.vehicle}: {row.label} {_standing(names, waits, document['stale'])}",
         [
-            ("" if number else label, text.replace("\u2212", "-"))
+            (label, "; ".join(texts).replace("\u2212", "-"))
             for label, texts in version_lines(document["report"], row.label, session.units)
-            for number, text in enumerate(texts)
         ],
         f"aerodb version gate {row.label} --vehicle {row.vehicle}" if waits else "",
     )

@@ -29,14 +29,16 @@ MODEL = '[[increment]]\naxis = "CZ"\nterms = ["alpha"]\n'
 
 
 def answered(workspace: Path, words: tuple[str, ...], *answers: str, code: int = 0) -> list[str]:
-    """The lines of a command; each answer (regular expression) stands in its first lines."""
+    """The lines of a command; each answer (regular expression) stands in its first lines, where a
+    narrow terminal may have divided it."""
     ended, lines = on_terminal(workspace, 100, *words)
     assert ended == code, lines
     first = lines[:MOST_LINES]
     for answer in answers:
-        places = [k for k, line in enumerate(first, 1) if re.search(answer, line)]
+        read = (" ".join(map(str.strip, first[: k + 1])) for k in range(len(first)))
+        places = [k for k, text in enumerate(read, 1) if re.search(answer, text)]
         assert places, (answer, "\n".join(first))
-        print(f"{' '.join(w for w in words[:2] if w[0] != '-')}: {answer!r} in line {places[0]}")
+        print(f"{' '.join(w for w in words[:2] if w[0] != '-')}: {answer!r} by line {places[0]}")
     return lines
 
 
