@@ -27,7 +27,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 
 Modules: `flight_source` (what a source of flights gives) and `without_store`, `freezing` and
 `frozen_library`, `accept` (what a user admits), `evidence` (of one flight and a database), `rounds`
-and what it says in `remarks`, `manoeuvre_units` (too few flights), `stall`, `stall_windows` and
+and what it says in `remarks`, `adding` to a database, `constant_lift` and `turned_slopes` (what
+turns with the angle of attack), `manoeuvre_units` (too few flights), `stall`, `stall_windows` and
 `stall_hysteresis`, `refit` (gains and shapes once more), `validation`, `within_flight` and
 `noise_floor`, `unexplained`, `levels`, `between_flights`, `shapes` and `model_error`, `consider`
 and `angle_errors`, `rivals`. The method:

@@ -24,7 +24,6 @@ CONSTANT: Final = "zero_offset@CZ"
 #: On which a constant lift changes with the angle of attack.
 _CHANGES: Final = "CX"
 
-
 #: Hypothesis (its id) -> how it is written in a database in place of what the library has.
 Written = Mapping[str, Hypothesis]
 
