@@ -42,7 +42,8 @@ def bearable(
     sensors: Mapping[str, float],
     written: Written,
 ) -> tuple[AeroDatabase, list[Finding]]:
-    """The candidate with as many of the new findings as make no axis worse, and these findings.
+    """Return the candidate with as many of the new findings as make no axis worse, and these
+    findings.
 
     First without the constants of the axes concerned, then without anything on them. Estimated
     together with terms that may not enter, a term can be right and still do harm.
@@ -89,9 +90,12 @@ def added_to(
     written: Written = MappingProxyType({}),
     refit: bool = True,
 ) -> AeroDatabase:
-    """The database with the findings as increments inside the envelope of the flights that have
-    their channels. sensors : found to be wrong beside them, id -> error. written : what is written
-    otherwise than in the library. refit : whether gains and shapes are fitted once more.
+    """Return the database with the findings as increments inside the envelope of the flights that
+    have their channels.
+
+    sensors : found to be wrong beside them, id -> error, SI. written : what is written otherwise
+    than in the library. refit : whether gains and shapes are fitted once more. Raises InputError
+    where a flight lacks what is needed.
     """
     if any(separates(finding) for finding in new):
         database = added_stall(source, database, tuple(library.stall))
