@@ -102,6 +102,25 @@ def test_prefects_ephemeral_mode_stores_the_same(
     assert (workspace.root / "prefect").is_dir()
 
 
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [(("close-loop", "--hold-out", "none"), 0), (("recalibrate", "--reason", "no sensors"), 3)],
+)
+def test_commands_answer_or_refuse_the_same_under_prefect(
+    tmp_path: Path, shared: SharedWorkspaces, command: tuple[str, ...], code: int
+) -> None:
+    answers = []
+    for under_prefect, how in ((False, "direct"), (True, "ephemeral")):
+        workspace, _ = shared.updated(tmp_path / how, flights=3)
+        words = ("--json", *command, "--vehicle", NAME)
+        done = aerodb(workspace.root, *words, under_prefect=under_prefect)
+        assert done.returncode == code, done.stderr
+        flow = command[0].replace("-", "_") + "_flow"
+        assert [how for name, how, _ in ways(workspace) if name == flow] == [how]
+        answers.append((done.stdout + done.stderr).replace(str(workspace.root), ""))
+    assert answers[0] == answers[1]
+
+
 def test_a_batch_of_which_no_log_is_stored_is_refused(
     tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
@@ -109,7 +128,8 @@ def test_a_batch_of_which_no_log_is_stored_is_refused(
     workspace = shared.prepared(tmp_path / "w")
     bad = tmp_path / "bad.csv"
     bad.write_text("no log\n", encoding="utf-8")
-    done = aerodb(workspace.root, "--json", "flight", "ingest", str(bad), "--vehicle", NAME)
+    words = ("--json", "flight", "ingest", str(bad), "--vehicle", NAME)
+    done = aerodb(workspace.root, *words, under_prefect=True)
     assert done.returncode == 3, done.stderr
     assert [each["status"] for each in json.loads(done.stdout)] == ["refused"]
     assert ways(workspace)[0] == ("flight_flow", "ephemeral", "completed")

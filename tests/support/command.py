@@ -5,24 +5,47 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
 from tests.support.forking import run_forked
 from tests.support.paths import ROOT
 
+_DIRECT = "--direct"
+
+
+@cache
+def _commands() -> Any:
+    """The tree of commands."""
+    return typer.main.get_command(app)
+
+
+def directly(arguments: tuple[str, ...]) -> list[str]:
+    """The arguments with ``--direct`` where the command knows it: the start of Prefect's server
+    costs five times the processor time of the flight. Guides are followed as they are typed, and
+    what Prefect does is the subject of tests of its own."""
+    place = _commands()
+    for number, word in enumerate(arguments):
+        place = getattr(place, "commands", {}).get(word, place)
+        if any(_DIRECT in option.opts for option in place.params) and _DIRECT not in arguments:
+            return [*arguments[: number + 1], _DIRECT, *arguments[number + 1 :]]
+    return list(arguments)
+
 
 def aerodb(
-    workspace: Path, *arguments: str, folder: Path | None = None
+    workspace: Path, *arguments: str, folder: Path | None = None, under_prefect: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """The command as the shell runs it: in a process of its own, forked where the system forks."""
+    """The command as the shell runs it: in a process of its own, forked where the system forks;
+    without Prefect (`directly`) unless `under_prefect`."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
-    given = ["--workspace", str(workspace), *arguments]
+    given = ["--workspace", str(workspace), *(arguments if under_prefect else directly(arguments))]
     if hasattr(os, "fork"):
         return run_forked(given, environment, folder)
     command = [sys.executable, "-c", "from aerodb.flows.cli import main; main()", *given]
@@ -38,7 +61,8 @@ def document(text: str) -> Any:
 
 
 def asked(workspace: Path, *arguments: str) -> Any:
-    """The JSON answer of a command, through the runner."""
-    result = CliRunner().invoke(app, ["--workspace", str(workspace), "--json", *arguments])
+    """The JSON answer of a command, through the runner and without Prefect (`directly`)."""
+    given = ["--workspace", str(workspace), "--json", *directly(arguments)]
+    result = CliRunner().invoke(app, given)
     assert result.exit_code == 0, (arguments, result.stderr, result.exception)
     return document(result.stdout)

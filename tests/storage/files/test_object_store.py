@@ -273,7 +273,8 @@ def test_a_store_that_is_away_for_a_while_is_waited_for_under_prefect(
     waiting = threading.Thread(target=back_later)
     waiting.start()
     try:
-        done = aerodb(root, "--json", "flight", "ingest", str(logs[0]), "--vehicle", NAME)
+        words = ("--json", "flight", "ingest", str(logs[0]), "--vehicle", NAME)
+        done = aerodb(root, *words, under_prefect=True)
     finally:
         waiting.join()
     assert done.returncode == 0, done.stderr
