@@ -217,13 +217,6 @@ class Table:
         """
         return self._combine(self._cells(self.stacked(arguments)), None)
 
-    def coverage(self, *arguments: Array | float) -> Array:
-        """Sum of the interpolation weights over the points, in the shape of `values`; zero at nodes
-        that no point touches."""
-        return np.asarray(self.basis(*arguments).sum(axis=0), dtype=np.float64).reshape(
-            self.values.shape
-        )
-
     def slope(self, argument: str, *arguments: Array | float) -> Array:
         """Exact derivative (n,) along the axis labelled `argument`; at a breakpoint that of the
         cell above, 0 outside.

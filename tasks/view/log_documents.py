@@ -25,8 +25,6 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: Rows of a topic that are in memory at a time.
 _PART: Final = 1 << 20
-#: Information of a PX4 log by which people know it.
-_SYSTEM: Final = ("sys_name", "ver_sw_branch", "ver_sw", "ver_hw", "sys_os_name", "sys_mcu")
 #: Prefix of a parameter as it was at the start of a log.
 _PARAMETER: Final = "param:"
 #: Prefix of a parameter as it was changed last during a log.

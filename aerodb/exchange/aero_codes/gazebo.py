@@ -63,8 +63,6 @@ _ENDS: Final = {axis: f"{start}_ctrl" for axis, start in _STARTS.items()}
 #: Of the plugin: sharpness of its stall, and drag of a flat plate over the aspect ratio.
 _SHARP: Final = 15.0
 _PLATE: Final = (-0.224, -0.115)
-#: Aspect ratio of a reference, or span of a file, that agree: printed digits.
-_SAME: Final = 1e-3
 
 
 def is_gazebo(text: str) -> bool:

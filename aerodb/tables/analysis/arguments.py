@@ -1,17 +1,15 @@
 """Table calls of a database: where tables are called, and over which channels."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from aerodb.errors import UnknownNameError, nearest
 from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
-from aerodb.tables.functions import Value
 
 
 @dataclass(frozen=True)
@@ -134,39 +132,6 @@ def scattered_over(name: str, database: AeroDatabase) -> list[Array]:
                 if scaled is not None and scaled.name == name:
                     found.append(np.sort(scaled.channel(values)))
     return found
-
-
-def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) -> Array:
-    """Sum of the interpolation weights of each node of `table` over samples, in the table's shape.
-
-    Parameters
-    ----------
-    channels : each (n,) or a number. Samples that are not finite are left out.
-
-    A node with 0 is touched by no sample: flights say nothing about it. Where a table is called in
-    several places, the weights of all calls are added.
-
-    Raises UnknownNameError for an unknown table and InputError for missing channels.
-    """
-    if table not in database.tables:
-        raise UnknownNameError(
-            f"no table '{table}'", f"database {database.name}", nearest(table, database.tables)
-        )
-    definitions = {name: variable.expression for name, variable in database.variables.items()}
-    total = np.zeros(database.tables[table].values.shape)
-    for call in table_calls(database):
-        if call.table != table:
-            continue
-        program = database.compiled(
-            call.arguments, definitions, {**database.tables, **database.scattered}
-        )
-        values = database.resolved(program.inputs, channels)
-        points = np.atleast_2d(
-            np.column_stack(np.broadcast_arrays(*map(np.atleast_1d, program.run(values).values)))
-        )
-        finite = points[np.isfinite(points).all(axis=1)]
-        total += database.tables[table].coverage(*finite.T.copy()) if len(finite) else 0.0
-    return total
 
 
 def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:

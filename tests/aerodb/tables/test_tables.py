@@ -69,7 +69,7 @@ def test_nodes_are_met_exactly(dimensions: int) -> None:
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_hat_basis_is_the_table(seed: int, dimensions: int) -> None:
-    """``A @ values`` equals evaluation; rows are partitions of one; coverage counts points."""
+    """``A @ values`` equals evaluation; rows are partitions of one."""
     rng = np.random.default_rng(seed)
     table = random_table(rng, dimensions, (1, 4))
     x = points_around(table, rng, 30)
@@ -78,12 +78,6 @@ def test_hat_basis_is_the_table(seed: int, dimensions: int) -> None:
     assert basis @ table.values.ravel() == pytest.approx(table.evaluate(*x), rel=1e-12, abs=1e-12)
     assert basis.sum(axis=1) == pytest.approx(np.ones(30), rel=1e-12)
     assert basis.data.min() > 0
-    assert table.coverage(*x).sum() == pytest.approx(30.0, rel=1e-12)
-
-
-def test_coverage_is_zero_where_no_point_touches() -> None:
-    table = Table("T", ("alpha",), (np.arange(5.0),), np.zeros(5))
-    assert table.coverage(np.array([1.25, 2.0])).tolist() == [0.0, 0.75, 1.25, 0.0, 0.0]
 
 
 def test_slope_of_a_bilinear_form_is_exact() -> None:

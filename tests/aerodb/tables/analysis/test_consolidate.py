@@ -14,7 +14,6 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
-from aerodb.tables.analysis.arguments import coverage
 from aerodb.tables.analysis.consolidation import (
     consolidate,
     node_lineage,
@@ -298,20 +297,6 @@ def test_nodes_that_do_not_exist_are_refused() -> None:
     for node in ((4,), (-1,), (0, 0)):
         with pytest.raises(InputError, match="table CZ0"):
             node_lineage(one_table(), "CZ0", node)
-
-
-def test_coverage_counts_where_flights_have_been() -> None:
-    database = one_table("CZ0(a) + k*CZ0(a + 0.2)", a="alpha", k="0.5")
-    samples = np.array([0.0, 0.05, 0.05, np.nan])
-    assert coverage(database, "CZ0", {"alpha": samples}) == pytest.approx([2.0, 1.0, 2.0, 1.0])
-    assert coverage(one_table(), "CZ0", {"alpha": 0.15}).tolist() == pytest.approx(
-        [0.0, 0.5, 0.5, 0.0]
-    )
-    assert not coverage(one_table(), "CZ0", {"alpha": np.array([np.nan])}).any()
-    with pytest.raises(UnknownNameError, match="did you mean 'CZ0'"):
-        coverage(database, "CZ1", {"alpha": samples})
-    with pytest.raises(InputError, match="channels missing: alpha"):
-        coverage(database, "CZ0", {"beta": samples})
 
 
 def test_breakpoints_of_expressions() -> None:
