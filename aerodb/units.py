@@ -178,8 +178,9 @@ def is_spelled(text: str) -> bool:
     )
 
 
-#: Common units -> scale and offset as pint gives them, whose start takes as long as half a command.
-_COMMON: Final = {
+#: Common units and their SI units -> scale and offset as pint gives them, whose start takes as long
+#: as half a command.
+_TO_SI: Final = {
     ("degC", "K"): (1.0, 273.15),
     ("deg", "rad"): (0.017453292519943295, 0.0),
     ("deg/s", "rad/s"): (0.017453292519943295, 0.0),
@@ -187,16 +188,35 @@ _COMMON: Final = {
     ("ft", "m"): (0.30479999999999996, 0.0),
     ("inch", "m"): (0.0254, 0.0),
     ("mm", "m"): (0.001, 0.0),
+    ("cm", "m"): (0.01, 0.0),
+    ("km", "m"): (1000.0, 0.0),
+    ("nautical_mile", "m"): (1852.0, 0.0),
+    ("ft^2", "m^2"): (0.09290303999999999, 0.0),
+    ("km/h", "m/s"): (0.2777777777777778, 0.0),
+    ("ft/min", "m/s"): (0.0050799999999999994, 0.0),
     ("ft/s", "m/s"): (0.30479999999999996, 0.0),
     ("knot", "m/s"): (0.5144444444444445, 0.0),
     ("g0", "m/s^2"): (9.80665, 0.0),
+    ("ft/s^2", "m/s^2"): (0.30479999999999996, 0.0),
     ("hPa", "Pa"): (100.0, 0.0),
+    ("mbar", "Pa"): (100.0, 0.0),
+    ("kPa", "Pa"): (1000.0, 0.0),
+    ("psf", "Pa"): (47.88025898033586, 0.0),
+    ("lb", "kg"): (0.4535923700000001, 0.0),
+    ("slug", "kg"): (14.59390293720637, 0.0),
+    ("slug ft^2", "kg m^2"): (1.3558179483314006, 0.0),
+    ("rpm", "rad/s"): (0.10471975511965977, 0.0),
+    ("percent", "dimensionless"): (0.01, 0.0),
     ("lbf", "N"): (4.4482216152605005, 0.0),
     ("ms", "s"): (0.001, 0.0),
     ("us", "s"): (1e-06, 0.0),
     **{(name, name): (1.0, 0.0) for name in ("dimensionless", "m", "m/s", "m/s^2", "rad", "rad/s")},
     **{(name, name): (1.0, 0.0) for name in ("rad/s^2", "s", "Pa", "N", "K", "kg", "kg/m^3")},
+    **{(name, name): (1.0, 0.0) for name in ("Hz", "m^2", "kg m^2")},
 }
+#: The same by unit alone, and with each unit to itself, as checks of a unit ask.
+_IN_SI: Final = {unit: pair for (unit, _), pair in _TO_SI.items()}
+_COMMON: Final = _TO_SI | {(unit, unit): (1.0, 0.0) for unit in _IN_SI}
 
 
 @lru_cache(maxsize=256)
@@ -246,6 +266,8 @@ def si_conversion(unit: str) -> tuple[float, float]:
 
     Raises InputError for an unknown unit.
     """
+    if (known := _IN_SI.get(spelled(unit))) is not None:
+        return known
     conversion(unit, unit)  # an unknown one is an error
     base = f"{_registry().Quantity(1.0, spelled(unit)).to_base_units().units}"
     return conversion(unit, base)

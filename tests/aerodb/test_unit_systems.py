@@ -45,3 +45,7 @@ def test_common_conversions_are_those_of_pint() -> None:
     for (unit, to), known in units._COMMON.items():
         assert units._by_pint(unit, to) == known, unit
         assert units.conversion(unit, to) == known
+    for unit, known in units._IN_SI.items():
+        base = f"{units._registry().Quantity(1.0, unit).to_base_units().units}"
+        assert units._by_pint(unit, base) == known, unit
+        assert units.si_conversion(unit) == known
