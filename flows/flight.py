@@ -56,13 +56,26 @@ def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[s
 
 @requires("ingest")
 def compare_flow(
-    steps: Steps, *, workspace: str, run: str, flight: str, version: str
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    flight: str,
+    version: str,
+    before: str | None = None,
 ) -> dict[str, Any]:
-    """Compare a stored flight with a version (ids); see `aerodb.tasks.steps.compare`."""
-    result: dict[str, Any] = steps(
-        compare_with_version, flight, workspace=workspace, run=run, version=version
-    )
-    return result
+    """Compare a stored flight with a version, and with another, `before` (ids); see
+    `aerodb.tasks.steps.compare`.
+
+    Returns the document of the version; ``before`` in it is that of the other, None without one or
+    where the flight cannot be compared with it.
+    """
+    where = {"workspace": workspace, "run": run}
+    result: dict[str, Any] = steps(compare_with_version, flight, **where, version=version)
+    if before is None or result["key"] is None:
+        return {**result, "before": None}
+    other = steps(compare_with_version, flight, **where, version=before)
+    return {**result, "before": other if other["key"] is not None else None}
 
 
 def _beside_released(

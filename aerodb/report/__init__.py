@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         curve_document,
         diff_document,
         edits_of,
+        faded_at,
         parameter_changes,
         parameter_row,
     )
@@ -76,7 +77,7 @@ if TYPE_CHECKING:
     from .reach import beyond_data, beyond_words
     from .response_page import FlownStretch, response_report
     from .style import FLAGGED, FLIGHT, MEASURED, UPDATED
-    from .terms import derivative_unit, sensor_error_unit, term_name, term_unit
+    from .terms import derivative_unit, increment_terms, sensor_error_unit, term_name, term_unit
     from .update_page import UpdateStory, update_report
     from .version_page import NameMove, UsedFlight, VersionStory, version_report
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.report.numbers import display_unit
-from aerodb.report.terms import term_name, term_unit
+from aerodb.report.terms import as_constant, term_name, term_unit
 from aerodb.tables import (
     HAT_RATES,
     AeroDatabase,
@@ -84,11 +84,31 @@ def parameter_row(name: str, variable: Variable) -> list[str]:
     ]
 
 
+def faded_at(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return where the edits of a diff's document hold: an entry per range that flights have
+    covered, with ``variable``, ``low``, ``high``, ``gone_below``, ``gone_above`` (SI; the last two
+    null where nothing fades), and the ``axes`` that it limits."""
+    axes: dict[tuple[Any, ...], list[str]] = {}
+    for term in document["terms"]:
+        for name, reach in term["envelope"].items() if term["change"] != 0.0 else ():
+            of = axes.setdefault((name, *reach.values()), [])
+            of += [term["axis"]] if term["axis"] not in of else []
+    keys = ("variable", "low", "high", "gone_below", "gone_above")
+    return [{**dict(zip(keys, each, strict=True)), "axes": of} for each, of in sorted(axes.items())]
+
+
 def edits_of(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the ``terms`` of a diff's document that change, those with the largest share of their
-    axis first."""
-    changed = [term for term in document["terms"] if term["change"] != 0.0]
+    axis first. A constant that is counted the other way has its own sign."""
+    changed = [_signed(term) for term in document["terms"] if term["change"] != 0.0]
     return sorted(changed, key=lambda term: -(term["share"] or 0.0))
+
+
+def _signed(term: Mapping[str, Any]) -> Mapping[str, Any]:
+    factor = as_constant(term["name"]) if term["kind"] == "increment" else None
+    if factor is None:
+        return term
+    return {**term, "what": "constant", "change": factor * term["change"]}
 
 
 def _term(entry: TermChange) -> dict[str, Any]:

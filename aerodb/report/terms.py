@@ -11,7 +11,7 @@ from aerodb.errors import AeroError
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.numbers import for_people
-from aerodb.tables import WIND_AXES, AeroDatabase, new_increments, parse
+from aerodb.tables import WIND_AXES, AeroDatabase, Increment, new_increments, parse
 
 #: Longest expression that is shown as it is; a longer one is named by its variables.
 _LONGEST: Final = 40
@@ -22,6 +22,8 @@ _LARGE: Final = 0.5
 _TWO_SIDED: Final = 1.96
 #: A correlation that is shown as zero.
 _NONE: Final = 0.005
+_CONSTANT: Final = "constant"
+_MODEL_ERROR: Final = "model error"
 _AT: Final = re.compile(r"(?P<term>.+?)(?: over (?P<over>\w+))? at (?P<value>-?[\d.e+-]+)")
 _ABOVE: Final = re.compile(r"max\((?P<name>\w+) - (?P<value>[\d.e+-]+), 0\)")
 _FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
@@ -47,13 +49,46 @@ def term_name(text: str) -> str:
         along = f" at {variable}" if knot["over"] else " at"
         return f"{term_name(knot['term'])}{along} {_value_at(variable, float(knot['value']))}"
     if len(text) <= _LONGEST and "clip(" not in text:
-        return "constant" if text == "1" else text
+        return _CONSTANT if text == "1" else text
     try:
         names = sorted(parse(text).names)
     except AeroError:
         return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
     kind = "piecewise linear in" if "clip(" in text else "function of"
     return f"{kind} {listed(names)}" if names else text
+
+
+def as_constant(text: str) -> float | None:
+    """Return by what a term that is a number alone makes a constant: one, or minus one where it is
+    counted the other way; None for a term that depends on something.
+
+    >>> as_constant("-1"), as_constant("1"), as_constant("alpha")
+    (-1.0, 1.0, None)
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def increment_terms(increment: Increment) -> list[tuple[str, str, float, float]]:
+    """Return the terms of an increment as people write them: name, unit (`term_unit`), estimate and
+    standard error (SI).
+
+    A number alone is the constant that it makes; one that is exactly zero carries the error of the
+    model (`aerodb.loop.with_model_error`).
+    """
+    rows = []
+    errors = np.sqrt(np.diag(increment.covariance)).tolist()
+    columns = zip(map(str, increment.regressors), increment.estimates.tolist(), errors, strict=True)
+    for text, value, error in columns:
+        factor = as_constant(text)
+        if factor is None:
+            rows.append((term_name(text), term_unit(text), value, error))
+        else:
+            name = _CONSTANT if value else _MODEL_ERROR
+            rows.append((name, "-", factor * value + 0.0, abs(factor) * error))
+    return rows
 
 
 def _value_at(variable: str, value: float) -> str:
@@ -201,21 +236,19 @@ def estimates_added(
     entries = []
     for increment in new_increments(baseline, candidate):
         error = np.sqrt(np.diag(increment.covariance))
-        rows = []
-        for text, value, sigma in zip(
-            map(str, increment.regressors),
-            increment.estimates.tolist(),
-            error.tolist(),
-            strict=True,
+        rows: list[dict[str, Any]] = []
+        for estimate, (name, unit, value, sigma) in zip(
+            increment.estimates.tolist(), increment_terms(increment), strict=True
         ):
-            finding = known.get(value)
+            finding = known.get(estimate)
+            said = estimate if finding else value  # a finding has the sign of its own name
             rows.append(
                 {
-                    "name": effect_words(finding) if finding else term_name(text),
-                    "unit": for_people(finding["unit"])[1] if finding else term_unit(text),
-                    "value": value,
+                    "name": effect_words(finding) if finding else name,
+                    "unit": for_people(finding["unit"])[1] if finding else unit,
+                    "value": said,
                     "standard_error": sigma,
-                    "ci95": [value + side * _TWO_SIDED * sigma for side in (-1.0, 1.0)],
+                    "ci95": [said + side * _TWO_SIDED * sigma for side in (-1.0, 1.0)],
                 }
             )
         scale = np.where(error > 0.0, error, 1.0)

@@ -105,13 +105,15 @@ class AxisErrors(Answer):
 
 
 class FlightBeside(Answer):
-    """A flight beside a version, by axis; `key` is null where they cannot be compared."""
+    """A flight beside a version, by axis; `key` is null where they cannot be compared. `before`:
+    the same of the released version, or of the parent of that one; null without."""
 
     flight: str
     version: str
     label: str
     key: str | None
     axes: dict[str, AxisErrors] = {}
+    before: dict[str, Any] | None = None
 
 
 class Channel(Answer):

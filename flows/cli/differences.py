@@ -96,6 +96,7 @@ def _say_edits(
         )
         if len(shown) < len(edits):
             session.say(f"and {len(edits) - len(shown)} smaller edits: --nodes")
+        _say_reach(session, document)
     if document["curve"] is not None:
         _say_curve(session, document["curve"])
     if not whole:
@@ -172,6 +173,29 @@ def _tables(document: Mapping[str, Any]) -> str:
     return f"{'; '.join(words[:_NODES])}{more}"
 
 
+def _say_reach(session: Session, document: Mapping[str, Any]) -> None:
+    """Print over which range of each variable flights have been, and where the edits have faded to
+    nothing beyond."""
+    from aerodb.report import display_unit, faded_at
+
+    rows = []
+    for each in faded_at(document):
+        factor, unit = display_unit(each["variable"], session.units)
+        gone = (each["gone_below"], each["gone_above"])
+        faded = " and ".join(f"{factor * side:.3g}" for side in gone if side is not None)
+        rows.append(
+            [
+                " ".join(axis for axis in AXES if axis in each["axes"]) or " ".join(each["axes"]),
+                f"{each['variable']} [{unit}]" if unit else each["variable"],
+                f"{factor * each['low']:.3g} to {factor * each['high']:.3g}",
+                faded or "nowhere: held at the edge",
+            ]
+        )
+    if rows:
+        session.say()
+        session.table(["axes", "variable", "flown", "faded to nothing at"], rows)
+
+
 def _say_curve(session: Session, curve: Mapping[str, Any]) -> None:
     """Print a coefficient before, its change, and whether flights have been there."""
     from aerodb.report import display_unit
@@ -200,8 +224,10 @@ def _say_curve(session: Session, curve: Mapping[str, Any]) -> None:
 
 def _say_flights(session: Session, document: Mapping[str, Any], labels: Mapping[str, str]) -> None:
     """Print the flights behind the edits, once for those that share them."""
+    from aerodb.report import edits_of
+
     behind: dict[tuple[str, ...], list[str]] = {}
-    for term in document["terms"]:
+    for term in edits_of(document):
         if term["flights"]:
             behind.setdefault(tuple(term["flights"]), []).append(f"{term['axis']} {term['what']}")
     for flights, terms in behind.items():

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.comparing import compare
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import (
     say_damage,
@@ -16,7 +17,7 @@ from aerodb.flows.cli.findings import (
     segments_words,
 )
 from aerodb.flows.cli.groups import Commands
-from aerodb.flows.cli.ingested import say_comparison, say_ingested
+from aerodb.flows.cli.ingested import say_ingested
 from aerodb.flows.cli.known_names import LOGS
 from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
@@ -94,34 +95,7 @@ def ingest(
         raise typer.Exit(3)
 
 
-@app.command()
-def compare(
-    context: typer.Context,
-    flight: str,
-    version: Annotated[str, typer.Argument(help="Any version of the flight's vehicle.")],
-    vehicle: OfFlight = None,
-) -> None:
-    """Compare a stored flight with any version: rms of the flight and of what is left, per axis.
-
-    Example: aerodb flight compare 1a2b3c v0002
-    """
-    from aerodb.flows.flight import compare_flow
-
-    session: Session = context.obj
-    catalogue = session.catalogue()
-    row = catalogue.flight(flight, vehicle)
-    other = catalogue.version(row.vehicle, version)
-    parameters = {"flight": row.id, "version": other.id}
-    document = session.run(compare_flow, parameters, direct=True)
-    session.say(f"flight {row.label} beside {other.label} of {row.vehicle}")
-    if document["key"] is None:
-        session.say(f"no comparison: {document['reason']}")
-    else:
-        say_comparison(session, document)
-        say_suspicions(session, document["suspicions"])
-    session.answer({**document, "version": other.id, "label": other.label})
-    if document["key"] is None:
-        raise typer.Exit(3)
+app.command()(compare)
 
 
 @app.command("list")

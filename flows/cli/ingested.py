@@ -84,12 +84,13 @@ def _axes(outcome: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return (outcome["comparison"] or {}).get("axes", {})
 
 
-def _largest(taken: Sequence[Mapping[str, Any]]) -> str:
-    """Return the axis with the largest error, in per cent of what all flights flew of it, and
-    whether its mean has one sign; axes count whose error is more than noise."""
+def erring_axes(taken: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return axis -> rms of flight - database over all flights, as a part of what they flew of it;
+    only axes whose error is more than noise of the sensors.
+
+    taken : documents with the ``comparison`` of a flight, or None.
+    """
     compared = [axes for each in taken if (axes := _axes(each))]
-    if not compared:
-        return ""
     found = {}
     for axis in AXES:
         entries = [axes[axis] for axes in compared if axis in axes]
@@ -98,6 +99,16 @@ def _largest(taken: Sequence[Mapping[str, Any]]) -> str:
         noise = math.fsum(entry["samples"] * entry["noise_floor"] ** 2 for entry in entries)
         if flown > 0.0 and left > _ABOVE_NOISE**2 * noise:
             found[axis] = math.sqrt(left / flown)
+    return found
+
+
+def _largest(taken: Sequence[Mapping[str, Any]]) -> str:
+    """Return the largest of `erring_axes` in words, and whether its mean has one sign; empty
+    without comparison."""
+    compared = [axes for each in taken if (axes := _axes(each))]
+    if not compared:
+        return ""
+    found = erring_axes(taken)
     if not found:
         return "no axis errs by more than the noise of the sensors"
     axis = max(found, key=lambda name: found[name])
@@ -222,10 +233,12 @@ def _say_details(session: Session, outcome: Mapping[str, Any]) -> None:
 
 
 def say_comparison(session: Session, comparison: Mapping[str, Any]) -> None:
-    """Print what each axis has left beside a database, and the notes of the comparison.
+    """Print what each axis has left beside a database, whether that is noise, and the notes of the
+    comparison.
 
     comparison : document of `aerodb.tasks.steps.compare.compare_with_version`.
     """
+    erring = erring_axes([{"comparison": comparison}])
     rows = [
         [
             axis,
@@ -233,14 +246,15 @@ def say_comparison(session: Session, comparison: Mapping[str, Any]) -> None:
             f"{v['rms_residual']:.4g}",
             percent(v["of_flown"]),
             f"{v['noise_floor']:.2g}",
+            "" if axis in erring else "noise",
             str(v["samples"]),
         ]
         for axis, v in comparison["axes"].items()
     ]
     session.table(
-        ["axis", "flight rms", "flight - database rms", "of flown", "noise floor", "samples"],
+        ["axis", "flight rms", "flight - database rms", "of flown", "noise floor", "", "samples"],
         rows,
-        numbers=(1, 2, 3, 4, 5),
+        numbers=(1, 2, 3, 4, 6),
     )
     for note in comparison["notes"]:
         session.say(f"  note: {note}")

@@ -185,9 +185,7 @@ def show(
 
     Example: aerodb version show released --consolidated
     """
-    import numpy as np
-
-    from aerodb.report import beyond_words, parameter_row, version_lines
+    from aerodb.report import beyond_words, increment_terms, parameter_row, version_lines
     from aerodb.tables import LOAD_AXES
     from aerodb.tasks.references import version_of
     from aerodb.tasks.view import database_of, version_details, waiting
@@ -253,11 +251,12 @@ def show(
         )
     for increment in database.increments:
         session.say(f"increment on {increment.axis}, from {len(increment.flights)} flights:")
-        errors = np.sqrt(np.diag(increment.covariance))
-        rows = zip(increment.regressors, increment.estimates, errors, strict=True)
         session.table(
-            ["regressor", "value", "standard error"],
-            [[str(r), f"{v:.5g}", f"{e:.2g}"] for r, v, e in rows],
+            ["term", "value", "standard error", "unit"],
+            [
+                [name, f"{value:.5g}", f"{error:.2g}", unit]
+                for name, unit, value, error in increment_terms(increment)
+            ],
             (1, 2),
         )
     for sentence in beyond_words(database.increments, units=session.units):

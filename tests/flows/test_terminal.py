@@ -17,6 +17,7 @@ from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.flows.cli.output import Session
 from aerodb.nomenclature import AXES
+from aerodb.report import faded_at
 from tests.support.command import asked
 from tests.support.console_workspace import client_of
 from tests.support.contradictions import contradictions
@@ -186,7 +187,9 @@ def test_a_diff_has_a_line_per_edit_and_the_curve_that_changes_most(
         f"aerodb version gate v0002 --vehicle {NAME}"
     )
     assert place_of(lines, "next") <= 5
-    assert len(lines) == 14 + len(edits), "six above the edits, eight around and below them"
+    reaches = faded_at(found)
+    around = 16 + len(reaches)
+    assert len(lines) == around + len(edits), "six above the edits, ten around and below them"
     assert not [line for line in lines if len(line) > columns]
     rows = lines[place_of(lines, "axis") :][: len(edits)]
     by_share = sorted(edits, key=lambda term: -term["share"])
@@ -197,6 +200,12 @@ def test_a_diff_has_a_line_per_edit_and_the_curve_that_changes_most(
     slope = next(term for term in edits if (term["axis"], term["name"]) == ("CZ", "alpha"))
     reach = slope["envelope"]["alpha"]
     assert reach["gone_below"] < reach["low"] < reach["high"] < reach["gone_above"]
+    told = lines[place_of(lines, "axes") :][: len(reaches)]
+    (of_alpha,) = [line for line in told if "CZ" in line and "alpha [deg]" in line]
+    ends = [
+        f"{math.degrees(reach[end]):.3g}" for end in ("low", "high", "gone_below", "gone_above")
+    ]
+    assert "{} to {} {} and {}".format(*ends) in " ".join(of_alpha.split())
     largest = max(abs(reach["low"]), abs(reach["high"])) * abs(slope["change"])
     before = asked(
         workspace, "version", "evaluate", "released", "--at", f"alpha={reach['high']},V=20"

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerodb.report.diff_documents import diff_document, edits_of
 from aerodb.report.diff_figures import diff_figure
 from aerodb.report.reach import beyond_data, beyond_words, reach_of
-from aerodb.tables import Increment, Interval, parse
+from aerodb.report.terms import increment_terms
+from aerodb.tables import Increment, Interval, diff, parse
 from tests.support import synthetic
 
 DEG = np.pi / 180.0
@@ -65,3 +67,29 @@ def test_a_figure_marks_where_data_end() -> None:
     dotted = sorted(line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == ":")
     assert dotted == pytest.approx([-2.0, 17.0])
     assert "flown −2 to 17, faded out at −6 and 21 deg" in [t.get_text() for t in panel.texts]
+
+
+def test_a_constant_that_is_counted_along_z_is_said_as_the_lift_that_it_is() -> None:
+    """A constant of CZ written on the lift has the regressor -1; the database is the judge of its
+    sign. What carries only an error is no constant."""
+    before = synthetic.database()
+    covariance = np.diag([0.0, 4e-4, 1e-6])
+    added = replace(
+        increment("C_lift"),
+        regressors=(parse("alpha"), parse("-1"), parse("1")),
+        estimates=np.array([0.1, 0.02, 0.0]),
+        covariance=covariance,
+        folded=(),
+    )
+    after = replace(before, increments=(added,))
+    names, units, values, errors = zip(*increment_terms(added), strict=True)
+    assert names == ("alpha", "constant", "model error")
+    assert units == ("1/rad", "-", "-")
+    at = {name: np.zeros(1) for name in added.names}
+    assert values[1] == pytest.approx(float(added.evaluate(at).value[0]))
+    assert values[1] == pytest.approx(-0.02)
+    assert errors == pytest.approx((0.0, 0.02, 1e-3))
+    edits = edits_of(diff_document(diff(before, after)))
+    assert {edit["what"]: edit["change"] for edit in edits} == pytest.approx(
+        {"alpha": 0.1, "constant": -0.02}
+    )

@@ -107,6 +107,8 @@ def test_a_flight_test_engineer_knows_whether_the_flight_was_good(
     ingest = ("flight", "ingest", log, "--vehicle", GLIDER, "--direct")
     answered(workspace, ingest, "stored: good", "largest +C", "next +aerodb")
     answered(workspace, ("flight", "show", "flight-1"), "flight-1.* is good", "next +aerodb")
+    beside = ("flight", "compare", "flight-1", "released")
+    answered(workspace, beside, r"axes err beyond noise, C\w most", "without", "next +aerodb")
     with served(Workspace.open(workspace)) as address, watched(browser, address) as page:
         visit(page, address, "/")
         clicks = Clicks(page)
@@ -173,6 +175,17 @@ def test_a_scientist_sees_effect_size_and_error(
 
 def test_a_manager_sees_whether_it_is_better(browser: Any, address: str, glider: Workspace) -> None:
     show = ("version", "show", "v0002")
+    flights = asked(glider.root, "version", "lineage", "v0002")["flights"]
+    used = {each["role"]: each["flight"] for each in flights}
+    for role, proof in (("held_out", "checked on this flight"), ("identified", "proof +none")):
+        better = ("flight", "compare", used[role], "v0002")
+        answered(
+            glider.root,
+            better,
+            r"from v0001: CZ \S+ % -> \S+ %",
+            proof,
+            "next +aerodb version gate",
+        )
     answered(glider.root, show, r"proved .* on 2 flights not used: error of CZ \S+ -> \S+ \(.*%")
     with watched(browser, address) as page:
         visit(page, address, "/")
