@@ -142,7 +142,7 @@ def with_trim_offset(
 ) -> tuple[FlightStretch, TrimOffset]:
     """Return the stretch with the constant force and moment that the database lacks on average over
     its first `duration` [s]: as when a simulator is trimmed before the manoeuvre, and only the
-    changes of the controls are flown (AC 120-40B, appendix 2)."""
+    changes of the controls are flown."""
     n = max(3, int(np.searchsorted(stretch.time - stretch.time[0], duration)))
     n = min(n, len(stretch.time))
     start = {

@@ -11,7 +11,7 @@ from aerodb.flows.cli.references import Vehicle
 
 Tolerances = Annotated[
     Path | None,
-    typer.Option(help="Tolerances as TOML; default: 14 CFR 60 appendix A, AC 120-40B."),
+    typer.Option(help="Tolerances as TOML; default: 14 CFR 60 appendix A."),
 ]
 Wind = Annotated[str, typer.Option(help="measured: gusts as reconstructed; mean: of each stretch.")]
 Stabilise = Annotated[

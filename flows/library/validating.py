@@ -132,7 +132,7 @@ def validate(
     database : or what `update` or `trace` returned, whose candidate flies.
     against : flown beside it; None: its baseline, where a result is given.
     wind, stabilise, trimmed : as the options of the command.
-    tolerances : a file of tolerances (TOML), or its text; None: 14 CFR 60 appendix A, AC 120-40B.
+    tolerances : a file of tolerances (TOML), or its text; None: 14 CFR 60 appendix A.
 
     Raises InputError for flights of several vehicles, and for tolerances that cannot be read.
     Responses are in SI units.

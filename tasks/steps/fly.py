@@ -57,7 +57,7 @@ LONGEST: Final = 20.0
 def default_tolerances() -> str:
     """Return the text (TOML) of the tolerances that come with aerodb.
 
-    Source: 14 CFR part 60, appendix A, table A2A, and AC 120-40B, appendix 2.
+    Source: 14 CFR part 60, appendix A, table A2A, edition of 1 January 2014.
     """
     return (resources.files("aerodb.simulation") / "tolerances.toml").read_text("utf-8")
 

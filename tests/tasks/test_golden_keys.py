@@ -36,7 +36,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (9, "dd1b5a05b4afe34d", "75ab953bf9aaf46f"),
     "gram": (15, "45089a480f6c6ba1", "a62cda5b0f74e7f8"),
     "close_loop": (49, "1da9c3cd848769e7", "1770900a248fac28"),
-    "fly": (4, "501f021661d050b3", "c1e07fb83cde1a03"),
+    "fly": (4, "92138722404c6e6b", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (11, "5d46b6d75fd416e7", "be09817f5df27dda"),
     "update": (17, "bc6311c4f17ca845", "6b1983884f9e9ae7"),
