@@ -3,18 +3,20 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.consistency import from_document
 from aerodb.flows.library.evaluation import EvaluatedPoints, evaluate
 from aerodb.flows.library.logs import Log, log_of
 from aerodb.flows.library.views import Summary, html_of
+from aerodb.report import version_lines
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import read_recording
 from aerodb.storage.workspace import Workspace as Folder
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.references import vehicle_of, version_of
-from aerodb.tasks.steps import mapping_of
+from aerodb.tasks.steps import export_version, mapping_of
 from aerodb.tasks.view import (
     database_of,
     finding_document,
@@ -24,6 +26,8 @@ from aerodb.tasks.view import (
     flights_document,
     flights_words,
     held_out_words,
+    record_of,
+    series_of,
     version_details,
     versions_document,
 )
@@ -59,13 +63,31 @@ class Version:
         dimensionless; InputError for an unknown input or unit."""
         return evaluate(self.database, units, **inputs)
 
+    def headlines(self) -> list[tuple[str, str]]:
+        """Return what was found, the proof, and what is left, as ``aerodb version show`` says it
+        (label and text; errors are rms of coefficients); empty for an import."""
+        told = version_lines(self.document["report"], self.label)
+        return [(name, "; ".join(texts)) for name, texts in told]
+
     def __repr__(self) -> str:
         return f"<version {self.label} ({self.id[:12]}) of {self.vehicle}>"
 
+    def __str__(self) -> str:
+        names = f" ({', '.join(self.listed['names'])})" if self.listed["names"] else ""
+        said = [f"  {name:<6}  {text}" for name, text in self.headlines()]
+        stale = [f"  stale   {reason}" for reason in self.document["stale"]]
+        return "\n".join([f"version {self.label} of {self.vehicle}{names}", *said, *stale])
+
     def _repr_html_(self) -> str:
-        """Return what a list says of the version, as a notebook shows it."""
+        """Return what was found and proved, and what a list says of the version, as a notebook
+        shows it."""
         said = list(zip(_HEADER[2:], _row(self.vehicle, self.listed)[2:], strict=True))
-        facts = [("id", self.id[:12]), *said, ("inputs", ", ".join(self.database.inputs))]
+        facts = [
+            *self.headlines(),
+            ("id", self.id[:12]),
+            *said,
+            ("inputs", ", ".join(self.database.inputs)),
+        ]
         title = f"version {self.label} of {self.vehicle}"
         return html_of(Summary(title, facts, remarks=self.document["stale"]))
 
@@ -116,6 +138,43 @@ class Workspace:
         UnknownNameError where there is none."""
         access = self._access
         return flight_details(access, access.catalogue.flight(flight, vehicle))
+
+    def channels(
+        self,
+        flight: str,
+        names: Sequence[str] | None = None,
+        start: float = -1e12,
+        end: float = 1e12,
+        points: int = 2000,
+    ) -> "dict[tuple[str, str], pd.Series[float]]":
+        """Return channels of a flight [SI] over time [s], as `Client.channels` does.
+
+        Raises UnknownNameError for a name that the flight lacks.
+        """
+        import pandas as pd  # slow to import
+
+        access = self._access
+        row = access.catalogue.flight(flight)
+        wanted = list(names or record_of(access, row).first)
+        found: dict[tuple[str, str], pd.Series[float]] = {}
+        for line in series_of(access, row, wanted, start, end, points)[0]:
+            series = pd.Series(line.values, pd.Index(line.time, name="time"), name=line.name)
+            series.attrs["unit"] = line.unit
+            found[(line.name, line.source)] = series
+        return found
+
+    def export(self, version: str, form: str, vehicle: str | None = None) -> bytes:
+        """Return the file that ``aerodb version export`` writes, as `Client.export` does.
+
+        form : ``daveml``, ``jsbsim``, ``csv``, ``mat`` or ``netcdf``. InputError for another form,
+        or a database that it cannot hold.
+        """
+        access = self._access
+        row = version_of(access.catalogue, version, vehicle)
+        with TemporaryDirectory() as folder:
+            target = Path(folder) / f"{row.vehicle}-{row.label}"
+            export_version(access.workspace, access.catalogue, row, form, target)
+            return target.read_bytes()
 
     def findings(self) -> Iterator[dict[str, Any]]:
         """Yield updates and closed loops, newest first, each in one sentence, as `Client.findings`

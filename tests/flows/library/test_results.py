@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 import pytest
 
 import aerodb
@@ -16,6 +17,7 @@ from tests.support.command import asked
 from tests.support.console_workspace import TOKEN, served
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, TRUTH
+from tests.support.terminal import on_terminal
 
 matplotlib.use("Agg")
 __all__ = ["compared", "folder"]
@@ -187,10 +189,32 @@ def test_a_workspace_and_a_client_have_one_vocabulary(
         assert client.flight(flight) == _json(opened.flight(flight))
         assert list(client.findings()) == _json(list(opened.findings()))
         assert client.finding("candidate", NAME) == _json(opened.finding("candidate", NAME))
+        for name, series in client.channels(flight, ["alpha", "CZ"], end=6.0, points=50).items():
+            own = opened.channels(flight, ["alpha", "CZ"], end=6.0, points=50)[name]
+            pd.testing.assert_series_equal(series, own)
+            assert series.attrs == own.attrs
+        assert client.export("candidate", "csv") == opened.export("candidate", "csv")
+        with pytest.raises(aerodb.InputError, match="gif"):
+            opened.export("candidate", "gif")
         ours = opened.evaluate("candidate", alpha="5 deg", V=25.0)
         theirs = client.evaluate("candidate", alpha="5 deg", V=25.0)["coefficients"]
         assert theirs["CZ"] == pytest.approx(float(ours["CZ"][0]), rel=1e-12)
         assert client.evaluate("candidate", alpha=2.0, V=25.0)["at"]["alpha"] == 2.0
+
+
+def test_a_version_is_printed_with_what_was_found_and_proved(
+    shared: SharedWorkspaces, tmp_path: Path
+) -> None:
+    workspace, _ = shared.updated(tmp_path / "w")
+    opened = aerodb.open_workspace(workspace.root)
+    lines = str(opened.version("candidate")).splitlines()
+    shown = on_terminal(workspace.root, 500, "version", "show", "candidate")[1]
+    for line in lines[1:]:
+        assert line.replace("\u2212", "-").split() in [each.split() for each in shown]
+    assert any(line.startswith("  proved") for line in lines)
+    assert len(lines) <= 5
+    assert "proved" in opened.version("candidate")._repr_html_()
+    assert str(opened.version("v0001")) == f"version v0001 of {NAME} (released)"
 
 
 def _json(found: Any) -> Any:
