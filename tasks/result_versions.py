@@ -8,10 +8,10 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 7,
-    "conditioning": 16,
+    "conditioning": 17,
     "consistency": 24,
     "coefficients": 4,
-    "compare": 9,
+    "compare": 10,
     "import": 2,
     "fly": 4,
     "estimate": 11,

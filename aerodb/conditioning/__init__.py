@@ -56,6 +56,6 @@ if TYPE_CHECKING:
     )
     from .selection import checked_conditions, selected
     from .suspicion import Suspicion, clock_suspicions
-    from .wild_points import RAREST, spikes, stuck, without_wild_points
+    from .wild_points import RAREST, SHORTEST_STUCK, spikes, stuck, without_wild_points
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

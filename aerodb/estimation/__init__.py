@@ -73,6 +73,7 @@ if TYPE_CHECKING:
         RecursiveLeastSquares,
         fourier_regression,
         frequency_domain_regression,
+        instrumental_variables,
         normalised_recursive_least_squares,
         recursive_least_squares,
         regression,

@@ -16,7 +16,7 @@ from aerodb.conditioning import SETTLED, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.support import Array
-from aerodb.suspicions.equation_error import EquationError
+from aerodb.suspicions.equation_error import RATE_OF, EquationError
 from aerodb.suspicions.evidence import ERRORS, INFLATION, LIKELIER, SWING
 from aerodb.suspicions.surfaces import Control, along
 
@@ -92,7 +92,8 @@ def _changes(flight: Flight, axis: EquationError, name: str) -> Suspicion | None
     since = float(axis.thinned(flight.time)[best])
     words = (
         f"{name} gives {before:.3g} per rad about the {axis.role} axis until about {since:.1f} s."
-        f" From then on its effect {how}: the surface, its channel or its calibration changed"
+        f" From then on its effect {how}: the surface, its channel or its calibration changed,"
+        f" or that of {RATE_OF[axis.role]}"
     )
     evidence = {"before": before, "ratio": ratio, "margin": margin, "from": since}
     return Suspicion(name, CHANGED, words, evidence)

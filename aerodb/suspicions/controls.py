@@ -18,7 +18,14 @@ from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.suspicions.assignment import assignment_suspicions
 from aerodb.suspicions.changing import changing_suspicions
-from aerodb.suspicions.equation_error import MOTION, EquationError, equation_errors
+from aerodb.suspicions.damping import damping_beside_vehicle
+from aerodb.suspicions.equation_error import (
+    DELAYS_TRIED,
+    MOTION,
+    RATE_OF,
+    EquationError,
+    equation_errors,
+)
 from aerodb.suspicions.evidence import (
     CAUSED,
     ERRORS,
@@ -27,11 +34,9 @@ from aerodb.suspicions.evidence import (
     INFLATION,
     LATE,
     LIKELIER,
-    RATIOS,
     SWING,
     WELL_EXPLAINED,
 )
-from aerodb.suspicions.lift import helmbold
 from aerodb.suspicions.sides import side_suspicions
 from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
 from aerodb.vehicle import Vehicle
@@ -41,7 +46,6 @@ from aerodb.vehicle import Vehicle
 EFFECT = {"pitch": (0.03, 12.0), "roll": (0.006, 1.6), "yaw": (0.006, 1.6)}
 #: Kind of suspicion of a surface that may have stood still: said, but no fault of the flight.
 UNMOVED = "unmoved"
-_RATE = {"pitch": "q", "roll": "p", "yaw": "r"}
 _SAYS = {
     "pitch": "trailing edge down must pitch the nose down",
     "roll": "right trailing edge down must roll to the left",
@@ -85,27 +89,8 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
     ]
     listed += [each for each in standing if each.kind != UNMOVED]
     if not listed and "roll" in fits and not vehicle.rotors:  # which damp it more than wings do
-        listed += _damping(fits["roll"], vehicle)
+        listed += damping_beside_vehicle(axes["roll"], fits["roll"], vehicle)
     return (*listed, *(each for each in standing if each.kind == UNMOVED))
-
-
-def _damping(fit: Regression, vehicle: Vehicle) -> list[Suspicion]:
-    """Return a damping in roll that no wing of this size has, with the inertia in it."""
-    if "p" not in fit.names or "beta" not in fit.names or fit.r_squared < WELL_EXPLAINED:
-        return []
-    k = fit.names.index("p")
-    damping, error = float(fit.estimates[k]), float(fit.standard_errors[k])
-    ratio = vehicle.reference.span**2 / vehicle.reference.area
-    expected = -helmbold(ratio) / 8.0
-    low, high = RATIOS[0] * expected + ERRORS * error, RATIOS[1] * expected - ERRORS * error
-    if fit.vif[k] > INFLATION or high <= damping <= low:
-        return []
-    words = (
-        f"the damping in roll is {damping:.3g} +- {error:.2g} per p b / 2V (wing of aspect ratio"
-        f" {ratio:.3g}: {expected:.2g}). Ixx, span, area or airspeed is wrong, or the log is"
-        " another aircraft's"
-    )
-    return [Suspicion("Ixx", "size", words, {"damping": damping, "expected": expected})]
 
 
 def _claims(axis: EquationError, fit: Regression, own: Mapping[str, Control]) -> list[Suspicion]:
@@ -165,7 +150,7 @@ def _standing(
     travel = {n: float(np.ptp(axis.thinned(along(flight, c))[where])) for n, c in controls.items()}
     still = [name for name in own if travel[name] == 0.0]
     recorded = any(each > 0.0 for each in travel.values())
-    rate = axis.thinned(flight[_RATE[axis.role]])[where]
+    rate = axis.thinned(flight[RATE_OF[axis.role]])[where]
     if not still or len(still) < len(own) or not recorded:
         return []
     if float(np.std(rate)) < SWING:
@@ -187,7 +172,8 @@ def _standing(
 
 
 def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> Suspicion | None:
-    """Return a delay between a surface and its motion that makes the fit much likelier."""
+    """Return a delay between a surface and its motion that makes the fit much likelier; the claim
+    pays for the lags that are tried."""
     if not control.signed or not set(MOTION[axis.role]) <= axis.motion.keys():
         return None
     reach = int(LARGEST_DELAY / axis.step)
@@ -213,15 +199,16 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
         abs(seconds) < LATE
         or abs(best) >= max(lags)
         or chosen.r_squared < EXPLAINED
-        or likelier < LIKELIER
+        or likelier < LIKELIER + DELAYS_TRIED
         or not effect < -max(ERRORS * error, EFFECT[axis.role][0])
         or chosen.vif[k] > INFLATION
     ):
         return None
     how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
+    other = f", or {RATE_OF[axis.role]} is late or filtered" if seconds > 0 else ""
     words = (
         f"{name} is logged {abs(seconds):.2g} s too {how}, which no surface does:"
-        " its clock, or the lag of its servo, is another"
+        f" its clock, or the lag of its servo, is another{other}"
     )
     evidence = {"delay": -seconds, "likelier": likelier, "explained": chosen.r_squared}
     return Suspicion(name, "delay", words, evidence)

@@ -18,7 +18,9 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array
 from aerodb.suspicions.changing import RATIOS as SCALES
+from aerodb.suspicions.damping import damping_beside_database
 from aerodb.suspicions.derivatives import AxisShares, Share, axis_shares, whole_surface
+from aerodb.suspicions.equation_error import DELAYS_TRIED, RATE_OF
 from aerodb.suspicions.evidence import (
     ERRORS,
     EXPLAINED,
@@ -27,6 +29,7 @@ from aerodb.suspicions.evidence import (
     LATE,
     LIFTS,
     LIKELIER,
+    PART,
     RATIOS,
     SCATTER,
     WELL_EXPLAINED,
@@ -55,8 +58,6 @@ LARGEST = 5.0
 USUAL = 0.35
 #: Lift coefficient by which the levels may differ beside that.
 BESIDE = 0.15
-#: Least part of an axis, as the database has it, that a variable makes for a claim about it.
-CAUSED = 0.05
 #: Least factor that all moments share.
 SHARED = 1.25
 #: Largest difference of one derivative's factor from that of all moments, natural logarithm, in a
@@ -65,6 +66,7 @@ SAME = 0.1
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
 AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}
+_MEASURED_BY = {axis: RATE_OF[role] for role, axis in AXIS_OF.items()}
 
 
 def against_database(
@@ -161,7 +163,7 @@ def _sizes(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
         for name in filter(is_surface, axes[axis].parts):
             share = axes[axis].share(fits[axis], name)
             size = max(1.0, abs(share.ratio))
-            told = share.vif <= INFLATION and size * share.weight > CAUSED
+            told = share.vif <= INFLATION and size * share.weight > PART
             least = WELL_EXPLAINED if abs(share.ratio) < LEAST else EXPLAINED
             if told and fits[axis].r_squared > least:
                 known = share.error / size
@@ -181,11 +183,11 @@ def _size(share: Share) -> list[Suspicion]:
     )
     evidence = {"ratio": ratio, "standard_error": error, "weight": weight}
     reversed_ = ratio < -LEAST and ratio + ERRORS * error < 0.0
-    if reversed_ and abs(ratio) * weight > CAUSED:
+    if reversed_ and abs(ratio) * weight > PART:
         kind, words = "sign", f"{told}: its sign is flipped, or it is another surface's channel"
-    elif ratio - ERRORS * error > LARGEST and ratio * weight > CAUSED:
+    elif ratio - ERRORS * error > LARGEST and ratio * weight > PART:
         kind, words = "unit", f"{told}: its unit is another (radians taken for degrees)"
-    elif abs(ratio) + ERRORS * error < LEAST and weight > CAUSED:
+    elif abs(ratio) + ERRORS * error < LEAST and weight > PART:
         kind = "unit"
         words = f"{told}: its unit is another, or it is another surface's channel"
     else:
@@ -203,7 +205,7 @@ def _scales(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> l
                 continue
             share = axes[axis].share(fits[axis], name)
             margin = ERRORS * share.error
-            if share.vif > INFLATION or share.weight < CAUSED:
+            if share.vif > INFLATION or share.weight < PART:
                 continue
             if SCALES[0] - margin <= share.ratio <= SCALES[1] + margin:
                 continue
@@ -212,26 +214,29 @@ def _scales(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> l
                 " database has for it: the scale of its channel is another, or the database's"
                 " effect is wrong"
             )
+            if share.ratio < 1.0:
+                words += f". A filter of {_MEASURED_BY[axis]} looks alike"
             evidence = {"ratio": share.ratio, "standard_error": share.error}
             listed.append(Suspicion(name, POSSIBLE, words, evidence))
     return listed
 
 
 def _delays(axes: Mapping[str, AxisShares]) -> list[Suspicion]:
-    """Return controls that are logged late or early."""
-    found: dict[str, Suspicion] = {}
-    for axis in (axis for axis in MOMENT_AXES if axis in axes):
-        for name in filter(is_surface, axes[axis].parts):
-            if name in found or axes[axis].weight(name) < CAUSED:
-                continue
-            if (late := _delay(axes[axis], name)) is not None:
-                found[name] = late
-    return list(found.values())
+    """Return controls that are logged late or early; each is judged on the axis of which it makes
+    the largest part."""
+    judged = [axes[axis] for axis in MOMENT_AXES if axis in axes]
+    names = dict.fromkeys(name for each in judged for name in filter(is_surface, each.parts))
+    found = []
+    for name in names:
+        own = max((e for e in judged if name in e.parts), key=lambda each: each.weight(name))
+        if own.weight(name) > PART and (late := _delay(own, name)) is not None:
+            found.append(late)
+    return found
 
 
 def _delay(axis: AxisShares, name: str) -> Suspicion | None:
     """Return a delay that makes the flight much likelier, by the motion that it explains and by the
-    effect of the control being the database's."""
+    effect of the control being the database's; the claim pays for the lags that are tried."""
     reach, every = int(LARGEST_DELAY / axis.step), max(1, round(0.02 / axis.step))
     view = axis.inside(reach)
     if view.where.sum() < FEWEST:
@@ -250,17 +255,19 @@ def _delay(axis: AxisShares, name: str) -> Suspicion | None:
     likelier = 0.5 * independent * float(np.log(max(gained, 1e-12))) - unusual
     seconds = lag * axis.step
     if (
-        likelier < LIKELIER
+        likelier < LIKELIER + DELAYS_TRIED
         or fit.r_squared < EXPLAINED
         or share.vif > INFLATION
         or share.ratio < max(ERRORS * share.error, RATIOS[0])
         or share.ratio > RATIOS[1]
+        or share.ratio < zero.ratio  # without its delay a control is seen to do more
     ):
         return None
     how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
+    other = f", or {_MEASURED_BY[axis.axis]} is late or filtered" if seconds > 0 else ""
     words = (
         f"{name} is logged {abs(seconds):.2g} s too {how} by the {axis.axis} of the database: its"
-        " clock, or the lag of its servo, is another"
+        f" clock, or the lag of its servo, is another{other}"
     )
     return Suspicion(name, "delay", words, {"delay": -seconds, "likelier": likelier})
 
@@ -305,7 +312,7 @@ def _known(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
         for name in axes[axis].parts
         if (share := axes[axis].share(fits[axis], name)).ratio > 0.0
         and ERRORS * share.error < share.ratio
-        and share.weight > CAUSED
+        and share.weight > PART
         and share.vif < INFLATION
     ]
 
@@ -315,7 +322,10 @@ def _shared(
 ) -> list[Suspicion]:
     """Return a factor by which all moments differ from the database's, or a damping in roll far
     from it. built : of a build-up of parts, whose damping says nothing of the vehicle."""
-    return _shared_factor(axes, fits, built) or ([] if built else _damping(axes, fits))
+    found = _shared_factor(axes, fits, built)
+    if found or built or "Cl" not in axes:
+        return found
+    return damping_beside_database(axes["Cl"], fits["Cl"])
 
 
 def _shared_factor(
@@ -347,18 +357,3 @@ def _shared_factor(
         f" {'small' if factor < 1.0 else 'large'}{unit}, or area, lengths or qbar are wrong"
     )
     return [Suspicion("Ixx", "size", words, {"factor": factor, "derivatives": float(len(told))})]
-
-
-def _damping(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Suspicion]:
-    """Return a damping in roll far from the database's."""
-    if "Cl" not in axes or "p" not in axes["Cl"].parts or fits["Cl"].r_squared < WELL_EXPLAINED:
-        return []
-    share = axes["Cl"].share(fits["Cl"], "p")
-    low, high = RATIOS[0] - ERRORS * share.error, RATIOS[1] + ERRORS * share.error
-    if share.vif > INFLATION or share.weight < CAUSED or low <= share.ratio <= high:
-        return []
-    words = (
-        f"the damping in roll is {share.ratio:.3g} +- {share.error:.2g} times the database's: Ixx,"
-        " span, area or airspeed is wrong, or the log is another aircraft's"
-    )
-    return [Suspicion("Ixx", "size", words, {"ratio": share.ratio})]

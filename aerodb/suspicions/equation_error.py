@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 
-from aerodb.conditioning import SAMPLES_PER_PERIOD, SETTLED
+from aerodb.conditioning import LARGEST_DELAY, SAMPLES_PER_PERIOD, SETTLED
 from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, smooth
@@ -21,6 +21,11 @@ from aerodb.vehicle import Vehicle
 SLOWEST = 0.05
 #: Upper edge of the band, where the vehicle file states no bandwidth [Hz].
 FASTEST = 3.0
+#: Logarithm of how many delays may be taken for one by chance: of motion up to `FASTEST`, two a
+#: period are independent.
+DELAYS_TRIED = float(np.log(4.0 * FASTEST * LARGEST_DELAY))
+#: Rate whose sensor measures the moment about each axis.
+RATE_OF = {"pitch": "q", "roll": "p", "yaw": "r"}
 #: Motion that the moment about each axis depends on.
 MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "p", "r")}
 

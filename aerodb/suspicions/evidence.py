@@ -22,6 +22,8 @@ EXPLAINED = 0.15
 WELL_EXPLAINED = 0.8
 #: Least share of a motion that a cause itself makes, for a claim about it.
 CAUSED = 0.4
+#: Least part of an axis, as the database has it, that a variable makes for a claim about it.
+PART = 0.05
 #: Largest variance inflation of a regressor for a claim about it: standard errors beyond five times
 #: those of independent regressors are as wrong as the regressors.
 INFLATION = 30.0

@@ -94,13 +94,15 @@ class _Cause:
 @dataclass(frozen=True, eq=False)
 class _Change:
     """A change of a cause: of its zero, gain or delay, or play in its linkage; when in words; the
-    column (m,) that it adds per unit of change times slope, and the squares that it explains."""
+    column (m,) that it adds per unit of change times slope, what explains the rest of the axis
+    (m, k), and the share of what that leaves which the change explains."""
 
     cause: _Cause
     what: str
     when: str
     column: Array
-    gained: float
+    basis: Array
+    share: float
 
 
 def moved_zeros(
@@ -168,19 +170,18 @@ def _moved(
     basis = _basis(list(thin.values()), len(y))
     left = y - basis @ (basis.T @ y)
     edge = round(SETTLED / step)
-    size = float(left @ left)
     best: dict[str, _Change] = {}
     for change in _changes(causes, basis, left, t, edge):
         known = best.get(change.cause.name)
-        if known is None or change.gained > known.gained:
+        if known is None or change.share > known.share:
             best[change.cause.name] = change
-    ranked = sorted(best.values(), key=lambda change: -change.gained)
+    ranked = sorted(best.values(), key=lambda change: -change.share)
     if not ranked:
         return []
     least = EXPLAINED_DELAY if ranked[0].what in ("delay", "play") else EXPLAINED
-    if not ranked[0].gained > least * size:
+    if not ranked[0].share > least:
         return []
-    return _claim(axis, ranked, basis, y, size)
+    return _claim(axis, ranked, y)
 
 
 def _causes(
@@ -214,31 +215,54 @@ def _changes(
             columns["gain"] = cause.values
         if cause.is_angle:
             columns["zero"] = np.ones_like(t)
-        evenly = {what: values * ramp for what, values in columns.items()}
-        for when, group in ((ALWAYS, always), (EVENLY, evenly)):
-            for what, values in group.items():
-                own = values - basis @ (basis.T @ values)
-                if float(own @ own) > LEFT * float(values @ values):
-                    gained = float(left @ own) ** 2 / float(own @ own)
-                    yield _Change(cause, what, when, values, gained)
+        for what, values in always.items():
+            yield _evenly(cause, what, ALWAYS, values, basis, left)
         for what, values in columns.items():
-            gains = _gains(values, basis, left)
+            # Of a rate, a delay that changes is more than one that the flight has all the time.
+            constant = what == "delay" and "delay" not in always
+            known = _joined(basis, late) if constant else basis
+            rest = left - known @ (known.T @ left)
+            yield _evenly(cause, what, EVENLY, values * ramp, known, rest)
+            gains = _gains(values, known, rest)
             gains[:edge], gains[len(t) - edge :] = 0.0, 0.0
             spent = np.cumsum(values * values)
             gains[(spent < SIDE * spent[-1]) | (spent > (1.0 - SIDE) * spent[-1])] = 0.0
             at = int(np.argmax(gains))
             later = values * (np.arange(len(t)) >= at)
             when = f"at {t[at]:.1f} s" if what == "zero" else f"from {t[at]:.1f} s on"
-            yield _Change(cause, what, when, later, float(gains[at]))
+            share = _over(float(gains[at]), float(rest @ rest))
+            yield _Change(cause, what, when, later, known, share)
 
 
-def _claim(
-    axis: str, ranked: Sequence[_Change], basis: Array, y: Array, size: float
-) -> list[Suspicion]:
+def _evenly(
+    cause: _Cause, what: str, when: str, values: Array, basis: Array, left: Array
+) -> _Change:
+    """A change whose column is the same all the time, or grows."""
+    own = values - basis @ (basis.T @ values)
+    size = float(own @ own)
+    told = size > LEFT * float(values @ values)
+    gained = float(left @ own) ** 2 / size if told else 0.0
+    return _Change(cause, what, when, values, basis, _over(gained, float(left @ left)))
+
+
+def _joined(basis: Array, values: Array) -> Array:
+    """The basis with one more column, where it adds anything."""
+    own = values - basis @ (basis.T @ values)
+    size = float(own @ own)
+    if not size > LEFT * float(values @ values):
+        return basis
+    return np.column_stack([basis, own / np.sqrt(size)])
+
+
+def _over(part: float, whole: float) -> float:
+    return part / whole if whole > 0.0 else 0.0
+
+
+def _claim(axis: str, ranked: Sequence[_Change], y: Array) -> list[Suspicion]:
     """What the likeliest change says, with the causes that are nearly as likely."""
     best = ranked[0]
     try:
-        columns = np.column_stack([basis, best.column])
+        columns = np.column_stack([best.basis, best.column])
         fit = least_squares(columns, y, tuple(str(k) for k in range(columns.shape[1])))
     except ValueError:
         return []
@@ -247,7 +271,7 @@ def _claim(
     independent = len(y) / max(1.0, samples_per_independent(fit.residual))
 
     def likelier(each: _Change) -> float:
-        return -0.5 * independent * float(np.log(max(1.0 - each.gained / size, 1e-12)))
+        return -0.5 * independent * float(np.log(max(1.0 - each.share, 1e-12)))
 
     tried = len(_LEAST) * len(ranked) * len(y)
     if likelier(best) < LIKELIER + float(np.log(tried)):
@@ -262,7 +286,7 @@ def _claim(
     near = [
         each.cause
         for each in ranked
-        if likelier(each) > likelier(best) - LIKELIER or each.gained > ALIKE * best.gained
+        if likelier(each) > likelier(best) - LIKELIER or each.share > ALIKE * best.share
     ]
     evidence = {"change": change, "standard_error": error, "likelier": likelier(best)}
     kind = MOVED if best.what == "zero" else CHANGED

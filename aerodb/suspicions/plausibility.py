@@ -5,19 +5,21 @@ not balance the weight, and channels that disagree with their kinematics (`hypot
 few percent, biases and delays raise no suspicion: flight-path reconstruction estimates them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtri
 
 from aerodb.conditioning import (
     BAND,
     KINEMATICS,
     RAREST,
     SAMPLES_PER_PERIOD,
+    SHORTEST_STUCK,
     Suspicion,
     airspeed_rate,
     spikes,
@@ -28,14 +30,17 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
 from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
-from aerodb.support import Array
+from aerodb.support import CLAIM, Array
 from aerodb.suspicions.drag import ACCELERATION
+from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
 from aerodb.suspicions.hypotheses import explain
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
 _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
+#: Of these, angles: rates are about their slopes.
+_ANGLES = ("alpha", "beta", "phi", "theta")
 #: Largest share of spikes that is looked for; more is noise.
 OFTEN = 0.2
 #: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
@@ -146,8 +151,11 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
     suspicions = []
     for name, values in present.items():
         others = [other for other in moving if other != name]
-        held = stuck(np.where(flight.usable([name]), flight[name], np.nan), flight.step, jump=False)
-        constant = float(np.ptp(values)) == 0.0
+        own = np.where(flight.usable([name]), flight[name], np.nan)
+        held, constant = stuck(own, flight.step), float(np.ptp(values)) == 0.0
+        longer = stuck(own, flight.step, jump=False)
+        if (longer & ~held).any() and _is_missed(flight, name, list(present), longer):
+            held = longer
         if held.any() and not constant:  # keep those that moved meanwhile
             others = [
                 other
@@ -171,6 +179,26 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
                 )
             )
     return suspicions
+
+
+def _is_missed(flight: Flight, name: str, sensors: Sequence[str], held: NDArray[np.bool_]) -> bool:
+    """Whether a coarse channel should have changed where it holds a value: there the others, by
+    what they tell of it elsewhere, miss it more than elsewhere (F test at the rate of a claim)."""
+    every = max(1, round(SHORTEST_STUCK / flight.step))
+    means = {each: averaged(flight[each], every) for each in sensors}
+    turning = [np.gradient(means[each]) for each in _ANGLES if each in means]
+    others = [values for each, values in means.items() if each != name]
+    columns = np.column_stack([np.ones(len(means[name])), *others, *turning])
+    usable = np.isfinite(columns).all(axis=1) & np.isfinite(means[name])
+    inside = averaged(held.astype(float), every) > 0.5
+    here, elsewhere = usable & inside, usable & ~inside
+    free = int(elsewhere.sum()) - columns.shape[1]
+    if free < columns.shape[1] or not here.any():
+        return False
+    told = columns @ np.linalg.lstsq(columns[elsewhere], means[name][elsewhere])[0]
+    squares = (means[name] - told) ** 2
+    ratio = float(squares[here].mean()) / max(float(squares[elsewhere].sum()) / free, 1e-300)
+    return ratio > float(fdtri(int(here.sum()), free, 1.0 - CLAIM))
 
 
 def _often_wild(flight: Flight) -> list[Suspicion]:

@@ -5,15 +5,15 @@ ingest, said by the comparison with the vehicle's database, refused there (the l
 database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
 the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
 every value is believable, faults during a flight (``during``: a silent one counts where the verdict
-of the reconstruction stays and an axis has twice the clean residual), or right flights beside
-databases that lack an effect.
+of the reconstruction stays and an axis has twice the clean residual), right flights beside
+databases that lack an effect, or right flights under other conditions (``right``).
 """
 
 import argparse
 import os
 import tempfile
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,9 +37,10 @@ from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of
 from tests.campaigns.during_flight import SENSORS, SURFACES
-from tests.campaigns.fleet import CONDITIONS, airframe, vehicle_text
+from tests.campaigns.fleet import CONDITIONS, NO_BODIES, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, noise_of, shown
 from tests.campaigns.planted import PLANTED, NotThere
+from tests.campaigns.right_flights import right_flights, scattered
 from tests.campaigns.runs import channels_of
 from tests.support import effect_flights
 from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN_OTTER
@@ -49,8 +50,6 @@ from tests.support.small_glider import write_csv
 #: Least residual that matters, as a share of what was flown of an axis: simulated flights that obey
 #: their database to rounding have none.
 LEAST_LEFT = 0.03
-#: Aircraft of JSBSim whose own files state an inertia that no body has, which ingest says.
-NO_BODIES = frozenset({"Concorde", "787-8"})
 _SURFACES = "".join(
     f'[surfaces.{name}]\nlimits = ["-30 deg", "30 deg"]\n'
     for name in ("aileron_left", "aileron_right", "rudder")
@@ -306,11 +305,29 @@ def other_aircraft(pairs: Sequence[Pair]) -> Count:
     return count
 
 
+def report_right(pairs: Iterable[Pair]) -> None:
+    """Print what is said of right flights, and what limits them beside databases of a tunnel."""
+    flights, alarms, limited = 0, 0, []
+    for pair in pairs:
+        tunnels = scattered(pair, 0.2, flights)
+        with np.errstate(all="ignore"):
+            said = [*noticed(pair), *noticed_beside(pair)]
+            beside = noticed_beside(tunnels)
+        flights, alarms = flights + 1, alarms + len(said)
+        limited += [tunnels.name] if any(limits_flight(each) for each in beside) else []
+        for each in said:
+            print(f"  FALSE ALARM {pair.name}: {each.sentence}", flush=True)
+    print(
+        f"right flights under other conditions: {flights}, false alarms: {alarms}; beside"
+        f" databases of a tunnel limited {len(limited)}: {', '.join(limited)}"
+    )
+
+
 def main() -> None:
     """Print the table for the measured and the simulated flights."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
-    parts = ("flights", "files", "believable", "during", "lacking")
+    parts = ("flights", "files", "believable", "during", "lacking", "right")
     parser.add_argument("--only", choices=parts, help="one part of the table")
     parser.add_argument("--most", type=int, default=100, help="flights per kind of `during`")
     asked = parser.parse_args()
@@ -325,6 +342,8 @@ def main() -> None:
                 alarms += 1
                 print(f"  FALSE ALARM {pair.name}: {each.sentence}")
     print(f"right flights: {len(pairs)}, false alarms: {alarms}")
+    if asked.only in (None, "right"):
+        report_right(right_flights(cache))
     if asked.only in (None, "lacking"):
         count = Count()
         for pair in lacking(pairs):

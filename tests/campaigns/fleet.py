@@ -34,6 +34,8 @@ CONDITIONS: Mapping[str, tuple[float, float]] = {
     "f16": (10000, 280), "T37": (8000, 200), "F80C": (10000, 280), "B747": (12000, 280),
     "787-8": (12000, 270),
 }  # fmt: skip
+#: Those whose own files state an inertia that no body has, which ingest says.
+NO_BODIES = frozenset({"Concorde", "787-8"})
 #: Velocity over the ground, as satellites show it.
 SATELLITES = {
     f"velocity_{to}": (f"velocities/v-{to}-fps", FOOT) for to in ("north", "east", "down")

@@ -2,11 +2,14 @@
 measured ones with the campaigns (`python -m tests.campaigns.corrupted` prints the table)."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from aerodb.suspicions import limits_flight
+from aerodb.conditioning import flag_unusable
+from aerodb.suspicions import examined_beside, limits_flight
 from tests.campaigns.corrupted import (
     Count,
     attack,
@@ -21,6 +24,7 @@ from tests.campaigns.corrupted import (
 from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Pair
 from tests.campaigns.during_flight import SENSORS, SURFACES
+from tests.campaigns.right_flights import jsbsim, right_flights
 
 #: Largest share of faults during a flight that matter and are silent, as measured with a margin.
 SILENT_DURING = 0.16
@@ -51,6 +55,35 @@ def test_right_measured_flights_raise_nothing(measured_folder: Path, record: str
     for pair in measured_pairs(measured_folder):
         if pair.name.startswith(record):
             assert said(pair) == (), pair.name
+
+
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [
+        ("f16", "moderate turbulence"),  # gusts roll it: least squares find no damping
+        ("A320", "severe turbulence"),
+        ("T38", "alpha 5x"),
+        ("737", "coarse"),  # rates rest for seconds within one step of their channel
+    ],
+)
+def test_right_flights_under_other_conditions_raise_nothing(
+    tmp_path: Path, name: str, condition: str
+) -> None:
+    assert said(jsbsim(tmp_path, name, condition)) == ()
+
+
+def test_a_coarse_rate_that_freezes_is_told(tmp_path: Path) -> None:
+    pair = jsbsim(tmp_path, "737", "coarse")
+    held = np.where(pair.flight.time > 20.0, pair.flight["q"][500], pair.flight["q"])
+    frozen = replace(pair, flight=flag_unusable(pair.flight.with_channels({"q": held})))
+    told = examined_beside(frozen.flight, frozen.vehicle).suspicions
+    assert [each.channel for each in told] == ["q"]
+
+
+@pytest.mark.campaign
+def test_all_right_flights_raise_nothing(tmp_path: Path) -> None:
+    for pair in right_flights(tmp_path):
+        assert said(pair) == (), pair.name
 
 
 @pytest.fixture
