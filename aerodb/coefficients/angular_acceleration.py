@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.conditioning import delay_between
 from aerodb.flight import Flight
-from aerodb.signals import bridge, low_passed, smooth
+from aerodb.signals import bridge, low_passed, low_passed_rate, smooth
 from aerodb.support import Array
 
 RATES: Final = ("p", "q", "r")
@@ -97,7 +97,12 @@ def choose_angular_accelerations(flight: Flight, bandwidth: float) -> ChosenAcce
     less = float(np.max(sigma / own.sigma))
     return ChosenAcceleration(
         "logged",
-        np.column_stack([each.value - b for each, b in zip(logged, bias, strict=True)]),
+        np.column_stack(
+            [
+                low_passed_rate(flight[name], step, bandwidth) - b
+                for name, b in zip(names, bias, strict=True)
+            ]
+        ),
         sigma,
         f"angular accelerations: the logged ones at a bandwidth of {bandwidth:g} Hz, with at most"
         f" {less:.2g} times the noise of differentiated rates;"

@@ -7,7 +7,7 @@ method assumes.
 Least squares (`ordinary_least_squares`):
 
 1. `least_squares` fits stacked records and gives a `Regression`, whose covariance stays valid when
-   residuals are correlated in time; `coloured_sum` is the sum behind it,
+   residuals are correlated in time; `coloured_sum` and `shared_coloured_sum` are behind it,
    and `samples_per_independent` what a coloured residual counts.
 2. `own_constants` replaces one constant by one per record before the fit, and `with_mean_constant`
    turns the fit back into one constant, their mean.
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         least_squares,
         own_constants,
         samples_per_independent,
+        shared_coloured_sum,
         with_mean_constant,
     )
     from .output_error import multiple_shooting, nonlinear_refinement, output_error

@@ -177,16 +177,28 @@ def coloured_sum(regressors: Array, residual: Array) -> Array:
     ----------
     regressors : x (n, k).
     residual : v (n,), with the autocorrelation ``R(k) = (1/n) sum v_i v_(i+k)``.
+    """
+    return shared_coloured_sum([(regressors, residual, len(residual))])
+
+
+def shared_coloured_sum(equations: Sequence[tuple[Array, Array, int]]) -> Array:
+    """`coloured_sum` (k, k) of m equations of one record, whose residuals may share errors: the sum
+    runs over all pairs of equations, with the cross-correlation of their residuals.
+
+    equations : regressors (n, k), zero where they are not used, residual (n,), zero there too, and
+    the number of samples that are used.
 
     R is even, so that its transform weights the cross spectra of x. The residual is padded to twice
     its length, so that the transform of R is the squared transform of the residual. The product is
     computed in blocks too small for BLAS threads, whose contention costs more than the product.
     """
-    n, k = regressors.shape
+    n, k = equations[0][0].shape
     size = next_fast_len(2 * n)
-    weight = np.abs(rfft(residual, size)) ** 2 / n
-    weight[1 : -1 if size % 2 == 0 else None] *= 2.0
-    cross = rfft(regressors, size, axis=0) * np.sqrt(weight)[:, None]
+    cross = np.zeros((size // 2 + 1, k), dtype=np.complex128)
+    for regressors, residual, used in equations:
+        weight = rfft(residual, size).conj() / np.sqrt(used)
+        cross += rfft(regressors, size, axis=0) * weight[:, None]
+    cross[1 : -1 if size % 2 == 0 else None] *= np.sqrt(2.0)
     total = np.zeros((k, k))
     rows = max(8, _SINGLE_THREAD // max(k, 1) ** 2)
     for start in range(0, len(cross), rows):

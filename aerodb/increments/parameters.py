@@ -3,7 +3,8 @@
 A parameter acts on several axes, through several expressions, and not always linearly. So all axes
 are fitted together, each in units of the error that is left there, about the present values, and
 again until these stay (Gauss-Newton). Each flight has a constant of its own on each axis: what
-biased sensors leave says nothing of a parameter. Standard errors are those of declared increments.
+biased sensors leave says nothing of a parameter. What noise of the deflections takes is given back
+(`noisy_deflections`). Standard errors are those of declared increments.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +15,10 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import Regression, least_squares
+from aerodb.estimation import Regression, least_squares, shared_coloured_sum
 from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
+from aerodb.increments.noisy_deflections import without_deflection_noise
 from aerodb.increments.samples import as_compared
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
@@ -89,11 +91,13 @@ def estimate_parameters(
     """
     check_parameters_of(names, database)
     present, settled = database, False
+    priors, bounds = _priors(names, database), _bounds(names, database)
     for _ in range(_MOST):
-        samples = parameter_samples(comparisons, names, present, own_constants)
+        about = present
+        samples = parameter_samples(comparisons, names, about, own_constants)
         _check_moved(samples, names)
         fit = _fitted(samples, names, present, consider)
-        constrained = constrained_fit(fit, _priors(names, database), _bounds(names, database))
+        constrained = constrained_fit(fit, priors, bounds)
         values = dict(zip(names, constrained.estimates.tolist(), strict=True))
         sigma = np.sqrt(np.diag(constrained.covariance))
         moved = np.array([abs(values[name] - present.parameters[name]) for name in names])
@@ -101,12 +105,18 @@ def estimate_parameters(
         if np.all(moved <= _SETTLED * sigma):
             settled = True
             break
+    sizes = {each.axis: each.size for each in samples}
+    noise, fit = _without_deflection_noise(fit, comparisons, about, sizes, own_constants)
+    constrained = constrained_fit(fit, priors, bounds)
+    values = dict(zip(names, constrained.estimates.tolist(), strict=True))
+    sigma = np.sqrt(np.diag(constrained.covariance))
     flights = tuple(dict.fromkeys(each.comparison.flight for each in samples))
     flown = flown_envelope(database.flight_inputs, _flown(samples), database)
     return ParameterEstimates(
         with_estimated_parameters(database, values, constrained.covariance, flights, flown),
         (
             *([] if settled else [f"The parameters still move after {_MOST} solutions"]),
+            *noise,
             *(f"{name} ended on a bound" for name in constrained.at_bound),
             *(
                 f"These flights tell no more of {name} than its bounds do: leave it out"
@@ -237,7 +247,53 @@ def _fitted(
         consider,
         {each.axis: each.size for each in samples},
     )
-    return replace(fit, covariance=fit.covariance + doubt)
+    return replace(fit, covariance=_shared_covariance(samples, matrix, fit.residual) + doubt)
+
+
+def _shared_covariance(samples: Sequence[ParameterSamples], matrix: Array, left: Array) -> Array:
+    """Covariance (k, k) of estimates with residuals (n,) that are coloured and that the axes of a
+    flight share: an error of a deflection, of the airspeed or of a flow angle is in all of them."""
+    flights: dict[str, list[tuple[Array, Array, int]]] = {}
+    start = 0
+    for each in samples:
+        used = int(each.good.sum())
+        columns, residual = np.zeros(each.slopes.shape), np.zeros(len(each.good))
+        columns[each.good] = matrix[start : start + used]
+        residual[each.good] = left[start : start + used]
+        flights.setdefault(each.comparison.flight, []).append((columns, residual, used))
+        start += used
+    gain = np.linalg.inv(matrix.T @ matrix)
+    return np.asarray(gain @ sum(map(shared_coloured_sum, flights.values())) @ gain)
+
+
+def _without_deflection_noise(
+    fit: Regression,
+    comparisons: Sequence[Comparison],
+    about: AeroDatabase,
+    sizes: Mapping[str, float],
+    own_constants: bool,
+) -> tuple[list[str], Regression]:
+    """The fit without the draw of noisy deflections, and what speaks against it, in sentences.
+
+    about : the database of the fit. sizes : axis -> what its samples were divided by.
+    """
+
+    def equations(those: Sequence[Comparison]) -> tuple[Array, Array]:
+        samples = parameter_samples(those, fit.names, about, own_constants)
+        pairs = [replace(each, size=sizes[each.axis]).over(each.good) for each in samples]
+        matrix = np.concatenate([slopes for slopes, _ in pairs])
+        return matrix.T @ matrix, matrix.T @ np.concatenate([left for _, left in pairs])
+
+    try:
+        correction = without_deflection_noise(comparisons, equations)
+    except ValueError as error:
+        return [f"Parameters may be too small: {error}"], fit
+    if correction is None:
+        return [], fit
+    grown, change = correction
+    return [], replace(
+        fit, estimates=fit.estimates + change, covariance=grown @ fit.covariance @ grown.T
+    )
 
 
 def _priors(names: Sequence[str], database: AeroDatabase) -> dict[str, tuple[float, float]]:

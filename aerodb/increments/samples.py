@@ -15,6 +15,7 @@ from aerodb.increments.model_file import (
     expand,
 )
 from aerodb.nomenclature import MOMENT_AXES
+from aerodb.signals import low_passed_rate
 from aerodb.support import Array, Mask
 from aerodb.tables import HAT_RATES, AeroDatabase, evaluate, hat_rate
 
@@ -135,11 +136,12 @@ def _columns(
 
 def as_compared(axis: str, values: Array, comparison: Comparison) -> Array:
     """Return what is predicted on an axis (n,), dimensionless, band-limited like what is measured
-    there."""
-    if axis not in MOMENT_AXES or comparison.bandwidth is None:
+    there: moments of differentiated rates by that derivative, and once more by the comparison."""
+    bandwidth = comparison.bandwidth
+    if axis not in MOMENT_AXES or bandwidth is None or not np.isfinite(values).any():
         return values
     step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
-    return band_limited(values, step, comparison.bandwidth)
+    return band_limited(low_passed_rate(values, step, bandwidth), step, bandwidth)
 
 
 def excited(matrix: Array, regressors: Sequence[Regressor]) -> Mask:

@@ -2,7 +2,7 @@
 
 - `clean_clock`, `interval` and `is_uniform` work on time stamps (`clock`); `uniform_grid`,
   `resampler`, `hold` and `first_order_lag` bring values onto one grid (`resampling`).
-- `smooth`, `low_passed`, `band_passed` and `bridge` are filters without delay
+- `smooth`, `low_passed`, `low_passed_rate`, `band_passed` and `bridge` are filters without delay
   (`differentiation`).
 - `played` is what follows through a play (`backlash`).
 - `runs` finds stretches of samples (`masks`).
@@ -16,7 +16,14 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .backlash import played
     from .clock import clean_clock, interval, is_uniform
-    from .differentiation import FEWEST_SAMPLES, band_passed, bridge, low_passed, smooth
+    from .differentiation import (
+        FEWEST_SAMPLES,
+        band_passed,
+        bridge,
+        low_passed,
+        low_passed_rate,
+        smooth,
+    )
     from .error_measures import Theil, rms, theil
     from .masks import runs
     from .resampling import (

@@ -94,6 +94,21 @@ def low_passed(values: Array, step: float, bandwidth: float) -> Array:
     return line
 
 
+def low_passed_rate(values: Array, step: float, bandwidth: float) -> Array:
+    """Low-pass a rate or an acceleration (n,) as `smooth` low-passes the rate that it returns.
+
+    What `smooth` differentiates is continued oddly beyond its ends, so that its rate is continued
+    evenly. A prediction that is compared with such a rate needs the same ends. values : any unit,
+    non-finite samples are interpolated. step : [s]. bandwidth : [Hz]. Raises ValueError as `smooth`
+    does.
+    """
+    record = bridge(values)
+    nyquist = _nyquist(len(record), step, bandwidth)
+    frequency = np.linspace(0.0, nyquist, len(record))
+    spectrum = _gain(frequency, bandwidth) * _cosine_transform(record)
+    return _cosine_transform(spectrum) / (2.0 * (len(record) - 1))
+
+
 def band_passed(values: Array, step: float, low: float, high: float) -> Array:
     """Return ``low_passed(values, step, high) - low_passed(values, step, low)``, in half the time.
 
@@ -119,6 +134,16 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
     does.
     """
     n = len(values)
+    nyquist = _nyquist(n, step, bandwidth)
+    record = bridge(values)
+    line = np.linspace(*_end_points(record, step, bandwidth), n)
+    frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
+    series = np.asarray(_sine_transform((record - line)[1:-1]) / (n - 1), dtype=np.float64)
+    return line, series, frequency, _gain(frequency, bandwidth)
+
+
+def _nyquist(n: int, step: float, bandwidth: float) -> float:
+    """The Nyquist frequency [Hz] of n samples that can be smoothed at a bandwidth [Hz]."""
     if n < FEWEST_SAMPLES:
         raise ValueError(f"{n} samples are too few to smooth; at least {FEWEST_SAMPLES} are needed")
     nyquist = 0.5 / step
@@ -126,11 +151,7 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
         raise ValueError(
             f"bandwidth {bandwidth:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz"
         )
-    record = bridge(values)
-    line = np.linspace(*_end_points(record, step, bandwidth), n)
-    frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
-    series = np.asarray(_sine_transform((record - line)[1:-1]) / (n - 1), dtype=np.float64)
-    return line, series, frequency, _gain(frequency, bandwidth)
+    return nyquist
 
 
 def _gain(frequency: Array, bandwidth: float) -> Array:

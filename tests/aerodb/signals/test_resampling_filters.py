@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
-from aerodb.signals import band_passed, first_order_lag, low_pass_taps, low_passed
+from aerodb.signals import (
+    band_passed,
+    first_order_lag,
+    low_pass_taps,
+    low_passed,
+    low_passed_rate,
+    smooth,
+)
 from aerodb.signals.resampling import low_pass
 
 
@@ -46,3 +53,20 @@ def test_the_band_keeps_what_lies_between_and_nothing_else() -> None:
     assert np.abs(band - kept)[inner].max() < 0.02
     both = low_passed(kept + others, step, 3.0) - low_passed(kept + others, step, 0.1)
     assert np.abs(band - both).max() < 1e-12
+
+
+def test_a_rate_is_low_passed_to_its_ends_as_the_derivative_of_a_record_is() -> None:
+    """A roll rate that has begun to move: its derivative in closed form, low-passed, is what `smooth`
+    makes of the record. What is continued oddly has another end, in error by a fifth."""
+    step = 0.02
+    time = step * np.arange(500)
+    record = np.sin(9.0 * time) - 0.3 * np.exp(-time / 0.2)
+    exact = 9.0 * np.cos(9.0 * time) + 1.5 * np.exp(-time / 0.2)
+    made = smooth(record, step, 5.0).rate
+    size = np.abs(exact).max()
+    assert np.abs(low_passed_rate(exact, step, 5.0) - made).max() < 0.02 * size
+    assert np.abs(low_passed(exact, step, 5.0) - made).max() > 0.1 * size
+    constant = np.full(100, 3.0)
+    assert low_passed_rate(constant, step, 5.0) == pytest.approx(constant)
+    with pytest.raises(ValueError, match="too few"):
+        low_passed_rate(constant[:5], step, 5.0)

@@ -1,0 +1,71 @@
+"""Noise of logged deflections: its size from the log alone, and what it takes from parameters."""
+
+import numpy as np
+import pytest
+
+from aerodb.coefficients import compare
+from aerodb.estimation import coloured_sum, shared_coloured_sum
+from aerodb.increments import noisy_deflections
+from aerodb.increments.noisy_deflections import deflection_noise
+from aerodb.increments.parameters import estimate_parameters
+from tests.support import six_surfaces
+from tests.support.build_up import build_up, flights
+
+
+def test_steps_with_noise_show_its_size_and_without_none() -> None:
+    """Steps of servos with a lag, with the noise of the YF-22's potentiometers."""
+    log = six_surfaces.leg(3, six_surfaces.database())
+    seen = deflection_noise(log.channels)
+    for name in six_surfaces.SURFACES:
+        stated = six_surfaces.NOISE[f"delta_{name.split('_')[0]}"]
+        assert seen[f"delta_{name}"] == pytest.approx(stated, rel=0.25), name
+    assert deflection_noise(six_surfaces.exact_deflections(3)) == {}
+    wave = 0.05 * np.sin(2.0 * np.pi * 1.5 * np.arange(500) / 20.0)
+    assert deflection_noise({"delta_elevator": wave, "alpha": log.channels["alpha"]}) == {}
+
+
+def drawn(added: float, sign: float) -> float:
+    """Elevator effectiveness less that of exact deflections, as a part of it."""
+    database, truth = build_up({"tail_tau": 0.45}), build_up()
+    source = flights(range(60, 62), truth, 0.1)
+    comparisons = []
+    for id, (flight, made) in source.flown.items():
+        values = flight["delta_elevator"]
+        noise = np.random.default_rng(3).standard_normal(len(values)) * values.std()
+        flight = flight.with_channels({"delta_elevator": values + sign * added * noise})
+        comparisons.append(compare(flight, made, database, source.vehicle.reference))
+        assert comparisons[-1].flight == id
+    found = estimate_parameters(comparisons, ["tail_tau"], database, {})
+    assert found.reservations == ()
+    return found.database.parameters["tail_tau"] / truth.parameters["tail_tau"] - 1.0
+
+
+def test_what_noise_takes_is_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise of a fifth of the elevator's motion takes 1 - 1/1.04 of its effect. Noise of both signs
+    leaves no error of first order."""
+    exact = drawn(0.0, 1.0)
+    assert np.mean([drawn(0.2, sign) for sign in (-1.0, 1.0)]) == pytest.approx(exact, abs=0.006)
+    monkeypatch.setattr(noisy_deflections, "deflection_noise", lambda channels: {})
+    plain = float(np.mean([drawn(0.2, sign) for sign in (-1.0, 1.0)]))
+    assert plain - exact == pytest.approx(1.0 / 1.04 - 1.0, rel=0.2)
+
+
+def test_deflections_that_are_mostly_noise_are_said() -> None:
+    database, truth = build_up(), build_up()
+    source = flights(range(60, 61), truth, 0.1)
+    ((flight, made),) = source.flown.values()
+    noise = np.random.default_rng(3).standard_normal(len(flight.time)) * 2.0
+    flight = flight.with_channels({"delta_elevator": flight["delta_elevator"].std() * noise})
+    beside = compare(flight, made, database, source.vehicle.reference)
+    said = estimate_parameters([beside], ["tail_tau"], database, {}).reservations
+    assert any("noise of the deflections is most of what moves them" in each for each in said)
+
+
+def test_errors_that_equations_share_do_not_average_out() -> None:
+    random = np.random.default_rng(1)
+    x, v = random.standard_normal((200, 2)), random.standard_normal(200)
+    one = coloured_sum(x, v)
+    both = shared_coloured_sum([(x, v, 200), (x, v, 200)])
+    assert both == pytest.approx(4.0 * one)
+    against = shared_coloured_sum([(x, v, 200), (x, -v, 200)])
+    assert np.abs(against).max() < 1e-12 * np.abs(one).max()
