@@ -106,16 +106,17 @@ def release_lines(
 
 
 def version_lines(
-    report: Mapping[str, Any], label: str, units: UnitSystem | None = None
+    report: Mapping[str, Any], label: str, units: UnitSystem | None = None, rest: str = "below"
 ) -> list[tuple[str, Sequence[str]]]:
     """Return label and texts of what a version is, without asking the gate: what was found, proof,
     and what is left; none for an import, whose report has no ``axes``.
 
-    report : of the version; label : its name. Errors are rms of dimensionless coefficients.
+    report : of the version; label : its name; rest : where the rest is told. Errors are rms of
+    dimensionless coefficients.
     """
     if "axes" not in report:
         return []
-    told = dict(decision({**report, "label": label}, units, "below").lines)
+    told = dict(decision({**report, "label": label}, units, rest).lines)
     return [(name, told[name]) for name in ("found", "proved", "left") if name in told]
 
 

@@ -1,5 +1,6 @@
 """``aerodb version lineage`` and ``impact``: sources of a number, uses of a flight."""
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,20 +71,33 @@ def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
 
     document = lineage_document(catalogue, row)
     flights = catalogue.flight_labels(entry["flight"] for entry in document["flights"])
-    session.say(
-        " <- ".join(
-            f"{ancestor['label']} ({ancestor['version'][:12]})" for ancestor in document["line"]
-        )
-    )
-    for reason in document["stale"]:
-        session.say(f"stale: {reason}")
-    session.table(
-        ["flight", "role", "log sha256"],
+    used = sorted(document["flights"], key=lambda entry: flights[entry["flight"]])
+    roles = Counter(entry["role"].replace("_", " ") for entry in used)
+    before = [each["label"] for each in document["line"] if each["version"] == row.parent]
+    based = f"based on {len(used)} flight{'' if len(used) == 1 else 's'}" if used else "an import"
+    session.headlines(
+        f"{row.vehicle}: {row.label} is {based}",
         [
-            [flights[e["flight"]], e["role"].replace("_", " "), e["log_sha256"][:12]]
-            for e in document["flights"]
+            ("flights", ", ".join(f"{n} {role}" for role, n in roles.items())),
+            (
+                "line",
+                " <- ".join(
+                    f"{each['label']} ({each['version'][:12]})" for each in document["line"]
+                ),
+            ),
+            ("stale", "; ".join(document["stale"])),
         ],
+        f"aerodb version diff {before[0]} {row.label} --vehicle {row.vehicle}" if before else "",
     )
+    session.say()
+    if used:
+        session.table(
+            ["flight", "role", "log sha256"],
+            [
+                [flights[e["flight"]], e["role"].replace("_", " "), e["log_sha256"][:12]]
+                for e in used
+            ],
+        )
     session.table(
         ["run", "flow", "how", "state", "code"],
         [

@@ -66,8 +66,9 @@ class Version:
     def headlines(self) -> list[tuple[str, str]]:
         """Return what was found, the proof, and what is left, as ``aerodb version show`` says it
         (label and text; errors are rms of coefficients); empty for an import."""
-        told = version_lines(self.document["report"], self.label)
-        return [(name, "; ".join(texts)) for name, texts in told]
+        rest = f'finding("{self.label}")'
+        told = version_lines(self.document["report"], self.label, rest=rest)
+        return [(name, "; ".join(texts).replace("\u2212", "-")) for name, texts in told]
 
     def __repr__(self) -> str:
         return f"<version {self.label} ({self.id[:12]}) of {self.vehicle}>"

@@ -124,8 +124,8 @@ class LoggedTopic(Answer):
 
 
 class Finding(Answer):
-    """An update or a closed loop in one sentence; `reference` names its document, null if none is
-    stored."""
+    """An update or a closed loop in one sentence, and as verdict and proof (`outcome`); `reference`
+    names its document, null if none is stored."""
 
     run: str
     flow: str
@@ -135,6 +135,7 @@ class Finding(Answer):
     reference: str | None
     label: str | None
     headline: str
+    outcome: list[str]
     verdicts: dict[str, int]
 
 

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError
-from aerodb.report import headline
+from aerodb.report import decision, headline
 from aerodb.storage.catalogue import RunRow
 from aerodb.storage.files import read_document
 from aerodb.tasks.references import version_of
@@ -29,8 +29,8 @@ def findings_page(
     the end).
 
     Each is a document: run, flow, vehicle, state, started_utc, reference (for `finding_document`;
-    None if nothing was stored), label, headline, verdicts. after : the second value that the
-    previous page returned; InputError if it is invalid.
+    None if nothing was stored), label, headline, outcome (verdict and proof, short), verdicts.
+    after : the second value that the previous page returned; InputError if it is invalid.
     """
     rows = access.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
     shown = rows[:limit]
@@ -115,8 +115,18 @@ def _entry(
         "reference": reference,
         "label": label,
         "headline": headline(report) if report else run.error or _UNTOLD.get(run.state, ""),
+        "outcome": _outcome(report, label),
         "verdicts": {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
     }
+
+
+def _outcome(report: Mapping[str, Any], label: str | None) -> list[str]:
+    """Return the verdict of a report and its proof, each in a short sentence; empty where no report
+    is kept."""
+    if not report:
+        return []
+    told = decision({**report, "label": label})
+    return [told.verdict, *dict(told.lines).get("proved", ())]
 
 
 def _stored(access: WorkspaceAccess, key: str | None) -> Mapping[str, Any]:

@@ -21,6 +21,8 @@ from tests.support.terminal import on_terminal
 
 #: Most lines of a command until the answer, and most clicks until a decision.
 MOST_LINES, MOST_CLICKS = 5, 3
+#: Most words of a sentence.
+MOST_WORDS = 25
 #: The glider of the guide "PX4 without vanes".
 GLIDER = "my-glider"
 #: The first plot of a log's page can be seen.
@@ -174,6 +176,8 @@ def test_a_scientist_sees_effect_size_and_error(
 
 
 def test_a_manager_sees_whether_it_is_better(browser: Any, address: str, glider: Workspace) -> None:
+    basis = ("version", "lineage", "v0002")
+    answered(glider.root, basis, "v0002 is based on 6 flights", "2 held out", "next +aerodb")
     show = ("version", "show", "v0002")
     flights = asked(glider.root, "version", "lineage", "v0002")["flights"]
     used = {each["role"]: each["flight"] for each in flights}
@@ -190,6 +194,10 @@ def test_a_manager_sees_whether_it_is_better(browser: Any, address: str, glider:
     with watched(browser, address) as page:
         visit(page, address, "/")
         clicks = Clicks(page)
+        listed = page.locator("td.wide").all_inner_texts()
+        told = next(each for each in listed if "v0002 has " in each)  # before any click
+        assert re.search(r"error of CZ \S+ → \S+", told.replace("->", "→"))
+        assert all(len(line.split()) <= MOST_WORDS for line in told.splitlines()), told
         clicks.on("text=Quality, flights")
         words = " ".join(page.locator("main").inner_text().split())
         assert re.search(r"proved on 2 flights not used: error of CZ \S+ → \S+", words)
