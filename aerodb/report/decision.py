@@ -17,6 +17,7 @@ from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_
 from aerodb.report.levels import followed
 from aerodb.report.next_command import next_step
 from aerodb.report.numbers import for_people, number
+from aerodb.report.terms import as_constant, term_name
 from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
 
@@ -150,8 +151,8 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
             key=lambda each: -each[0],
         )
         shown = [
-            f"{axis} with {term['term']} {number(term['value'])} +-"
-            f" {number(2.0 * term['standard_error'], 2)}"
+            f"{axis} {'' if as_constant(term['term']) else 'with '}{term_name(term['term'])}"
+            f" {number(term['value'])} +- {number(2.0 * term['standard_error'], 2)}"
             for _, axis, term in terms[:_MOST]
         ]
         return [*shown, *_more(len(terms), rest)]
