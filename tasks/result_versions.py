@@ -16,8 +16,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 4,
     "estimate": 11,
     "update": 18,
-    "gram": 15,
-    "close_loop": 49,
+    "gram": 16,
+    "close_loop": 50,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -13,14 +13,7 @@ from aerodb.increments import worse_axes
 from aerodb.loop.accept import Accept
 from aerodb.loop.adding import added_to, bearable, compared, separates
 from aerodb.loop.axis_models import AxisModel, axis_models
-from aerodb.loop.constant_lift import (
-    CONSTANT,
-    Written,
-    as_constant_lift,
-    beside_constant,
-    entering_first,
-    leans_on_it,
-)
+from aerodb.loop.constant_lift import Written, as_constant_lift, on_the_lift
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -36,7 +29,6 @@ from aerodb.loop.turned_slopes import about_flown_mean, about_zero_lift
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
-    ADDED,
     FewFlightFindings,
     Finding,
     Traced,
@@ -100,8 +92,7 @@ def run_loop(
     accept.check(library)
     known_before = source.looked_before(flights, library)
     given = _Given(source, tuple(flights), baseline, library, accept, without_gain, known_before)
-    traced = _beside_constant_lift(given, _rounds(given))
-    end = _turned(given, _with_withheld(given, _with_axis_models(given, traced, modelled)))
+    end = _turned(given, _with_withheld(given, _with_axis_models(given, _rounds(given), modelled)))
     stalled = any(separates(finding) for finding in end.added)
     return LoopResult(
         baseline,
@@ -184,7 +175,6 @@ def _next_round(given: _Given, state: _State) -> _State:
         shaped = tuple(leaning.get(finding.hypothesis, finding) for finding in shaped)
         traced = replace(traced, findings=shaped)
     traced = replace(traced, findings=only_with_gain(traced.findings, given.without_gain))
-    earlier = state.findings
     have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain
     if database.states:
         have |= {h.id for h in library.hypotheses if h.effect == EFFECT}
@@ -212,21 +202,12 @@ def _next_round(given: _Given, state: _State) -> _State:
     new, beside = _with_linear_terms(new, suspected, have)
     sensors = found_sensors(traced.findings)
     written = _as_lift(given, new, sensors)
-    if written:
-        # It comes first, as it was seen beside the baseline: the next rounds find what remains.
-        database, before, beside = given.baseline, earlier.get(CONSTANT), []
-        new = [entering_first(f, before) for f in new if f.hypothesis in written]
-        state = _State(
-            database,
-            findings={f.hypothesis: f for f in new},
-            by_manoeuvre=state.by_manoeuvre,
-            rounds=1,
-            remarks=remarks,
-        )
+    new = [on_the_lift(f) if f.hypothesis in written else f for f in new]
     candidate, kept = bearable(source, database, library, new, flights, sensors, written)
     return replace(
         state,
         database=candidate,
+        findings={**state.findings, **{f.hypothesis: f for f in new if f.hypothesis in written}},
         added=(*state.added, *kept),
         withheld=state.withheld | {f.hypothesis for f in new if f not in kept},
         linear_beside=(*state.linear_beside, *beside),
@@ -244,42 +225,6 @@ def _as_lift(given: _Given, findings: Sequence[Finding], sensors: Mapping[str, f
         return compared(source, flights, candidate)
 
     return as_constant_lift(findings, given.library, with_one)
-
-
-def _beside_constant_lift(given: _Given, state: _State) -> _State:
-    """The state in which what may enter, and leans on a constant of CZ that may not, is judged
-    beside that constant as a lift, where CX allows one."""
-    constant = state.findings.get(CONSTANT)
-    held = [state.findings[id] for id in state.withheld if id in state.findings]
-    leaning = [f for f in (*state.added, *held) if leans_on_it(f)]
-    if not constant or constant in state.added or not leaning or state.by_manoeuvre:
-        return state
-    source, flights, library = given.source, given.flights, given.library
-    sensors = found_sensors(state.findings.values())
-    written = _as_lift(given, [constant], sensors)
-    if not written or state.database.states:
-        return state
-    lifted = added_to(
-        source, given.baseline, library, [constant], flights, sensors, written, refit=False
-    )
-    traced, _ = _traced(source, flights, lifted, library, (), given.known_before)
-    found = {f.hypothesis: f for f in traced.findings if f.verdict in ADDED}
-    judged = {f.hypothesis: beside_constant(f, found.get(f.hypothesis)) for f in leaning}
-    if all(judged[f.hypothesis] == f for f in leaning):
-        return state
-    added = [judged.get(f.hypothesis, f) for f in state.added]
-    added = [f for f in added if given.accept.admits(f)]
-    database = given.baseline
-    if added:
-        database = added_to(source, database, library, added, flights, sensors)
-    out = {id for id, f in judged.items() if not given.accept.admits(f)}
-    return replace(
-        state,
-        database=database,
-        findings={**state.findings, **judged},
-        added=tuple(added),
-        withheld=state.withheld - out,
-    )
 
 
 def _with_axis_models(given: _Given, state: _State, modelled: Collection[str] | None) -> _State:

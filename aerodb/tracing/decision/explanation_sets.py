@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.effects import BELIEVED
 from aerodb.remarks import Remark, said
-from aerodb.support import Array, Mask
+from aerodb.support import Array
 from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict, Wanted
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
@@ -22,11 +22,10 @@ from aerodb.tracing.decision.selection import (
     implausible,
     left_out_gains,
     reported_votes,
+    twins_of,
 )
-from aerodb.tracing.estimates import Tested, paired_p
+from aerodb.tracing.estimates import Tested, paired_p, scatter_p
 
-#: Correlation of two columns from which they are twins: no flight of this kind tells them apart.
-TWIN = 0.999
 #: Two findings cancel where together they leave less than this part of the sum of squares of each.
 _CANCELS = 0.25
 #: `LOST` where the finding is a sensor: a small effect is easily taken for the sensor that is
@@ -151,7 +150,7 @@ def _fitting(
     )
     fitting: list[int] = []
     fallen: dict[int, Remark] = {}
-    twins = _twins(tests, before, index)
+    twins = twins_of(tests, before, index)
     twins[list(sensors)] = False  # of these only what the flights show counts
     for rival in np.flatnonzero(shown | twins).tolist():
         if rival in barred:
@@ -163,13 +162,15 @@ def _fitting(
         if outside:
             fallen[rival] = outside
             continue
-        if twins[rival]:
-            fitting.append(rival)
-            continue
         gains = np.zeros(len(tests.flights))
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
-        if hypotheses[index].has_shape(hypotheses[rival]) and own.sum() >= gains.sum():
+        no_more = twins[rival] or paired_p(gains, own) >= tests.settings.level
+        shaped = hypotheses[index].has_shape(hypotheses[rival])
+        if shaped and no_more and not _levels_prefer(tests, before, rival, index):
             fallen[rival] = said("is another shape of the same effect, and explains no more")
+            continue
+        if twins[rival]:
+            fitting.append(rival)
             continue
         p = paired_p(own, gains)
         if p < tests.settings.level:
@@ -180,18 +181,20 @@ def _fitting(
     return fitting, fallen
 
 
-def _twins(tests: CrossFlightTests, test: Tested, index: int) -> Mask:
-    """Return which hypotheses (k,) have the column of another up to a factor, within `TWIN`, in
-    every flight that has both.
+def _levels_prefer(tests: CrossFlightTests, test: Tested, rival: int, index: int) -> bool:
+    """Return whether the levels of the flights speak for a rival: they scatter less about what it
+    makes of them than about what the finding makes of them, on the axis where that is largest.
 
-    Noise of the two channels, not the effect, makes one of them explain more: no test over flights
-    tells them apart.
+    What varies within flights has no level in it, so that this is evidence of its own. A constant
+    of the axis is left open.
     """
-    products = tests.campaign.products.matrix[list(tests.flights), :-1, :-1]
-    own = np.diagonal(products, axis1=1, axis2=2)
-    alike = products[:, index] ** 2 > TWIN**2 * own[:, index, None] * own
-    both = test.included & test.included[:, [index]]
-    return np.asarray(both.any(axis=0) & np.all(alike | ~both, axis=0))
+    products, rows = tests.campaign.products, list(tests.flights)
+    both = [at for at, row in enumerate(test.included[:, [rival, index]]) if row.all()]
+    levels = products.intercepts[rows][both]
+    made = levels[:, :, [rival, index]] * test.mean[[rival, index]]
+    axis = int(np.abs(made).sum(axis=(0, 2)).argmax())
+    left = levels[:, axis, [-1]] - made[:, axis]
+    return scatter_p(left[:, 0], left[:, 1]) < tests.settings.level
 
 
 def _gain_by_flight(

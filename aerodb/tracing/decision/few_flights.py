@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
 from aerodb.support import standard_errors
-from aerodb.tracing.decision.explanation_sets import TWIN, explain, finding_of
+from aerodb.tracing.decision.explanation_sets import explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
-from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, Decision, cross_validated
+from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, TWIN, Decision, cross_validated
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
 from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
 from aerodb.tracing.settings import TracingSettings

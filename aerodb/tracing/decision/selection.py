@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from aerodb.remarks import NOT_BELIEVABLE, Remark
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 from aerodb.tracing.decision.findings import Vote
 from aerodb.tracing.estimates import (
     Campaign,
@@ -29,6 +29,8 @@ from aerodb.tracing.settings import TracingSettings
 FEWEST_SUSPECTED = 2
 #: A gain is lost when less than this part of it is left once another hypothesis is in.
 LOST = 0.25
+#: Correlation of two columns from which they are twins: no flight of this kind tells them apart.
+TWIN = 0.999
 
 
 @dataclass(frozen=True)
@@ -179,16 +181,32 @@ def _plainest(
     term: int,
     terms: Sequence[int],
 ) -> int:
-    """The linear effect among `terms` of which `term` is another shape, if flight after flight the
-    shape explains no more; else `term`."""
+    """The linear effect among `terms` of which `term` is another shape, if the two are twins or the
+    shape explains no more flight after flight; else `term`."""
     hypotheses = tests.campaign.hypotheses
     linear = _largest(test.gain, [i for i in terms if hypotheses[i].has_shape(hypotheses[term])])
     if linear is None or linear == term:
         return term
+    if twins_of(tests, test, term)[linear]:
+        return linear
     gains = np.zeros((2, len(tests.flights)))
     for row, index in enumerate((term, linear)):
         gains[row, test.included[:, index]] = flight_gains(estimates, test, index)
     return linear if paired_p(gains[0], gains[1]) >= tests.settings.level else term
+
+
+def twins_of(tests: CrossFlightTests, test: Tested, index: int) -> Mask:
+    """Return which hypotheses (k,) have the column of another up to a factor, within `TWIN`, in
+    every flight that has both.
+
+    Noise of the two channels, not the effect, makes one of them explain more: no test over flights
+    tells them apart.
+    """
+    products = tests.campaign.products.matrix[list(tests.flights), :-1, :-1]
+    own = np.diagonal(products, axis1=1, axis2=2)
+    alike = products[:, index] ** 2 > TWIN**2 * own[:, index, None] * own
+    both = test.included & test.included[:, [index]]
+    return np.asarray(both.any(axis=0) & np.all(alike | ~both, axis=0))
 
 
 def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:

@@ -43,7 +43,8 @@ _NEARLY: Final = 0.8
 #: Terms whose shapes a term may stand for together, as a combination of what both miss. Of 20 such
 #: terms in noise, one at a time finds 6, two 14; neither is wrong about 60 right terms.
 _PARTNERS: Final = 2
-#: Part of what an increment model explains that a wrong sensor must explain to be mended first.
+#: Part of what an increment model explains that a wrong sensor must explain to be mended first, and
+#: of what a term leaves that its own variables in another shape must explain to take its name.
 _MOST: Final = 0.5
 
 
@@ -66,9 +67,10 @@ def with_checked_shapes(
     -------
     tuple : where a function of observed variables predicts flights that were left out better than a
         confirmed term, the finding has a `shape`. If it depends on the present values of what the
-        term depends on and of nothing else, and gains little more, the term stays confirmed; else
-        it is suspected. So is a term that is needed only beside another one's shape (`shape.of`). A
-        sensor with which such a function on one axis gains as much is ambiguous.
+        term depends on and of nothing else, gains little more, and takes away less than half of
+        what the term leaves, the term stays confirmed; else it is suspected. So is a term that is
+        needed only beside another one's shape (`shape.of`). A sensor with which such a function on
+        one axis gains as much is ambiguous.
         Below four flights nothing changes.
 
     References
@@ -402,7 +404,7 @@ class _Shapes:
             f" flights better by {fall:.0%} of what is left (p = {p:.1g})",
             shape=shape,
         )
-        if same and share >= _NEARLY:
+        if same and share >= _NEARLY and fall < _MOST:
             middle = 0.5 * (finding.ci95[0] + finding.ci95[1])
             half = float(np.hypot(0.5 * (finding.ci95[1] - finding.ci95[0]), ndtri(0.975) * misfit))
             if abs(middle) > half:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         holm,
         over_flights,
         paired_p,
+        scatter_p,
     )
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -363,3 +363,17 @@ def paired_p(better: Array, worse: Array) -> float:
     if spread == 0.0:
         return 0.0 if mean > 0.0 else 1.0
     return float(stdtr(len(difference) - 1, -mean / (spread / np.sqrt(len(difference)))))
+
+
+def scatter_p(less: Array, more: Array) -> float:
+    """One-sided p of "`less` (g,) scatters no less than `more` (g,)" for paired values in one unit;
+    1 for fewer than three. Pitman, Biometrika 31, 1939; Morgan, ibid."""
+    if len(less) < 3:
+        return 1.0
+    total, difference = less + more, less - more
+    spread = float(total.std() * difference.std())
+    if spread == 0.0:
+        return 1.0
+    r = float(np.mean((total - total.mean()) * (difference - difference.mean()))) / spread
+    dof = len(less) - 2
+    return float(stdtr(dof, r * np.sqrt(dof / max(1.0 - r**2, np.finfo(float).eps))))

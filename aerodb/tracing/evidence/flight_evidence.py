@@ -1,6 +1,6 @@
 """Residual and regressor columns of a flight compared with the current model."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from aerodb.effects import FlightView, Hypothesis, air_rotation_columns, surface
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.support import Array
 from aerodb.tracing.evidence.evidence import Evidence
 
 
@@ -25,6 +26,11 @@ def evidence_of(
     channels the flight lacks gives no column, nor does one that only a surface at rest would drive.
     rotating_air : whether columns of the air's rotation are among the others
     (`air_rotation_columns`).
+
+    Every axis will have a level of its own. Where the database writes forces along the wind axes,
+    the level of CZ is that of a lift, which turns with the angle of attack. What its mean over the
+    flight does on CX is taken out of the residual and of all columns alike (docs/method/tracing.md,
+    section 4).
 
     Raises InputError when no body axis has a usable sample.
     """
@@ -46,13 +52,14 @@ def evidence_of(
     }
     if rotating_air:
         columns |= air_rotation_columns(view, comparison.measured)
+    level = _without_mean_lift(view)
     return Evidence(
         flight=view.flight,
         step=view.step,
-        residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
+        residual=level({axis: np.nan_to_num(comparison.residual(axis)) for axis in axes}),
         usable={axis: comparison.usable[axis] for axis in axes},
         columns={
-            name: {axis: by_axis[axis] for axis in axes if axis in by_axis}
+            name: level({axis: by_axis[axis] for axis in axes if axis in by_axis})
             for name, by_axis in columns.items()
             if by_axis
         },
@@ -65,3 +72,25 @@ def evidence_of(
             for other, beside in noisy
         ),
     )
+
+
+def _without_mean_lift(view: FlightView) -> Callable[[dict[str, Array]], dict[str, Array]]:
+    """Return what takes the turning of the mean lift out of CX, for body axis -> (n,).
+
+    It is linear, so that a relation between residual and columns stays what it is. The identity
+    where there is no lift to take out.
+    """
+    usable = view.comparison.usable
+    if not (view.database.on_wind_axes and view.has(["alpha"]) and {"CX", "CZ"} <= usable.keys()):
+        return lambda by_axis: by_axis
+    both = usable["CX"] & usable["CZ"]
+    sine, cosine = np.sin(view["alpha"]), np.cos(view["alpha"])
+
+    def level(by_axis: dict[str, Array]) -> dict[str, Array]:
+        if "CZ" not in by_axis or not both.any():
+            return by_axis
+        along_x = by_axis.get("CX", np.zeros_like(sine))
+        lift = (sine * along_x - cosine * by_axis["CZ"])[both].mean()
+        return {**by_axis, "CX": np.where(both, along_x - lift * sine, along_x)}
+
+    return level

@@ -14,7 +14,13 @@ from aerodb.tracing.decision.next_flight import excitation_needed
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.estimates.kernels import contracted
 from aerodb.tracing.estimates.per_flight import FlightEstimates, HypothesisBias
-from aerodb.tracing.estimates.significance import holm, moderated_variance, over_flights, paired_p
+from aerodb.tracing.estimates.significance import (
+    holm,
+    moderated_variance,
+    over_flights,
+    paired_p,
+    scatter_p,
+)
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import band_limited
@@ -299,6 +305,20 @@ def test_holm_is_the_closed_test_of_bonferroni() -> None:
         closed = [max(min(1.0, len(s) * p[s].min()) for s in subsets if i in s) for i in range(5)]
         assert np.allclose(adjusted, closed)
     assert holm(np.array([0.01, 0.5]), 10)[0] == pytest.approx(0.1)
+
+
+def test_scatter_p_is_pitmans_and_morgans() -> None:
+    rng = np.random.default_rng(3)
+    a = rng.standard_normal(9)
+    b = 0.5 * a + 2.0 * rng.standard_normal(9)
+    ratio, r = a.var() / b.var(), np.corrcoef(a, b)[0, 1]
+    # as textbooks write it: t = (F - 1) sqrt(n - 2) / (2 sqrt(F (1 - r^2)))
+    t = (ratio - 1.0) * np.sqrt(7) / (2.0 * np.sqrt(ratio * (1.0 - r**2)))
+    assert scatter_p(a, b) == pytest.approx(stats.t(7).cdf(t))
+    assert scatter_p(np.array([0.0, 1.0]), np.array([0.0, 9.0])) == 1.0
+    pairs = rng.standard_normal((2000, 2, 4))
+    false = np.mean([scatter_p(x, 0.6 * x + 0.8 * y) < 0.05 for x, y in pairs])
+    assert 0.035 < false < 0.065
 
 
 def test_paired_p_is_scipys() -> None:
