@@ -23,7 +23,7 @@ from aerodb.estimation import (
     TimeHistory,
 )
 from aerodb.identification.methods import Method
-from aerodb.signals import FEWEST_SAMPLES, low_passed, smooth, theil
+from aerodb.signals import FEWEST_SAMPLES, low_passed_rate, smooth, theil
 from aerodb.support import Array
 
 #: Rounds of weighting; the noise of the rows changes by less than a tenth after the second.
@@ -255,5 +255,5 @@ def _complete(record: TimeHistory, outputs: Sequence[str]) -> Array:
 
 def _low_passed(driving: Array, record: TimeHistory, band: float) -> Array:
     """Columns (n, c) at the bandwidth; the last is the constant."""
-    columns = [low_passed(column, record.step, band) for column in driving[:, :-1].T]
+    columns = [low_passed_rate(column, record.step, band) for column in driving[:, :-1].T]
     return np.column_stack([*columns, driving[:, -1]])

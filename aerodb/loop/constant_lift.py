@@ -1,8 +1,10 @@
 """The constant of CZ as the constant lift that it is.
 
 Flights have constants of their own on body axes, so that tracing finds a constant force along z. A
-constant lift turns with the angle of attack and changes CX by its sine as well. So the constant is
-written on the axis on which it predicts CX better. docs/method/tracing.md, section 13.
+constant lift turns with the angle of attack and changes CX by its sine as well; and where a
+database has its drag as a function of the lift, the drag follows. So the constant is added first,
+on the axis on which it predicts CX better; what CX still lacks beside it is found in the next
+round. docs/method/tracing.md, section 13.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +20,7 @@ from aerodb.tables import number
 from aerodb.tracing import Finding
 
 #: A constant force along z.
-_CONSTANT: Final = "zero_offset@CZ"
+CONSTANT: Final = "zero_offset@CZ"
 #: On which a constant lift changes with the angle of attack.
 _CHANGES: Final = "CX"
 
@@ -37,23 +39,28 @@ def as_constant_lift(
     compared : flight -> comparison with the baseline that one finding was added to, dimensionless.
     Nothing changes where the library has no effect on the lift.
     """
-    constant = next((each for each in new if each.hypothesis == _CONSTANT), None)
+    constant = next((each for each in new if each.hypothesis == CONSTANT), None)
     known = {each.id: each for each in library.hypotheses}
     if constant is None or not any("C_lift" in each.written_on for each in known.values()):
         return {}
     on_lift = {
-        _CONSTANT: replace(
-            known[_CONSTANT], axes=("CX", "CZ"), increment=(("C_lift", number(-1.0)),)
-        )
+        CONSTANT: replace(known[CONSTANT], axes=("CX", "CZ"), increment=(("C_lift", number(-1.0)),))
     }
     along_z, along_lift = (_varying(compared(constant, each)) for each in ({}, on_lift))
     return on_lift if along_lift < along_z else {}
 
 
-def on_the_lift(finding: Finding) -> Finding:
-    """Return a constant that is written on the lift, with that reason."""
+def entering_first(finding: Finding, before: Finding | None) -> Finding:
+    """Return the constant as it enters on the lift: with that reason, and with the size, interval
+    and votes of the round that saw it first, beside the baseline."""
+    seen = before or finding
     return replace(
-        finding, reasons=(*finding.reasons, "CX follows it as a lift, on which it is written")
+        finding,
+        value=seen.value,
+        ci95=seen.ci95,
+        test=seen.test,
+        votes=seen.votes,
+        reasons=(*finding.reasons, "CX follows it as a lift, on which it is written"),
     )
 
 

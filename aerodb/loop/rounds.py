@@ -13,7 +13,7 @@ from aerodb.increments import worse_axes
 from aerodb.loop.accept import Accept
 from aerodb.loop.adding import added_to, bearable, compared, separates
 from aerodb.loop.axis_models import AxisModel, axis_models
-from aerodb.loop.constant_lift import Written, as_constant_lift, on_the_lift
+from aerodb.loop.constant_lift import CONSTANT, Written, as_constant_lift, entering_first
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -175,6 +175,7 @@ def _next_round(given: _Given, state: _State) -> _State:
         shaped = tuple(leaning.get(finding.hypothesis, finding) for finding in shaped)
         traced = replace(traced, findings=shaped)
     traced = replace(traced, findings=only_with_gain(traced.findings, given.without_gain))
+    earlier = state.findings
     have = {finding.hypothesis for finding in state.added} | state.withheld | given.without_gain
     if database.states:
         have |= {h.id for h in library.hypotheses if h.effect == EFFECT}
@@ -202,12 +203,21 @@ def _next_round(given: _Given, state: _State) -> _State:
     new, beside = _with_linear_terms(new, suspected, have)
     sensors = found_sensors(traced.findings)
     written = _as_lift(given, new, sensors)
-    new = [on_the_lift(f) if f.hypothesis in written else f for f in new]
+    if written:
+        # It comes first, as it was seen beside the baseline: the next rounds find what remains.
+        database, before, beside = given.baseline, earlier.get(CONSTANT), []
+        new = [entering_first(f, before) for f in new if f.hypothesis in written]
+        state = _State(
+            database,
+            findings={f.hypothesis: f for f in new},
+            by_manoeuvre=state.by_manoeuvre,
+            rounds=1,
+            remarks=remarks,
+        )
     candidate, kept = bearable(source, database, library, new, flights, sensors, written)
     return replace(
         state,
         database=candidate,
-        findings={**state.findings, **{f.hypothesis: f for f in new if f.hypothesis in written}},
         added=(*state.added, *kept),
         withheld=state.withheld | {f.hypothesis for f in new if f not in kept},
         linear_beside=(*state.linear_beside, *beside),
