@@ -122,10 +122,11 @@ def _entry(
 
 def _outcome(report: Mapping[str, Any], label: str | None) -> list[str]:
     """Return the verdict of a report and its proof, each in a short sentence; empty where no report
-    is kept."""
-    if not report:
+    is kept, or one of an earlier release that has no decision: its headline tells."""
+    try:
+        told = decision({**report, "label": label})
+    except KeyError:
         return []
-    told = decision({**report, "label": label})
     return [told.verdict, *dict(told.lines).get("proved", ())]
 
 
