@@ -30,7 +30,7 @@ def evidence_of(
     Every axis will have a level of its own. Where the database writes forces along the wind axes,
     the level of CZ is that of a lift, which turns with the angle of attack. What its mean over the
     flight does on CX is taken out of the residual and of all columns alike (docs/method/tracing.md,
-    section 4).
+    section 3).
 
     Raises InputError when no body axis has a usable sample.
     """

@@ -98,6 +98,18 @@ def test_no_drag_stands_for_a_constant_lift_that_may_be_a_surfaces_zero() -> Non
         assert each.ci95[0] < truth[id] < each.ci95[1]
 
 
+def test_a_lift_curve_wrong_by_slope_and_constant_is_named_as_such(
+    source: FlightsInMemory,
+) -> None:
+    """A break of the slope at a node of the table below what was flown is the same function."""
+    loop = looped(source, lacks("C_lift", f"{SIZE} + 0.5*alpha"))
+    found = {each.hypothesis: each for each in loop.findings if each.verdict == "confirmed"}
+    assert found.keys() == {"zero_offset@CZ", "alpha_slope@C_lift"}
+    for id, truth in (("zero_offset@CZ", SIZE), ("alpha_slope@C_lift", -0.5)):
+        low, high = found[id].ci95
+        assert low < truth < high
+
+
 def test_the_mean_lift_turns_with_no_angle_of_attack(source: FlightsInMemory) -> None:
     ids = tuple(source.flown)
     right, lacking = whole(), replace(whole(), terms=(*whole().terms, lacks("C_lift", repr(SIZE))))
