@@ -18,7 +18,10 @@ _OF_LOG: Final = r"elapsed|fly|flight|log|rec(ord)?|recording|boot|system|sys|se
 _OF_CLOCK: Final = r"gps|utc|gmt|lcl|local|unix|epoch|date|zulu|abs|rel|absolute|relative|offset"
 _OF_RUN: Final = r"totl|total|real|missn|sim(ulation)?|sample|loop"
 _BEFORE: Final = f"({_OF_LOG}|{_OF_CLOCK}|{_OF_RUN})"
-_CLOCK: Final = r"(t|time|times|time_?stamps?|zeit|uhrzeit|clock|tempo|temps|date_?time)"
+_CLOCK: Final = (
+    r"(t|time|times|time_?stamps?|zeit|uhrzeit|clock|tempo|tiempo|temps"
+    r"|h?ora|(date|fecha|data)_?(time|hora|ora))"
+)
 #: Names of times, the plainest first; the unit is taken off before (`plain_name`).
 _NAMES: Final = tuple(
     re.compile(pattern)
@@ -26,7 +29,7 @@ _NAMES: Final = tuple(
         rf"{_CLOCK}(_?(s|sec|ms|us|ns))?",
         rf"({_BEFORE}_?)+{_CLOCK}(_?(s|sec|ms|us|ns))?|{_CLOCK}(_(boot|utc|gps|local|elapsed))+",
         r"(milli|micro|nano)?s(ec(ond)?s?)?|millis|micros|[mun]sec|[mun]s|utc(_?sec)?|elapsed|date"
-        r"|\w+_time_?stamps?",
+        r"|fecha|\w+_time_?stamps?",
         r"hh_?mm_?ss|(unix|posix|epoch|stamp|when|datum|zulu|gmt)(_?(s|sec|ms|us|ns))?",
         r"\w+_(time|clock)|x_value",
     )
@@ -73,8 +76,8 @@ class ClockColumn:
 def clock_columns(
     recording: Recording, columns: Mapping[tuple[str, str], Array]
 ) -> dict[str, ClockColumn]:
-    """Topic -> the column of its time: by name, else, where columns have no names, the first that
-    runs evenly, which is asked.
+    """Topic -> the column of its time: by name, else one that the log states to be a time, else,
+    where columns have no names, the first that runs evenly; the last two are asked.
 
     columns : (topic, column) -> (n,).
 
@@ -88,11 +91,33 @@ def clock_columns(
         running = {f: n for f in known if (n := _dropped(mine[f])) is not None}
         for field in sorted(running, key=lambda f: (_rank(f), -len(np.unique(mine[f])))):
             found.setdefault(topic.name, _named_clock(topic, field, mine, running))
+        if topic.name not in found and (stated := _stated(topic, mine)):
+            found[topic.name] = _named_clock(topic, next(iter(stated)), mine, stated)
         if topic.name not in found and (unnamed := [f for f in mine if f.isdigit()]):
             even = next((f for f in unnamed if _dropped(mine[f]) == 0 and _even(mine[f])), None)
             if even is not None:
                 found[topic.name] = _unnamed_clock(topic, even, mine[even])
     return found
+
+
+def _stated(topic: Topic, columns: Mapping[str, Array]) -> dict[str, int]:
+    """Columns that the log states to be times, or texts of which were, though no name says so."""
+    return {
+        field: dropped
+        for field, values in columns.items()
+        if _is_time(topic.units.get(field, ""))
+        and named(field) is None
+        and (dropped := _dropped(values)) is not None
+    }
+
+
+def standing(topic: Topic, columns: Mapping[tuple[str, str], Array]) -> list[str]:
+    """Return the columns of a topic that are named as a time but do not run as one.
+
+    columns : (topic, column) -> (n,).
+    """
+    mine = [field for name, field in columns if name == topic.name]
+    return [field for field in mine if _rank(field) is not None]
 
 
 def counters(topic: Topic, columns: Mapping[tuple[str, str], Array]) -> list[str]:
@@ -152,7 +177,7 @@ def _named_clock(
         if abs(span - length) > _AGREEING * max(length, span):
             others.append(f"by {other} the log is {span:.4g} s long, by {field} {length:.4g} s")
     open_ = open_ or (others[0] if others else "")
-    if not open_ and _rank(field) == len(_NAMES) - 1:
+    if not open_ and _rank(field) in (None, len(_NAMES) - 1):
         open_ = f"is {field} the time of the samples?"
     stated = _is_time(topic.units.get(field, "")) or _is_time(_of_name(field))
     return ClockColumn(topic.name, field, unit, why, open_, running[field], stated)

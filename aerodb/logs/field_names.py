@@ -11,6 +11,8 @@ from aerodb.units import is_spelled, spelled
 
 #: Names of `velocity_down` that are positive upwards.
 _UP: Final = r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc"
+#: Names of a velocity along an axis that the name leaves open.
+_ALONG: Final = r"v(el(ocity)?)?_?{0}|{0}_?(speed|velocity)"
 #: Channel -> pattern of its names in logs, in lower case with underscores.
 _NAMES: Final[dict[str, str]] = {
     "V": r"(true_?)?(air_?speed|k?tas|v_?tas|vtas|v_?true)|v|vt|tas_?air_?speed",
@@ -39,13 +41,15 @@ _NAMES: Final[dict[str, str]] = {
     "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
     "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
     r"|euler_?yaw",
-    "altitude": r"alt(itude)?(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?|alt(itude)?_?baro"
-    r"|gps_?alt(itude)?|alt(itude)?_?gps|height",
+    "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?"
+    r"|alt(itude)?_?baro|gps_?alt(itude)?|alt(itude)?_?gps",
     "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground|radio_?alt(itude)?",
-    "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity",
-    "velocity_east": r"v_?e(ast)?|vel_?e(ast)?|velocity_?e(ast)?|east_?velocity",
+    "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity"
+    rf"|{_ALONG.format('x')}",
+    "velocity_east": r"v_?e(ast)?|vel_?e(ast)?|velocity_?e(ast)?|east_?velocity"
+    rf"|{_ALONG.format('y')}",
     "velocity_down": r"v_?d(own)?|vel_?d(own)?|velocity_?d(own)?|down_?velocity"
-    rf"|sink_?rate|{_UP}",
+    rf"|sink_?rate|{_ALONG.format('z')}|{_UP}",
     "latitude": r"lat(itude)?|gps_?lat(itude)?",
     "longitude": r"lon(g|gitude)?|gps_?lon(g|gitude)?|lng",
     "delta_elevator": r"(delta_?)?(elevator|elev|ele)(_?(pos|position|deflection|angle))?|de|d_?e"
@@ -93,6 +97,18 @@ _OTHERS: Final = frozenset(
         ),
         *("gimbal", "camera", "mount", "autopilot", "fd", "director", "ils", "egt", "cht", "tit"),
         *("i", "ff", "gain", "cpu", "term", "soll", "sollwert", "consigne", "vent", "huile"),
+        *("viento", "vento", "suelo", "suolo", "solo", "aceite", "olio", "oleo", "bateria"),
+        *("batteria", "motore", "combustible", "carburante", "deseado", "deseada", "consigna"),
+        *("desiderato", "desiderata", "desejado", "comandado", "comandato", "comandata"),
+        *("objetivo", "obiettivo", "referencia", "riferimento", "despegue", "decollo"),
+        *(
+            "appgps",
+            "phone",
+            "app",
+            "weather",
+            "param",
+            "controller",
+        ),
     }
 )
 #: Words behind a name that leave it what it is.
@@ -117,7 +133,13 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("V", r"v_?v", "is it true airspeed, or a vertical velocity?"),
     ("altitude", r"hoe?he", "above sea level, or above the ground or a take-off?"),
     ("temperature", r"temperatur", "is it that of the outside air?"),
-    ("psi", r"cap|steuerkurs", "is it true or magnetic?"),
+    ("psi", r"cap|steuerkurs|rumbo|prua|proa", "is it true or magnetic?"),
+    ("V", r"velocidade?(_del?_aire?|_do_ar)?|velocita(_(dell_)?aria)?", "is it true or indicated?"),
+    ("altitude", r"altitud(ine)?|altura|quota", "above sea level, or above a take-off?"),
+    ("temperature", r"temperatura", "is it that of the outside air?"),
+    ("velocity_north", _ALONG.format("x"), "is x north? It may be an axis of the body"),
+    ("velocity_east", _ALONG.format("y"), "is y east? It may be an axis of the body"),
+    ("velocity_down", _ALONG.format("z"), "is z down? It may be up"),
 )
 #: Ending of a name -> unit, beside those of `aerodb.units`; single letters that end other names too
 #: are not among them.
@@ -137,6 +159,11 @@ _ENDINGS: Final = {
     **{"m/s2": "m/s^2", "cdeg": "cdeg", "mrad": "mrad", "cdeg_s": "cdeg/s", "mrad_s": "mrad/s"},
     **{"cm": "cm", "mm": "mm", "cm_s": "cm/s", "km": "km", "degf": "degF", "psi": "psi"},
     **{"kg_m3": "kg/m^3", "slug_ft3": "slug/ft^3", "lbf_ft2": "psf", "grad": "deg"},
+}
+#: Letters -> their names; a dot above is a derivative.
+_GREEK: Final = {
+    **{"α": "alpha", "β": "beta", "δ": "delta_", "θ": "theta", "ϑ": "theta", "Θ": "theta"},
+    **{"ρ": "rho", "φ": "phi", "ϕ": "phi", "Φ": "phi", "ψ": "psi", "Ψ": "psi", "ß": "ss"},
 }
 #: Specific forces of other logs are those that an accelerometer measured.
 _AT_CG: Final = {"ax", "ay", "az"}
@@ -194,8 +221,9 @@ def _parts(field: str) -> list[str]:
 
 
 def _lower(name: str) -> str:
-    """A name in lower case with underscores, accents left out."""
-    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss"))
+    """A name in lower case with underscores, Greek letters by their names, accents left out."""
+    spelled_out = "".join(_GREEK.get(each, each) for each in name)
+    plain = unicodedata.normalize("NFKD", spelled_out).replace("\u0307", "_dot")
     plain = "".join(each for each in plain if not unicodedata.combining(each))
     plain = re.sub(r"(?<=[_ ])(kPa|hPa|inHg|deg[CF])$", lambda unit: unit[0].lower(), plain)
     plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z]|(?:US|MS)$)", "_", plain).lower()
@@ -220,7 +248,9 @@ def _own_name(field: str, stated: str) -> Named | None:
     if (field in CHANNELS and field not in _AT_CG) or (
         is_surface(field) and _known(plain_name(field)[0]) in (None, field)
     ):
-        return None if field == "time" else Named(field, "exact", "")
+        if field == "time":
+            return None
+        return Named(field, "exact", "", _left_open(field, field) if field != "V" else "")
     whole, bracket = _words(field)
     short, unit = plain_name(field)
     unit = bracket or unit
@@ -277,6 +307,10 @@ def _meant(
         return Named(known, how, unit, "it is magnetic: true heading differs by the declination")
     if known == "psi" and "true" in text:
         return Named(known, how, unit)
-    open_ = next((ask for k, p, ask in _OPEN if k == known and re.fullmatch(p, words)), "")
+    open_ = _left_open(known, words)
     up = known == "velocity_down" and re.fullmatch(f"{_UP}|{CLIMBING}", words) is not None
     return Named(known, how, unit, open_, -1.0 if up else 1.0)
+
+
+def _left_open(known: str, words: str) -> str:
+    return next((ask for k, p, ask in _OPEN if k == known and re.fullmatch(p, words)), "")

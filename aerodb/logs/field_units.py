@@ -60,6 +60,9 @@ _BELIEVABLE: Final[dict[str, tuple[float, float]]] = {
     **{"velocity_down": (-300.0, 300.0), "temperature": (180.0, 340.0)},
     **{"static_pressure": (200.0, 115000.0), "qbar": (-500.0, 300000.0), "rho": (0.003, 1.6)},
 }
+#: Angle of the airflow that no wing holds for half of a flight [rad]: 45 deg. Gauges named after it
+#: show shares of the stall, or per cents.
+_HELD: Final = 0.8
 #: Largest believable deflection of a surface [rad]: of 60 deg. Servo pulses and per cents are more.
 _DEFLECTION: Final = 1.05
 
@@ -112,4 +115,6 @@ def believable(channel: str, values: Array) -> str:
         return f"{low:.4g} to {high:.4g} (SI) is not believable"
     if channel == "az_imu" and not 0.5 * _GRAVITY < abs(float(np.median(finite))) < 2 * _GRAVITY:
         return f"a median of {float(np.median(finite)):.3g} m/s^2 is no level flight"
+    if channel in ("alpha", "beta") and abs(float(np.median(finite))) > _HELD:
+        return f"a median of {np.rad2deg(float(np.median(finite))):.3g} deg is not believable"
     return ""

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of
+from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of, standing
 from aerodb.logs.draft_text import draft_text
 from aerodb.logs.field_names import Named, named
 from aerodb.logs.field_units import Sized, believable, unit_by_size
@@ -31,7 +31,7 @@ _FASTEST_SOUND = 365.0
 #: Difference of two columns, over the range of one, up to which they hold the same.
 _SAME: Final = 1e-3
 #: Names of a normal load, which is positive upwards whatever the axes are.
-_LOADS: Final = re.compile(r"(n_?z|norm|load|g|lastviel|facteur)")
+_LOADS: Final = re.compile(r"(n_?z|norm|load|g|lastviel|fac?tt?(e?ur|or))")
 #: Units that a mapping file writes as people do.
 _WRITTEN: Final = {"g0": "g", "dimensionless": "1"}
 #: Names that are a channel only beside others: components of velocity.
@@ -157,7 +157,11 @@ def _about_clocks(
     if not clocks:
         even = [f for topic in recording.topics.values() for f in counters(topic, columns)]
         hint = f" ({', '.join(even[:3])} runs evenly, but may be a counter)" if even else ""
-        questions.append(f"no column is named as a time: which is it? Add a [time] section{hint}")
+        still = [f for topic in recording.topics.values() for f in standing(topic, columns)]
+        why = "no column is named as a time"
+        if still:
+            why = f"{', '.join(still[:3])} repeats, runs back or is empty in too many rows"
+        questions.append(f"{why}: which is the time? Add a [time] section{hint}")
     return questions, notes
 
 
@@ -178,12 +182,12 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
     for known, candidates in found.items():
         best = min(candidates, key=lambda g: order.index(g.how))
         alike = [g for g in candidates if g.how == best.how]
-        stated = [g for g in alike if g.stated and not g.open]
-        best = (stated or alike)[0]
+        best = min(alike, key=lambda g: (bool(g.open), not g.stated))
         values = _in_si(best, usable)
         others = [g.field for g in alike if g != best and not _same(values, _in_si(g, usable))]
-        if others and not best.open:
-            best = replace(best, open=f"or is it {' or '.join(others[:3])}?")
+        if others:
+            ask = f"or is it {' or '.join(others[:3])}?"
+            best = replace(best, open=f"{best.open} {ask}".strip())
         chosen[known] = best
     upward = chosen.get("az_imu")
     if upward is not None and upward.scale < 0 and not _LOADS.match(upward.field.lower()):

@@ -28,7 +28,7 @@ def init(
 
     Example: aerodb mapping init flight.csv
     """
-    from aerodb.logs import draft_mapping
+    from aerodb.logs import choose_mapping, draft_mapping
     from aerodb.storage.mappings import builtin_mappings
     from aerodb.storage.workspace_settings import load_settings
     from aerodb.tasks.workers import parsed_log
@@ -46,8 +46,11 @@ def init(
         parsed_log(log, Path(folder) / "topics", limits) as parsed,
     ):
         recording = parsed.recording
-        fitting = [each for each in builtin_mappings().values() if each.fits(recording)]
-        draft = draft_mapping(recording, name, fitting[0] if fitting else None)
+        try:
+            known = choose_mapping(recording, builtin_mappings().values())
+        except InputError:  # none fits, or several do
+            known = None
+        draft = draft_mapping(recording, name, known)
     path.write_text(draft.text, encoding="utf-8")
     rows = [
         [g.channel, f"{g.topic}.{g.field}", g.unit, f"{g.scale:g}", g.confidence, g.reason]

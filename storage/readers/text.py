@@ -70,6 +70,8 @@ def read_text(data: bytes, where: str) -> TextTable:
     layout = text_layout(lines, where)
     remarks = [_quoted_title(lines, layout)] if layout.titles else []
     body = data[sum(len(line) + 1 for line in lines[: layout.first]) :]
+    if layout.delimiter == "|":  # those at the ends of a line are a frame
+        body = re.sub(rb"^[ \t]*\|", b"", body, flags=re.MULTILINE)
     body, damage = _without_cut_line(body)
     body, closing = _without_closing(body, layout)
     body, again = _without_repeats(body, lines[: layout.first], layout)

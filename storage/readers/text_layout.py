@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Final
 
+import numpy as np
+
 from aerodb.errors import InputError
 from aerodb.storage.readers.text_cells import is_filled_as_data, is_number
 from aerodb.units import is_spelled
@@ -25,6 +27,10 @@ _MOST_CLOSING: Final = 20
 _DELIMITERS: Final = (";", "\t", "|", ",", " ")
 SEP: Final = re.compile(rb'"?sep=(.)"?\s*', re.IGNORECASE)
 _COMMENT: Final = "#%"
+#: A line of these is a rule under a header.
+_RULE: Final = "-=+:_"
+#: What stands before a row of units in a comment.
+_UNITS_ARE: Final = re.compile(r"^\s*units?\s*[:=]\s*", re.IGNORECASE)
 #: Share of the names of a row that must be units, so that it is the row of units.
 _LEAST_UNITS: Final = 0.5
 
@@ -78,7 +84,7 @@ def text_layout(lines: list[bytes], where: str) -> Layout:
     best: tuple[tuple[float, ...], str, list[_Row], list[_Row]] | None = None
     for order, delimiter in enumerate((only,) if only else _DELIMITERS):
         rows = [_row(k, text, delimiter) for k, text in enumerate(sample) if k >= skipped]
-        rows = [row for row in rows if row.filled]
+        rows = [row for row in rows if any(word.strip(_RULE) for word in row.filled)]
         for least in (0.5, 1e-9):
             data = [r for r in rows if not r.comment and r.numbers > least * len(r.filled) - 1e-9]
             while data and _is_units(data[0]) and not any(map(_has_digits, data[0].filled)):
@@ -129,7 +135,9 @@ def words_of(text: str, delimiter: str) -> list[str]:
 
 def _row(line: int, text: str, delimiter: str) -> _Row:
     comment = text.lstrip()[:1] in tuple(_COMMENT)
-    words = words_of(text.lstrip(_COMMENT + " ") if comment else text, delimiter)
+    words = words_of(
+        _UNITS_ARE.sub("", text.lstrip(_COMMENT + " ")) if comment else text, delimiter
+    )
     return _Row(line, words, sum(bool(w) and is_filled_as_data(w) for w in words), comment)
 
 
@@ -153,12 +161,13 @@ def _with_header(rows: list[_Row], data: list[_Row], delimiter: str, where: str)
     units, names, header = [""] * width, None, []
     if named:
         header = _adjacent(named)
-        of_units = [row for row in header if _is_units(row)]
+        of_units = sorted(filter(_is_units, header), key=_units_share, reverse=True)
         others = [row for row in header if row not in of_units[:1]]
         if len(header) > 1 and of_units and others:
             units = _padded(of_units[0].words, width)
-            header = [of_units[0], others[-1]]
-            names = _padded(others[-1].words, width)
+            group = [row for row in named if row.line == header[0].line - 1]
+            names = _joined([*group, others[-1]], width)
+            header = [*group, of_units[0], others[-1]]
         elif header[-1].comment and not all(row.comment for row in header):
             names = _padded([row for row in header if not row.comment][-1].words, width)
         else:
@@ -192,8 +201,12 @@ def _has_digits(word: str) -> bool:
 
 
 def _is_units(row: _Row) -> bool:
-    known = [is_spelled(word.strip("[]() ")) for word in row.filled]
-    return sum(known) >= max(_LEAST_UNITS * len(known), 1) and any(set(row.filled) - {"-"})
+    return _units_share(row) >= _LEAST_UNITS and any(set(row.filled) - {"-"})
+
+
+def _units_share(row: _Row) -> float:
+    """Share of the words that are units."""
+    return float(np.mean([is_spelled(word.strip("[]() ")) for word in row.filled]))
 
 
 def _adjacent(named: list[_Row]) -> list[_Row]:
@@ -211,8 +224,13 @@ def _joined(header: list[_Row], width: int) -> list[str]:
     filled = [name for name in lower if name]
     if len(header) == 1 or header[0].comment or len(set(filled)) == len(filled) == width:
         return lower
+    above = _padded(header[0].words, width)
+    if len(set(filled)) == len(filled) and all(
+        a for a, b in zip(above, lower, strict=True) if not b
+    ):
+        return [b or a for a, b in zip(above, lower, strict=True)]
     upper, last = [], ""
-    for word in _padded(header[0].words, width):
+    for word in above:
         last = word or last
         upper.append(last)
     return [f"{a} {b}".strip() for a, b in zip(upper, lower, strict=True)]

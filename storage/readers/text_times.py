@@ -11,7 +11,7 @@ _DATE: Final = (
     r"(?:(?P<year>\d{4})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?)"
     r"|(?P<first>\d\d?)(?P<sign>[-/.])(?P<second>\d\d?)[-/.](?P<late_year>\d{4}|\d\d)"
     r"|(?P<named_day>\d\d?)[- ](?P<name>[A-Za-z]{3})[A-Za-z]*[- ](?P<named_year>\d{4})"
-    r"|(?P<basic>\d{8}(?=T)))"
+    r"|(?P<basic>\d{8}(?=[T ]\d)))"
 )
 _CLOCK: Final = (
     r"(?P<hour>\d{1,2}):?(?P<minute>\d\d)(?::?(?P<whole>\d\d)(?:[.,:](?P<part>\d+))?)?"
@@ -87,7 +87,8 @@ def seconds_of_digits(values: NDArray[np.float64]) -> NDArray[np.float64] | None
     ``142210500``; None for others.
 
     Such a number rises by 41 from the last second of a minute to the next: read as seconds, a log
-    would have a gap of 40 s in every minute.
+    would have a gap of 40 s in every minute. Numbers that are as even as they stand are none:
+    0, 50, 100 are milliseconds.
 
     >>> seconds_of_digits(np.array([145958.0, 145959.0, 150000.0, 150001.0]))
     array([53998., 53999., 54000., 54001.])
@@ -104,9 +105,17 @@ def seconds_of_digits(values: NDArray[np.float64]) -> NDArray[np.float64] | None
         if not (second[there] < 60.0).all() or not np.any(np.diff(minute[there]) > 0.0):
             continue
         seconds = 3600.0 * (minute // 100.0) + 60.0 * (minute % 100.0) + second
-        if np.diff(digits[there]).max() - np.diff(seconds[there]).max() > _ROLLED:
+        (usual, uneven), (as_digits, uneven_digits) = map(_steps, (seconds[there], digits[there]))
+        if np.isclose(usual, as_digits) and uneven + _ROLLED < uneven_digits:
             return np.asarray(seconds, dtype=np.float64)
     return None
+
+
+def _steps(times: NDArray[np.float64]) -> tuple[float, float]:
+    """The usual step, and how much all differ from it, in sum."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    return usual, float(np.abs(steps - usual).sum())
 
 
 def _column(parts: pd.DataFrame, name: str) -> NDArray[np.float64]:

@@ -89,6 +89,39 @@ NAMES: dict[str, tuple[str, str, str, str]] = {
         "gouverne_direction gouverne_de_direction",
     ),
 }
+#: The same in Spanish and in Italian, with underscores for blanks.
+ROMANCE: dict[str, tuple[str, str]] = {
+    "V": ("velocidad_verdadera TAS", "velocità_vera TAS"),
+    "calibrated_airspeed": ("velocidad_indicada IAS", "velocità_indicata IAS"),
+    "alpha": ("ángulo_de_ataque", "angolo_di_attacco incidenza"),
+    "beta": ("resbalamiento derrape", "angolo_di_derapata derapata"),
+    "phi": ("alabeo ángulo_de_balanceo", "rollio angolo_di_rollio"),
+    "theta": ("cabeceo ángulo_de_cabeceo", "beccheggio assetto"),
+    "psi": ("guiñada", "imbardata angolo_di_imbardata"),
+    "p": ("velocidad_de_alabeo tasa_de_balanceo", "velocità_di_rollio rateo_di_rollio"),
+    "q": ("velocidad_angular_de_cabeceo", "velocità_di_beccheggio"),
+    "r": ("velocidad_de_guiñada", "velocità_di_imbardata rateo_di_imbardata"),
+    "ax_imu": ("aceleración_longitudinal", "accelerazione_longitudinale"),
+    "ay_imu": ("aceleración_lateral", "accelerazione_laterale"),
+    "az_imu": ("-factor_de_carga", "-fattore_di_carico -accelerazione_normale"),
+    "altitude": ("altitud", "quota altitudine"),
+    "height_above_ground": ("altura_sobre_el_suelo", "altezza_sul_suolo"),
+    "velocity_down": ("-velocidad_vertical -variómetro", "-velocità_verticale -rateo_di_salita"),
+    "velocity_north": ("velocidad_norte", "velocità_nord"),
+    "velocity_east": ("velocidad_este", "velocità_est"),
+    "latitude": ("latitud", "latitudine"),
+    "longitude": ("longitud", "longitudine"),
+    "temperature": ("temperatura_exterior", "temperatura_esterna"),
+    "static_pressure": ("presión_estática", "pressione_statica"),
+    "qbar": ("presión_dinámica", "pressione_dinamica"),
+    "rho": ("densidad_del_aire", "densità_aria"),
+    "mach": ("número_de_mach mach", "numero_di_mach mach"),
+    "delta_elevator": ("timón_de_profundidad elevador", "equilibratore"),
+    "delta_aileron": ("alerones alerón", "alettoni alettone"),
+    "delta_rudder": ("timón_de_dirección", "timone timone_di_direzione"),
+}
+#: Languages of the names.
+LANGUAGES = 6
 #: SI unit of channels -> the unit and how tools write it.
 ANGLES = "deg:deg rad:rad deg:° deg:Grad deg:degrees"
 RATES = "deg/s:deg/s rad/s:rad/s deg/s:dps deg/s:°/s deg/s:deg/sec"
@@ -190,6 +223,15 @@ OTHERS = [
     "/engines/engine[0]/oil-temperature-degf",
     "Attitude_target.pitch",
     "tailwind",
+    "velocidad_del_viento",
+    "velocidad_respecto_al_suelo",
+    "alabeo_deseado",
+    "temperatura_aceite",
+    "velocità_al_suolo",
+    "rollio_comandato",
+    "temperatura_motore",
+    "APPGPS.latitude",
+    "WEATHER.windSpeed",
     "voltage",
     "current",
 ]
@@ -213,6 +255,9 @@ def clocks(rng: np.random.Generator) -> tuple[str, Callable[[float, int], str]]:
         ("unix_time", lambda t, k: f"{1.7102533e9 + t:.4f}"),
         ("UTC", lambda t, k: f"2024-03-12T{stamp(t)}Z"),
         ("Datum", lambda t, k: f"12.03.2024 {stamp(t)}"),
+        ("Tiempo [s]", lambda t, k: f"{t:.4f}"),
+        ("Hora", lambda t, k: stamp(t)),
+        ("data_ora", lambda t, k: f"2024-03-12 {stamp(t)}"),
         ("Uhrzeit", lambda t, k: stamp(t)),
         ("Lcl Time", lambda t, k: stamp(t)),
         ("Date_Time", lambda t, k: f"{45363.5 + t / 86400.0:.10f}"),
@@ -238,7 +283,7 @@ def header(name: str, written: str, style: str) -> str:
 def table(seed: int) -> Tool:
     """The table of a seed."""
     rng = np.random.default_rng(1000 + seed)
-    language = seed % 4
+    language = seed % LANGUAGES
     style = STYLES[int(rng.integers(len(STYLES)))]
     sep = SEPARATORS[int(rng.integers(len(SEPARATORS)))]
     if style == "comma" and "," in sep:
@@ -246,7 +291,7 @@ def table(seed: int) -> Tool:
     columns: list[tuple[str, Meaning]] = []
     row = []
     for known in rng.permutation(list(NAMES))[: int(rng.integers(8, 22))]:
-        name = str(rng.choice(NAMES[known][language].split()))
+        name = str(rng.choice((NAMES[known] + ROMANCE[known])[language].split()))
         sign = -1.0 if name.startswith("-") else 1.0
         stated = UNITS[known].split()[: 2 if style == "none" else None]
         unit, written = str(rng.choice(stated)).split(":")
@@ -305,6 +350,20 @@ def drafted(path: Path, **columns: list[str]) -> dict[str, tuple[str, str]]:
     return {guess.channel: (guess.field, guess.confidence) for guess in guesses}
 
 
+def test_a_gauge_named_after_the_angle_of_attack_is_asked(tmp_path: Path) -> None:
+    gauge = [f"{50.0 + 9.0 * np.sin(0.1 * k):.1f}" for k in range(60)]  # per cent of the stall
+    assert drafted(tmp_path / "a.csv", time=TIME, AOA=gauge) == {"alpha": ("AOA", "asked")}
+
+
+@pytest.mark.parametrize("name", ["altitude [ft]", "temperature [degF]"])
+def test_a_name_of_ours_does_not_say_which_height_or_air_is_meant(
+    tmp_path: Path, name: str
+) -> None:
+    table = {"time": TIME, name: [f"{each:.1f}" for each in np.linspace(60.0, 90.0, 60)]}
+    ((field, confidence),) = drafted(tmp_path / "a.csv", **table).values()
+    assert (field, confidence) == (name.split()[0], "asked")
+
+
 TIME = [f"{0.05 * k:.2f}" for k in range(60)]
 SWING = [f"{9.0 * np.sin(0.1 * k):.4f}" for k in range(60)]
 
@@ -347,3 +406,28 @@ def test_specific_force_of_a_stranger_is_that_of_its_accelerometer(tmp_path: Pat
     drafted(path, time=TIME, **{"az [g]": load})
     (guess,) = draft_mapping(read_tabular(path), "own").guesses
     assert (guess.channel, guess.scale) == ("az_imu", -1.0)  # positive upwards by its values
+
+
+def test_greek_letters_are_channels_and_a_dot_is_a_derivative(tmp_path: Path) -> None:
+    columns = {"time": TIME, "α [°]": SWING, "φ/deg": SWING[::-1], "δe [°]": SWING, "ṗ": SWING}
+    found = drafted(tmp_path / "a.csv", **columns)
+    sure = {channel: (field, "sure") for channel, field in (("alpha", "α"), ("phi", "φ"))}
+    assert found == {**sure, "delta_elevator": ("δe", "sure")}
+
+
+@pytest.mark.parametrize("name", ["RTC", "Datenaufzeichnung", "TOW [s]"])
+def test_a_column_of_times_under_another_name_is_the_clock_and_asked(
+    tmp_path: Path, name: str
+) -> None:
+    times = TIME if "[s]" in name else [f"12.03.2024 14:22:{10 + float(t):06.3f}" for t in TIME]
+    drafted(tmp_path / "a.csv", **{name: times, "n": list(map(str, range(60))), "roll": SWING})
+    clock = draft_mapping(read_tabular(tmp_path / "a.csv"), "own").clock
+    assert clock is not None
+    assert (clock.field, clock.unit, clock.confidence) == (name.split()[0], "s", "asked")
+
+
+def test_a_clock_of_whole_seconds_is_said_to_repeat(tmp_path: Path) -> None:
+    drafted(tmp_path / "a.csv", time=[f"14:22:{10 + k // 20}" for k in range(60)], roll=SWING)
+    draft = draft_mapping(read_tabular(tmp_path / "a.csv"), "own")
+    assert draft.clock is None
+    assert draft.questions[0].startswith("time repeats")

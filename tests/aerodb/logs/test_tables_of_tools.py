@@ -235,6 +235,58 @@ TOOLS: dict[str, Tool] = {
         plain,
         lambda t, k: f"{1710253330000000000 + round(t * 1e9)}",
     ),
+    "Litchi": Tool(
+        (
+            *(("latitude", c("latitude", "deg")), ("longitude", c("longitude", "deg"))),
+            *(("altitude(feet)", None), ("speed(mph)", None), ("time(millisecond)", T)),
+            *(("pressure(Pa)", None), ("temperature(F)", None), ("home_latitude", None)),
+            *(("velocityX(mps)", c("velocity_north", "m/s")), ("gimbalPitch(raw)", None)),
+            *(("velocityZ(mps)", c("velocity_down", "m/s")), ("pitch(deg)", c("theta", "deg"))),
+            *(("roll(deg)", c("phi", "deg")), ("yaw(deg)", c("psi", "deg")), ("yawRaw", None)),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e3:.0f}",
+    ),
+    "Litchi, raw": Tool(
+        (
+            *(("time(millisecond)", T), ("pitch(raw)", None), ("roll(raw)", None)),
+            *(("yaw(raw)", None), ("latitude", c("latitude", "deg")), ("altitude(m)", None)),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e3:.0f}",
+    ),
+    "DJI flight record": Tool(
+        (
+            *(("CUSTOM.updateTime [local]", T), ("OSD.flyState", None)),
+            *(("OSD.latitude", c("latitude", "deg")), ("OSD.longitude", c("longitude", "deg"))),
+            *(("OSD.height [ft]", None), ("OSD.altitude [ft]", c("altitude", "ft"))),
+            *(("OSD.xSpeed [MPH]", c("velocity_north", "mile/hour")), ("HOME.latitude", None)),
+            *(("OSD.zSpeed [MPH]", c("velocity_down", "mile/hour")), ("GIMBAL.pitch", None)),
+            *(("OSD.pitch", c("theta", "deg")), ("OSD.roll", c("phi", "deg")), ("RC.rudder", None)),
+            *(("OSD.yaw", c("psi", "deg")), ("BATTERY.temperature [F]", None)),
+            *(("APPGPS.latitude", None), ("WEATHER.windSpeed [MPH]", None), ("OSD.isFlying", None)),
+        ),
+        plain,
+        lambda t, k: f"2:{int(t) // 60:02d}:{t % 60:06.3f} PM",
+    ),
+    "DatCon": Tool(
+        (
+            *(("offsetTime", T), ("IMU_ATTI(0):accelX", c("ax_imu", "g")), ("RC:Aileron", None)),
+            *(("IMU_ATTI(0):accelZ", c("az_imu", "g")), ("IMU_ATTI(0):gyroX", c("p", "deg/s"))),
+            *(("IMU_ATTI(0):roll:C", c("phi", "deg")), ("IMU_ATTI(0):magYaw:C", None)),
+            *(("GPS(0):heightMSL", c("altitude", "m")), ("General:absoluteHeight:C", None)),
+        ),
+        plain,
+        number,
+    ),
+    "Yuneec": Tool(
+        (
+            *(("", T), ("fsk_rssi", None), ("altitude", None), ("roll", c("phi", "deg"))),
+            *(("latitude", c("latitude", "deg")), ("tas", None), ("pitch", c("theta", "deg"))),
+        ),
+        plain,
+        lambda t, k: "20240312 " + stamp(t, ":"),
+    ),
     "iNav or MAVLink in whole numbers": Tool(
         (
             *(("time_boot_ms", T), ("lat", c("latitude", "deg")), ("lon", c("longitude", "deg"))),

@@ -28,6 +28,7 @@ FILES = {
     "table.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel", "CSV"),
     "broken.zip": (archive("a")[:20], "damaged archive", "unpack"),
     "flight.bbl": (b"H Product:Blackbox flight data recorder\n", "blackbox", "blackbox_decode"),
+    "track.txt": (b"$GPGGA,142210.00,4707.1,N,00830.4,E,1,08,0.9,545.4,M\n", "NMEA", "autopilot"),
     "flight.mf4": (b"MDF     4.10" + bytes(60), "MDF", "CSV"),
 }
 
@@ -43,6 +44,13 @@ def test_a_file_of_another_program_is_named(tmp_path: Path, name: str, suffix: s
     assert what in refusal.value.what
     assert way in refusal.value.remedy
     assert name in refusal.value.where
+
+
+@pytest.mark.parametrize("name", ["a.igc", "a.GPX", "a.fit", "DJIFlightRecord_2024-03-12.txt"])
+def test_a_file_of_another_program_is_named_by_its_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"AXXX001\x01\x02\nHFDTE120324\n")
+    with pytest.raises(InputError, match="not read"):
+        read_log(tmp_path / name)
 
 
 def test_a_table_that_begins_with_like_words_is_read(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.mcap import read_mcap
 from aerodb.storage.readers.mcap_framing import McapRecord, walk
 from aerodb.vehicle import parse_vehicle
+from tests.support.command import asked
 
 START = 1_700_000_000 * 10**9
 HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
@@ -330,6 +331,15 @@ def test_messages_of_px4_are_its_topics_under_any_prefix(tmp_path: Path, prefix:
     np.testing.assert_allclose(flight["p"], 0.1, rtol=1e-6)
     np.testing.assert_allclose(flight["q"], 0.2, rtol=1e-6)  # no turned axes, as in REP 103
     assert flight["V"][0] == pytest.approx(20.0, abs=0.5)
+
+
+def test_the_draft_of_a_log_that_its_reader_knows_is_the_built_in_mapping(tmp_path: Path) -> None:
+    write_bridged(tmp_path / "a.mcap", "/fmu/out/")
+    output = str(tmp_path / "m.toml")
+    said = asked(tmp_path, "mapping", "init", str(tmp_path / "a.mcap"), "--output", output)
+    found = {guess["channel"]: guess["field"] for guess in said["guesses"]}
+    assert found["q"] == "xyz[1]"
+    assert {guess["confidence"] for guess in said["guesses"]} == {"sure"}
 
 
 def test_messages_of_px4_without_stamps_keep_the_time_of_the_recorder(tmp_path: Path) -> None:

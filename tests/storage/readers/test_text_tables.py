@@ -53,6 +53,7 @@ def fortran(value: float) -> str:
 
 HEADER = "time,V,az\n"
 FORMS = {
+    "date of digits": HEADER + stamped(lambda t: f"20240312 {clock(t, ':')}"),
     "excel sep": "sep=;\n" + HEADER.replace(",", ";") + rows(";", comma),
     "excel sep quoted": '"sep=\t"\n' + HEADER.replace(",", "\t") + rows("\t"),
     "titles": "Flight test\nAircraft,example\n\n" + HEADER + rows(","),
@@ -139,6 +140,7 @@ def test_dates_are_seconds_since_1970(tmp_path: Path) -> None:
         ("ISO with a zone", 1710252000.0 - 3600.0),
         ("German date", 1710252000.0),
         ("MATLAB date", 1710252000.0),
+        ("date of digits", 1710252000.0),
     ):
         topic = read(tmp_path, FORMS[form]).topics["table"]
         assert topic.fields["time"][0] == first, form
@@ -303,3 +305,32 @@ def test_a_labview_measurement_file_is_its_table(tmp_path, writes_times):
     np.testing.assert_allclose(topic.fields["X_Value"], [0.0, 0.02, 0.04, 0.06])
     np.testing.assert_allclose(topic.fields["Staudruck"], [600.25, 601.25, 602.25, 603.25])
     assert topic.units == {"X_Value": "s", "Rollwinkel": "deg", "Staudruck": "Pa"}
+
+
+@pytest.mark.parametrize("step", [50, 100, 200])
+def test_milliseconds_with_gaps_are_no_digits_of_a_clock(tmp_path: Path, step: int) -> None:
+    stamps = [step * k for k in range(5900 // step) if k not in (5, 6, 7, 12)]
+    text = "time_ms,V\n" + "".join(f"{stamp},{20 + stamp % 3}\n" for stamp in stamps)
+    recording = read(tmp_path, text)
+    np.testing.assert_array_equal(recording.topics["table"].fields["time_ms"], stamps)
+    assert "remarks" not in recording.metadata
+
+
+def test_lines_framed_by_pipes_with_a_rule_under_the_header(tmp_path: Path) -> None:
+    text = "| t [s] | V [m/s] |\n|---|---|\n"
+    text += "".join(f"| {0.1 * k:.1f} | {20 + k % 3} |\n" for k in range(40))
+    topic = read(tmp_path, text).topics["table"]
+    assert topic.units == {"t": "s", "V": "m/s"}
+    np.testing.assert_allclose(topic.fields["t"], 0.1 * np.arange(40))
+
+
+@pytest.mark.parametrize("names", [",V,az", "time,V,az"])
+def test_groups_above_names_above_units(tmp_path: Path, names: str) -> None:
+    text = f"time,Aircraft,Aircraft\n{names}\n[s],[m/s],[m/s2]\n" + rows(",")
+    topic = read(tmp_path, text).topics["table"]
+    assert topic.units == {"time": "s", "V": "m/s", "az": "m/s2"}
+
+
+def test_a_comment_may_say_that_units_follow(tmp_path: Path) -> None:
+    text = "# units: s, m/s, m/s2\n" + HEADER + rows(",")
+    assert read(tmp_path, text).topics["table"].units["time"] == "s"
