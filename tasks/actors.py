@@ -12,17 +12,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final, get_args
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue import USER_ROLES, Catalogue, UserRole
-from aerodb.storage.workspace import Workspace
+from aerodb.storage.catalogue import UserRole
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import Catalogue
+    from aerodb.storage.workspace import Workspace
 
 try:
     import pwd
 except ImportError:  # a system without user ids
     pwd = None  # type: ignore[assignment]
 
+#: From the least to the most.
+_ROLES: Final = get_args(UserRole)
 _ACTING: Final[ContextVar["Actor | None"]] = ContextVar("acting", default=None)
 
 
@@ -71,7 +76,7 @@ def system_user() -> str:
         return f"uid {number}"
 
 
-def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, what: str) -> None:
+def require_role(workspace: "Workspace", catalogue: "Catalogue", role: UserRole, what: str) -> None:
     """Raise NotAllowedError unless who acts has at least `role`; `what` is to be done."""
     actor = _ACTING.get()
     if actor is None:
@@ -82,7 +87,7 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
         held = known.get(system_user())
     else:
         held = actor.role
-    if held is None or USER_ROLES.index(held) < USER_ROLES.index(role):
+    if held is None or _ROLES.index(held) < _ROLES.index(role):
         has = f"has the role {held}" if held else "is no user of this workspace"
         raise NotAllowedError(
             f"{what} requires the role {role}; {user()} {has}",
@@ -93,12 +98,12 @@ def require_role(workspace: Workspace, catalogue: Catalogue, role: UserRole, wha
 
 def acts_as(role: UserRole) -> bool:
     """Return whether who acts in place of the operating system's user has at least `role`, in the
-    order of `USER_ROLES`; False, and no error, if nobody does."""
+    order of `UserRole`; False, and no error, if nobody does."""
     actor = _ACTING.get()
-    return actor is not None and USER_ROLES.index(actor.role) >= USER_ROLES.index(role)
+    return actor is not None and _ROLES.index(actor.role) >= _ROLES.index(role)
 
 
-def _owns(workspace: Workspace) -> bool:
+def _owns(workspace: "Workspace") -> bool:
     return pwd is None or workspace.root.stat().st_uid == os.getuid()
 
 

@@ -45,15 +45,8 @@ if TYPE_CHECKING:
     from .ground_motion import ground_speed, places, wheel_speed
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
-    from .segmentation import (
-        STATES,
-        Segment,
-        carried,
-        despite_ground,
-        ground_and_air,
-        segments,
-        was_airborne,
-    )
+    from .segment import STATES, Segment
+    from .segmentation import carried, despite_ground, ground_and_air, segments, was_airborne
     from .selection import checked_conditions, selected
     from .suspicion import Suspicion, clock_suspicions
     from .wild_points import RAREST, SHORTEST_STUCK, spikes, stuck, without_wild_points

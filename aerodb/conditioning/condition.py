@@ -8,7 +8,8 @@ import numpy as np
 
 from aerodb.conditioning.delay import Delay
 from aerodb.conditioning.failures import flag_failed
-from aerodb.conditioning.segmentation import Segment, flag_on_ground
+from aerodb.conditioning.segment import Segment
+from aerodb.conditioning.segmentation import flag_on_ground
 from aerodb.conditioning.suspicion import Suspicion
 from aerodb.conditioning.wild_points import flag_wild_points
 from aerodb.flight import Flight

@@ -4,7 +4,7 @@
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -37,6 +37,7 @@ from aerodb.conditioning.responses import (
     stalls,
     steady,
 )
+from aerodb.conditioning.segment import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_command
 from aerodb.signals import bridge, runs
@@ -55,22 +56,6 @@ GEAR_STEP = 0.05
 PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "ruddervator", "canard")
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A stretch of a flight: kind, `start` and `end` [s], reason in words, surface channel if any.
-
-    Kinds: ``on_ground airborne hover``; ``failed`` (a sensor, whose stretch is left out);
-    ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep multistep``; ``stall pull_up
-    low_g slow_oscillation spiral``; ``steady``.
-    """
-
-    kind: str
-    start: float
-    end: float
-    reason: str
-    channel: str = ""
-
-
 #: Share of the usual command of rotors above which they carry the aircraft: half the speed lifts a
 #: quarter of the weight.
 CARRYING: Final = 0.5
@@ -80,8 +65,6 @@ HOVER_SPEED: Final = 1.0
 HOVER_TIME: Final = 2.0
 #: Why hover is a segment of its own.
 HOVER: Final = "rotors carry the aircraft, by the modes of its autopilot"
-#: Kinds that are no manoeuvres.
-STATES: Final = ("on_ground", "airborne", "hover", "failed", "configuration", "steady")
 
 
 def segments(flight: Flight) -> tuple[Segment, ...]:

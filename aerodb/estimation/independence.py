@@ -7,7 +7,6 @@ from typing import Final, Literal
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from aerodb.estimation.coloured_noise import NoiseModel, autoregressive_noise
@@ -143,6 +142,8 @@ def _furthest(
         at = np.arange(len(moved)) * record.step
         products += np.interp(lags, at, _products(left, moved))
         covariance += noise.summed(np.column_stack([moved[1:], moved[:-1]]))
+    from scipy.optimize import brentq  # slow to import
+
     neighbours = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
     crossings = len(lags) * float(np.arccos(min(neighbours, 1.0))) / np.pi
     deviation = float(np.sqrt(covariance[0, 0]))

@@ -10,10 +10,14 @@ _LOAD: Final = r"(factor_de_carga|fattore_di_carico|fator_de_carga|facteur_(de_)
 _ACCELERATION: Final = r"(aceleracion|aceleracao|accelerazione|acceleration)"
 
 #: Names of `velocity_down` that are positive upwards.
-CLIMBING: Final = (
-    r"steig(rate|geschwindigkeit)|vario(_?met(er|ro))?|vitesse_(verticale|ascensionnelle)"
-    r"|taux_de_montee|velocidade?_(vertical|de_(ascenso|subida))|velocita_(verticale|di_salita)"
-    r"|(tasa|razon|regimen|razao|taxa)_de_(ascenso|subida)|rateo_di_salita"
+CLIMBING: Final = "|".join(
+    (
+        r"steig(rate|geschwindigkeit)|vario(_?met(er|ro))?",
+        r"vitesse_(verticale|ascensionnelle)|taux_de_montee",
+        r"velocidade?_(vertical|de_(ascenso|subida))|(tasa|razon|regimen)_de_ascenso",
+        r"(razao|taxa)_de_subida",
+        r"velocita_(verticale|di_salita)|rateo_di_salita",
+    )
 )
 #: Channel -> pattern of its names.
 FOREIGN: Final[dict[str, str]] = {

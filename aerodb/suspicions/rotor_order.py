@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aerodb.conditioning import Suspicion
 from aerodb.estimation import samples_per_independent
@@ -81,6 +80,8 @@ def order_suspicions(
             " and -1 in `turns` of all its rotors"
         )
         return (Suspicion(names[0], "sign", words, {"agreement": alike["Cn"]}),)
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     shares = [each.explained * np.outer(each.measured, each.expected) for each in axes.values()]
     share = np.sum(shares, axis=0)
     order = [int(k) for k in linear_sum_assignment(share, maximize=True)[1]]

@@ -37,9 +37,10 @@ def inspect(
     """
     # Imported here, and below, because a query must not wait for the science to import; the
     # process that reads the log starts in the meantime.
+    from aerodb.tasks.steps import FINDINGS
     from aerodb.tasks.workers import start_workers
 
-    start_workers([log.suffix.lower()])
+    start_workers([log.suffix.lower()], FINDINGS)
     from aerodb.tasks.view import inspected_log, inspection_lines, inspection_verdict
 
     session: Session = context.obj
@@ -88,9 +89,10 @@ def show(
 
     Example: aerodb log show flight.ulg --signal alpha,theta
     """
+    from aerodb.tasks.steps import FINDINGS
     from aerodb.tasks.workers import start_workers
 
-    start_workers([log.suffix.lower() for log in logs])
+    start_workers([log.suffix.lower() for log in logs], FINDINGS)
     from aerodb.storage.workspace import Workspace, write_for_user
     from aerodb.tasks.view import inspection_lines, inspection_verdict, logs_page
 

@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.recording import Damage
-from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
-from aerodb.tasks.steps import repeat_documents, repeating
+from aerodb.storage.catalogue import FlightRow, ResultRow
 
-# A list of flights reads the catalogue alone, and does not wait for what reads files.
+# A list of flights reads the catalogue alone, and does not wait for what reads files; a log that is
+# only inspected does not wait for the catalogue.
 if TYPE_CHECKING:
+    from aerodb.storage.catalogue import Catalogue
     from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
@@ -42,9 +43,11 @@ def step_words(step: str) -> str:
     return _STEP_WORDS.get(step, step.replace("_", " "))
 
 
-def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
+def flights_document(catalogue: "Catalogue", rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
     """Return flights, each with the name of its log's file, and whether it counts: not retracted,
     and not a repeat of another."""
+    from aerodb.tasks.steps import repeating
+
     again = repeating(catalogue, [row.id for row in rows])
     files = catalogue.log_names(row.log_sha256 for row in rows)
     return [
@@ -60,6 +63,8 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
 def flight_details(access: "WorkspaceAccess", row: FlightRow) -> dict[str, Any]:
     """Return a flight with its log, findings, consistency, results, and the versions based on it:
     times [s], figures in SI units. InputError where a stored file is damaged."""
+    from aerodb.tasks.steps import repeat_documents
+
     catalogue = access.catalogue
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {

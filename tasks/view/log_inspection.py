@@ -39,10 +39,8 @@ from aerodb.nomenclature import is_surface
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.tasks.steps import SERVOS, PlottedLog, Wanted, look_over, plot_log
-from aerodb.tasks.view.channels import FIRST, PANELS
+from aerodb.tasks.steps import FINDINGS, SERVOS, PlottedLog, Wanted, look_over, plot_log
 from aerodb.tasks.view.flight_documents import damage_document
-from aerodb.tasks.view.log_documents import recording_document
 from aerodb.tasks.workers import Parsed, parsed_log, start_workers
 from aerodb.units import UnitSystem
 
@@ -52,8 +50,6 @@ if TYPE_CHECKING:
 #: Largest number of suspicions, and of kinds of manoeuvres, that are named in words.
 _FEW: Final = 2
 _KINDS: Final = 6
-#: Channels that are plotted first; accelerometers where the mapping cannot move them to the CG.
-_FIRST: Final = (*FIRST, "ax_imu", "ay_imu", "az_imu")
 #: Most samples of a line of a plot.
 _POINTS: Final = 1000
 
@@ -89,7 +85,7 @@ def inspected_log(
     """
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
-    start_workers([log.suffix.lower()])
+    start_workers([log.suffix.lower()], FINDINGS)
     limits = load_settings(workspace).limits
     with (
         tempfile.TemporaryDirectory(prefix="aerodb-") as folder,
@@ -97,8 +93,12 @@ def inspected_log(
     ):
         wanted = None
         if panels is not None:
+            from aerodb.tasks.view.channels import FIRST, PANELS  # it waits for the store
+
             asked = tuple(map(tuple, panels))
-            wanted = Wanted(asked, tuple(formulas), _FIRST, PANELS, _POINTS)
+            # accelerometers where the mapping cannot move them to the CG
+            first = (*FIRST, "ax_imu", "ay_imu", "az_imu")
+            wanted = Wanted(asked, tuple(formulas), first, PANELS, _POINTS)
         yield _looked_into(parsed, mapping, str(workspace), wanted)
 
 
@@ -288,6 +288,7 @@ def logs_page(
 
 def _story(name: str, looked: InspectedLog, plotted: PlottedLog) -> "LogStory":
     from aerodb.report import LogStory
+    from aerodb.tasks.view.log_documents import recording_document
 
     document = looked.document
     mapped = document["mapping"] is not None

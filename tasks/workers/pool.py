@@ -86,12 +86,13 @@ def confined(
     flight: str,
     what: str,
     where: str,
+    needs: tuple[str, ...] = _SCIENCE,
 ) -> Result:
     """Return ``function(*arguments)``, run in a worker process under the limits of the workspace.
 
     function : of a module, with arguments and a result that pickle takes; what is large goes
     through the store. flight : its id, or the hash of its log. what, where : the work ("the
-    consistency step") and the log or flight.
+    consistency step") and the log or flight. needs : modules that the worker imports first.
     Raises what the function raises, through `failing_alone`, and OverLimitError when it breaks a
     limit or takes its process down. Without ``[work] confined``, or on a system that cannot fork,
     it runs here, without limits.
@@ -100,7 +101,8 @@ def confined(
     if _inside or not settings.work.confined or not hasattr(os, "fork"):
         with failing_alone(what, where, memory=True):
             return function(*arguments)
-    result: Result = done(Job(function, arguments, settings.limits, flight, what, where))
+    job = Job(function, arguments, settings.limits, flight, what, where, needs=needs)
+    result: Result = done(job)
     return result
 
 
@@ -260,11 +262,12 @@ _idle: Final[list[_Worker]] = []
 _servers: Final[list[_Server]] = []
 
 
-def start_workers(suffixes: Collection[str]) -> None:
+def start_workers(suffixes: Collection[str], needs: tuple[str, ...] = _SCIENCE) -> None:
     """Start the process that forks workers in the background, so that it is ready when the first
-    log with one of these suffixes (lower case) comes; nothing if there is one."""
+    log with one of these suffixes (lower case) comes; nothing if there is one. needs : modules that
+    it imports besides."""
     with _lock:
-        _server((*suffixes, *_SCIENCE))
+        _server((*suffixes, *needs))
 
 
 def _server(needs: Collection[str] = ()) -> _Server:
