@@ -22,12 +22,18 @@ from aerodb.conditioning.channel_rates import (
 from aerodb.conditioning.frozen import frozen
 from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
-from aerodb.nomenclature import FLAGS, channel
+from aerodb.nomenclature import FLAGS, channel, is_command
 from aerodb.signals import bridge, runs
 from aerodb.support import Array, Mask
 
 #: Channels of one pitot tube: they fail together as far as they agree with each other.
 AIR: Final = ("V", "calibrated_airspeed", "qbar", "mach")
+#: Channels of one receiver: its last message stands in all of them.
+_RECEIVERS: Final = (
+    ("velocity_north", "velocity_east", "velocity_down"),
+    ("latitude", "longitude"),
+    ("north", "east"),
+)
 #: Part of the flying speed by which wind along the track does not change within `GUST`. Gusts of
 #: thunderstorms reach a quarter of a slow airliner's (FAA AC 00-54).
 MOST_WIND: Final = 0.5
@@ -136,6 +142,19 @@ def flag_failed(flight: Flight) -> Flight:
             for other in AIR if name in AIR else (name,):
                 if other in flight:
                     flight = flight.with_flag(other, "failed", where & _agrees(flight, name, other))
+            flight = _with_its_receiver(flight, name, where)
+    return flight
+
+
+def _with_its_receiver(flight: Flight, name: str, where: Mask) -> Flight:
+    """The flight with what the same receiver gives flagged as well, where that is held, too."""
+    least = max(2, round(SHORTEST / flight.step))
+    for other in next((each for each in _RECEIVERS if name in each), ()):
+        if other in flight and other != name:
+            held = np.zeros(len(where), dtype=bool)
+            for first, last in runs(where):
+                held |= _held(flight[other], (first + last) // 2, least)
+            flight = flight.with_flag(other, "failed", held & where)
     return flight
 
 
@@ -169,8 +188,10 @@ def _airspeed_failures(flight: Flight) -> dict[str, Mask]:
     name, shown = found
     known = np.isfinite(shown)
     high = float(np.quantile(shown[known], 0.95))
-    if high < LEAST_AIRSPEED:
-        return {}
+    if high < LEAST_AIRSPEED:  # a tube that is closed shows nothing of a whole flight
+        high = _fastest_over_ground(flight)
+        if high < LEAST_AIRSPEED / MOST_WIND:
+            return {}
     failed = _behind_ground_speed(flight, shown, high) | _without_force(flight, shown, high)
     failed = (failed & known) | _stuck(flight, name)
     stay = max(1, round(SHORTEST / flight.step))
@@ -180,6 +201,14 @@ def _airspeed_failures(flight: Flight) -> dict[str, Mask]:
     if not where.any():
         return {}
     return {other: where & _agrees(flight, name, other) for other in AIR if other in flight}
+
+
+def _fastest_over_ground(flight: Flight) -> float:
+    """Speed over ground [m/s] that is rarely surpassed; 0 where it is unknown or rotors carry."""
+    ground = speed_over_ground(flight)
+    if ground is None or not np.isfinite(ground).any() or any(map(is_command, flight.channels)):
+        return 0.0
+    return float(np.nanquantile(ground, 0.95))
 
 
 def _stuck(flight: Flight, name: str) -> Mask:
@@ -272,7 +301,8 @@ def _not_following(flight: Flight, usable: Mapping[str, Array], name: str) -> Ma
     width = round(rule.window / flight.step)
     if not {name, *rule.needs} <= usable.keys() or not 4 <= width < len(where) // 3:
         return where
-    known = flight.usable([name, *(n for n in rule.needs if n in flight)], despite=("stuck",))
+    known = flight.usable([name], despite=("stuck",))
+    known &= flight.usable([n for n in rule.needs if n in flight])
     if "V" in (name, *rule.needs):
         known &= usable["V"] > MOST_WIND * float(np.quantile(usable["V"], 0.95))
     with np.errstate(all="ignore"):

@@ -135,9 +135,11 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     flight = despite_ground(flight)
     found = airspeed_of(flight)
     shown = wheel_speed(flight) if found is None else found[1]
+    ground = speed_over_ground(flight)
+    if shown is None and any(name in flight for name in ("V", "calibrated_airspeed")):
+        shown = ground  # the airspeed failed throughout
     if shown is None:
         return ()
-    ground = speed_over_ground(flight)
     if ground is not None:
         shown = np.where(np.isfinite(shown), shown, ground)
     window = max(3, round(1.0 / flight.step))

@@ -3,6 +3,8 @@ what would help."""
 
 from dataclasses import replace
 
+import numpy as np
+
 from aerodb.conditioning import Suspicion, clock_suspicions, flag_unusable, wheel_speed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
@@ -12,6 +14,7 @@ from aerodb.logs.completeness import airspeed_remedy
 from aerodb.logs.found_channels import with_mapped_clock
 from aerodb.logs.mapping import map_recording
 from aerodb.logs.mapping_file import Mapping
+from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording
 from aerodb.vehicle import Vehicle
 
@@ -34,10 +37,11 @@ def usable_flight(
     except InputError as error:
         causes = [suspicion.sentence for suspicion in mapped_clock_suspicions(recording, mapping)]
         raise InputError("; ".join([error.what, *causes]), error.where, error.remedy) from error
+    flight = flag_unusable(flight)
     useless = no_axis(recording, mapping, flight)
     if useless is not None:
         raise useless
-    return flag_unusable(flight)
+    return flight
 
 
 def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputError | None:
@@ -46,14 +50,19 @@ def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputErro
 
     Channels are (n,).
     """
-    if "qbar" in flight and any(name in flight for name in _MOTION):
+    bits = flight.flags.get("qbar")
+    failed = bits is not None and bool(np.all(bits & FLAGS["failed"]))
+    if "qbar" in flight and not failed and any(name in flight for name in _MOTION):
         return None
     if wheel_speed(flight) is not None:  # its rolls tell of the legs
         return None
     what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
     remedy = f"aerodb log inspect shows what mapping {mapping.name} finds in it"
     kind = read_autopilot(recording)
-    if not kind.described:
+    if failed:
+        what = "the airspeed failed throughout: without dynamic pressure no axis can be computed"
+        remedy = "check the pitot tube and its hoses; if a second sensor is logged, map that one"
+    elif not kind.described:
         what += f"; {wingless_sentence(kind)}"
     elif kind.rotors.logged:
         what += f"; the log is of a {kind.kind}, whose rotors the vehicle file does not name"

@@ -79,6 +79,69 @@ def test_a_pitot_that_fails_in_flight_is_no_landing() -> None:
     assert flight.usable(["altitude", "q"])[late].mean() > 0.95
 
 
+@pytest.mark.parametrize("shown", [0.0, 1.5])
+def test_a_tube_that_is_closed_from_the_start_is_no_ground(shown: float) -> None:
+    noise = 0.1 * np.random.default_rng(2).standard_normal(round(100.0 / STEP))
+    flight = straight(V=shown + noise)
+    found = kinds(flight)
+    assert found["failed"] == found["airborne"] == [(0.0, 100.0)]
+    assert not flight.usable(["qbar"]).any()
+    standing = straight(speed=3.0, V=shown + noise)
+    assert set(kinds(standing)) == {"on_ground"}
+    assert failed_suspicions(standing) == ()
+
+
+def swinging(seed: int = 1, **channels: np.ndarray) -> Flight:
+    """A flight of S-turns and slow climbs, whose angle of attack moves from 20 to 30 s; a factor
+    (n,) of a channel is what its sensor loses."""
+    rng, n = np.random.default_rng(seed), round(100.0 / STEP)
+    t = STEP * np.arange(n)
+    psi, climb = 0.4 * np.sin(0.06 * t), 0.05 * np.sin(0.25 * t)
+    speed = 25.0 + 1.5 * np.cos(0.25 * t)
+    phi = np.arctan(25.0 * np.gradient(psi, t) / GRAVITY)
+    alpha = 0.06 + 0.01 * np.sin(0.25 * t) + 0.02 * np.sin(2 * t) * (t > 20) * (t < 30)
+    theta = climb + alpha
+    level = speed * np.cos(climb)
+    right = {
+        "V": speed,
+        "alpha": alpha,
+        "velocity_north": level * np.cos(psi),
+        "velocity_east": level * np.sin(psi),
+        "velocity_down": -speed * np.sin(climb),
+        "altitude": 300.0 + np.cumsum(speed * np.sin(climb)) * STEP,
+        **{"p": np.gradient(phi, t), "q": np.gradient(theta, t), "r": np.gradient(psi, t)},
+        "ax": np.gradient(speed, t) + GRAVITY * np.sin(climb),
+        "az": -GRAVITY * np.cos(climb) / np.cos(phi) - speed * np.gradient(climb, t),
+        "beta": 0.01 * np.sin(0.5 * t),
+        **{"ay": np.zeros(n), "phi": phi, "theta": theta, "psi": psi},
+    }
+    noise = {"V": 0.2, "altitude": 0.5, **dict.fromkeys("pqr", 0.01)}
+    noise |= {**dict.fromkeys(("phi", "theta", "psi"), 0.002), "alpha": 0.003, "beta": 0.003}
+    made = {
+        name: (values + noise.get(name, 0.1) * rng.standard_normal(n)) * channels.get(name, 1.0)
+        for name, values in right.items()
+    }
+    made["qbar"] = 0.6 * made["V"] ** 2
+    return flag_unusable(Flight("a", "any", t, made))
+
+
+def test_what_one_receiver_gives_fails_together() -> None:
+    lost = np.where(np.arange(round(100.0 / STEP)) * STEP < 48.0, 1.0, 0.0)
+    flight = swinging(velocity_north=lost, velocity_east=lost, velocity_down=lost)
+    late = flight.time > 49.0
+    for name in ("velocity_north", "velocity_east", "velocity_down"):
+        assert not flight.usable([name])[late].any(), name
+    assert flight.usable(["V", "altitude"])[late].mean() > 0.95
+    assert failed_suspicions(swinging()) == ()
+
+
+@pytest.mark.parametrize("seed", [19, 30, 34])
+def test_a_rate_that_is_dead_accuses_no_vane(seed: int) -> None:
+    dead = np.where(np.arange(round(100.0 / STEP)) * STEP < 33.0, 1.0, 0.0)
+    said = examine(swinging(seed, q=dead)).suspicions
+    assert {each.channel for each in said} == {"q"}
+
+
 def test_without_speed_over_ground_the_accelerometer_tells() -> None:
     right = straight()
     flight = straight(V=np.where(right.time < 40.0, right["V"], 0.3))
