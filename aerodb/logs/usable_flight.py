@@ -51,7 +51,7 @@ def no_axis(recording: Recording, mapping: Mapping, flight: Flight) -> InputErro
     Channels are (n,).
     """
     bits = flight.flags.get("qbar")
-    failed = bits is not None and bool(np.all(bits & FLAGS["failed"]))
+    failed = bits is not None and bool(np.all(bits.astype(np.uint16) & FLAGS["failed"]))
     if "qbar" in flight and not failed and any(name in flight for name in _MOTION):
         return None
     if wheel_speed(flight) is not None:  # its rolls tell of the legs

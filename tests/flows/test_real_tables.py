@@ -188,3 +188,24 @@ def test_the_draft_of_a_dated_table_becomes_a_flight(tmp_path: Path) -> None:
     assert looked["rate"] == pytest.approx(20.0, rel=1e-5)
     assert looked["duration"] == pytest.approx(2.95, abs=0.06)
     assert {"p", "q", "r", "V", "az_imu"} <= set(looked["channels"])
+
+
+def test_a_tube_that_is_closed_throughout_is_said_and_no_ground(tmp_path: Path) -> None:
+    time = np.arange(1500) * 0.04
+    swing = np.sin(0.5 * time)
+    columns = {
+        "time [s]": time,
+        "V [m/s]": 0.2 + 0.1 * swing,
+        "velocity_north [m/s]": 25.0 + swing,
+        "velocity_east [m/s]": swing,
+        "rho [kg/m^3]": 1.2 + 0.0 * time,
+        **{f"{rate} [rad/s]": 0.1 * np.roll(swing, k) for k, rate in enumerate("pqr")},
+    }
+    log = table(tmp_path / "a.csv", **columns)
+    document = asked(tmp_path / "w", "log", "inspect", str(log))
+    assert not document["usable"]
+    assert document["because"] == [
+        "the airspeed failed throughout: without dynamic pressure no axis can be computed"
+    ]
+    flown = table(tmp_path / "b.csv", **{**columns, "V [m/s]": 25.0 + swing})
+    assert asked(tmp_path / "w", "log", "inspect", str(flown))["usable"]
