@@ -10,7 +10,7 @@ from aerodb.logs import choose_mapping, map_recording
 from aerodb.physics import standard_atmosphere
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.any_format import read_log
-from aerodb.tasks.steps.inspect_log import _ANY
+from aerodb.tasks.steps.log_findings import _ANY
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb
 

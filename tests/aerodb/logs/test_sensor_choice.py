@@ -6,7 +6,7 @@ import pytest
 from aerodb.logs import map_recording, sensor_choices
 from aerodb.recording import Recording, Topic
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.tasks.steps.inspect_log import _ANY
+from aerodb.tasks.steps.log_findings import _ANY
 from aerodb.vehicle import parse_vehicle
 
 TIME = np.arange(0.0, 60.0, 0.1)

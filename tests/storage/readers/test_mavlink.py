@@ -14,7 +14,7 @@ from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.mavlink import MESSAGES as KNOWN
 from aerodb.storage.readers.mavlink import crc16
-from aerodb.tasks.steps.inspect_log import _ANY
+from aerodb.tasks.steps.log_findings import _ANY
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb
 from tests.support.tlog import MESSAGES, START, Telemetry, checksum
