@@ -1,8 +1,8 @@
 """Compressibility: lift-curve slope and static stability that grow with Mach number.
 
 Model: ``C += k (alpha - alpha_0) M^2`` on CZ and Cm, the first term of the Prandtl-Glauert factor
-``1/sqrt(1 - M^2) - 1 = M^2/2 + ...``, valid below M = .6. Believable size: half the slope itself, 1
-to 3 per rad on CZ.
+``1/sqrt(1 - M^2) - 1 = M^2/2 + ...``, valid below M = .6. Believable size: half the slope itself
+where M is small, all of it about M = .6, where the factor grows by .98 per M^2: up to 6 per rad.
 
 Data needed: different Mach numbers at the same angle of attack. At one altitude it cannot be
 separated from `dynamic_pressure_effect`.
@@ -16,7 +16,7 @@ from aerodb.effects.aerodynamic.lift_like import from_zero_lift
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import LibraryContext, Template, additive
 
-SIZES = {"CZ": 4.0, "Cm": 2.0}
+SIZES = {"CZ": 6.0, "Cm": 3.0}
 SOURCE = "Prandtl-Glauert rule (Anderson, Fundamentals of Aerodynamics, section 11.4)"
 
 

@@ -84,7 +84,8 @@ def with_cancelling(
     Two that leave together less than a quarter of what each of them leaves were not seen: only what
     they leave was. They are one group, and nothing is claimed of either. What varies within flights
     counts; of a constant and a freed sensor, the level. A linear effect and its change with alpha
-    or Mach number are no pair: together they are one curve. docs/method/tracing.md, section 10.
+    or Mach number are no pair: together they are one curve, and what may stand in place of the
+    change stands in place of the linear effect too. docs/method/tracing.md, section 10.
     """
     products, rows, names = (
         tests.campaign.products,
@@ -97,8 +98,9 @@ def with_cancelling(
 
     def cancel(one: int, other: int) -> bool:
         constant = one if one in offsets else other if other in offsets else None
-        shaped = (names[one].has_shape(names[other]), names[other].has_shape(names[one]))
-        if any(shaped):
+        if names[other].has_shape(names[one]) or (
+            names[one].has_shape(names[other]) and not unsure[other]
+        ):
             return False  # one effect that changes, with what it is on average
         if constant is None:
             pair = [one, other]
@@ -114,6 +116,7 @@ def with_cancelling(
 
     sensors = set(tests.campaign.sensors)
     indices = [explanation.index for explanation in explanations]
+    unsure = {each.index: each.rivals or each.sensors for each in explanations}
     found = []
     for each in explanations:
         partners = [i for i in indices if i != each.index and cancel(each.index, i)]
