@@ -157,6 +157,31 @@ def test_two_terms_that_cancel_are_one_group(alike: float, regressor: str, verdi
     assert all((len(f.explanation_set) == 2) == (verdict == "alias_group") for f in findings)
 
 
+def test_a_slope_that_cancels_its_own_change_is_in_doubt_where_the_change_is() -> None:
+    """Flights that cannot tell the change with Mach number from the change with pressure leave the
+    slope beside it without a value of its own."""
+    own = replace(LIBRARY[0], increment=(("CX", parse("alpha")),))
+    change, other = (
+        replace(term(name, "CX"), increment=(("CX", parse(regressor)),))
+        for name, regressor in (("mach", "alpha*mach^2"), ("pressure", "alpha*qbar"))
+    )
+    seen = []
+    for flight in flights(6):
+        one = flight.columns[A_CX]["CX"]
+        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
+        with_mach = 0.9 * one + np.sqrt(0.19) * apart * rms(one) / rms(apart)
+        columns = {**flight.columns, own.id: {"CX": one}, change.id: {"CX": with_mach}}
+        columns[other.id] = {"CX": 3.0 * with_mach}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + one - with_mach}
+        seen.append(replace(flight, columns=columns, residual=residual))
+    found = {f.hypothesis: f for f in traced(seen, [own, *LIBRARY[1:], change, other]).findings}
+    pair = {change.id, other.id}
+    assert {id: f.verdict for id, f in found.items() if id not in pair} == {own.id: "alias_group"}
+    (named,) = pair & found.keys()
+    assert set(found[named].explanation_set) == pair
+    assert set(found[own.id].explanation_set) == {own.id, named}
+
+
 def test_a_constant_that_only_a_freed_sensor_brings_is_no_claim() -> None:
     """The sensor varies as what is lacking does, but its level is not in the residual."""
     offset = Hypothesis(
