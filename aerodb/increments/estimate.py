@@ -13,7 +13,12 @@ from aerodb.flight import Flight
 from aerodb.increments.chosen_knots import with_chosen_knots
 from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
-from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, expand
+from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, Regressor, expand
+from aerodb.increments.noisy_deflections import (
+    with_deflections,
+    with_noise_of,
+    without_deflection_noise,
+)
 from aerodb.increments.parameters import estimate_parameters
 from aerodb.increments.samples import (
     AxisSamples,
@@ -22,6 +27,7 @@ from aerodb.increments.samples import (
     excited,
     with_model_rates,
 )
+from aerodb.nomenclature import is_surface
 from aerodb.signals import Theil, theil
 from aerodb.support import Array, Mask
 from aerodb.tables import (
@@ -137,14 +143,18 @@ def estimate_increments(
         _axis(declared, flights, channels, comparisons, database, consider or {})
         for declared in model.increment
     ]
+    noisy = [f"{axis.axis}: {text}" for axis, _, texts in results for text in texts]
     holds_drag = not _DRAG.isdisjoint(declared.axis for declared in model.increment)
     increments = tuple(
         replace(each, induces_drag=False) if holds_drag and each.axis == "C_lift" else each
-        for _, each in results
+        for _, each, _ in results
     )
     candidate = replace(database, increments=(*database.increments, *increments))
     return Update(
-        candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights)
+        candidate,
+        tuple(axis for axis, _, _ in results),
+        tuple(flight.id for flight in flights),
+        tuple(noisy),
     )
 
 
@@ -208,7 +218,7 @@ def _axis(
     comparisons: Sequence[Comparison],
     database: AeroDatabase,
     consider: Mapping[str, Sequence[ConsiderParameter]],
-) -> tuple[AxisUpdate, Increment]:
+) -> tuple[AxisUpdate, Increment, list[str]]:
     axis, regressors = declared.axis, expand(declared)
     used = axis_samples(declared, flights, channels, comparisons)
     if not used:
@@ -231,7 +241,7 @@ def _axis(
             "update",
             "fly a manoeuvre that excites one",
         )
-    fit = _fitted(declared, matrix[:, moved], response, names, used, consider)
+    fit, noise = _fitted(declared, matrix[:, moved], response, chosen, used, consider)
     constrained = constrained_fit(fit, declared.prior, declared.bounds, declared.fixed)
     estimates, covariance = constrained.estimates, constrained.covariance
     measured = np.concatenate([s.comparison.measured[axis][s.good] for s in used])
@@ -266,7 +276,7 @@ def _axis(
         dependent=dependent,
         aliases=alias_groups(names, correlation),
     )
-    return result, increment
+    return result, increment, noise
 
 
 def _dependent(
@@ -304,14 +314,14 @@ def _fitted(
     declared: DeclaredIncrement,
     matrix: Array,
     response: Array,
-    names: Sequence[str],
+    chosen: Sequence[Regressor],
     used: Sequence[AxisSamples],
     consider: Mapping[str, Sequence[ConsiderParameter]],
-) -> Regression:
-    """Least squares on the samples `used`, in order, with one constant for all flights or one
-    each."""
-    axis, columns, named = declared.axis, matrix, list(names)
-    lengths = [samples.count for samples in used]
+) -> tuple[Regression, list[str]]:
+    """Least squares on the samples `used`, in order, with one constant for all flights or one each;
+    and what noise of the deflections does to it, in sentences, where that is not taken off."""
+    axis, columns, names = declared.axis, matrix, [regressor.name for regressor in chosen]
+    lengths, named = [samples.count for samples in used], names
     constant = names.index(CONSTANT) if declared.own_constants else None
     if constant is not None:
         columns, mix = own_constants(matrix, lengths, constant)
@@ -324,5 +334,22 @@ def _fitted(
         remedy = "declare only one of them, or fly manoeuvres that separate them"
         raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
     parts = [(axis, samples.comparison, samples.good) for samples in used]
-    fit = replace(fit, covariance=fit.covariance + consider_covariance(columns, parts, consider))
-    return fit if constant is None else with_mean_constant(fit, mix, names, constant)
+    plain = replace(fit, covariance=fit.covariance + consider_covariance(columns, parts, consider))
+    fit, said = plain, list[str]()
+    surfaces = {n for regressor in chosen for n in regressor.expression.names if is_surface(n)}
+    if surfaces:
+        beside = [with_deflections(each, surfaces) for each in used]
+
+        def equations(those: Sequence[Comparison]) -> tuple[Array, Array]:
+            made = [
+                with_noise_of(axis, chosen, samples, one)
+                for samples, one in zip(used, those, strict=True)
+            ]
+            noisier = np.concatenate([part for part, _ in made])
+            if constant is not None:
+                noisier, _ = own_constants(noisier, lengths, constant)
+            left = response - np.concatenate([change for _, change in made])
+            return noisier.T @ noisier, noisier.T @ (left - noisier @ plain.estimates)
+
+        fit, said = without_deflection_noise(plain, beside, equations)
+    return (fit if constant is None else with_mean_constant(fit, mix, names, constant)), said

@@ -1,4 +1,4 @@
-"""What noise of logged deflections does to parameters of a database, and its correction.
+"""What noise of logged deflections does to increments and parameters, and its correction.
 
 Noise of a deflection draws its effectiveness towards zero, and changes what moves with it (Fuller,
 *Measurement Error Models*, 1987, section 2.2). The size of white noise shows in differences of the
@@ -7,7 +7,7 @@ Stefanski, JASA 89, 1994): what it changes is taken off. Noise of both signs lea
 order, and signs drawn for each sample leave no products of two deflections.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from math import comb
 from typing import Final
@@ -15,8 +15,12 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.nomenclature import is_surface
+from aerodb.estimation import Regression
+from aerodb.increments.model_file import Regressor
+from aerodb.increments.samples import AxisSamples, as_compared, columns_of
+from aerodb.nomenclature import AXES, FORCE_AXES, is_surface
 from aerodb.support import Array
+from aerodb.tables import WIND_AXES, body_to_wind
 
 #: Highest order of the differences in which noise is looked for.
 _ORDERS: Final = 6
@@ -51,14 +55,66 @@ def deflection_noise(channels: Mapping[str, Array]) -> dict[str, float]:
 
 
 def without_deflection_noise(
+    fit: Regression, comparisons: Sequence[Comparison], equations: NormalEquations
+) -> tuple[Regression, list[str]]:
+    """Return a fit without the draw of noisy deflections, and what speaks against it, in sentences.
+
+    comparisons : at the full rate. equations : of comparisons, about the estimates of the fit.
+    Where noise is most of what moves the deflections, the fit stays and this is said.
+    """
+    try:
+        correction = _correction(comparisons, equations)
+    except ValueError as error:
+        return fit, [f"Effects of controls may be too small: {error}"]
+    if correction is None:
+        return fit, []
+    grown, change = correction
+    return replace(
+        fit, estimates=fit.estimates + change, covariance=grown @ fit.covariance @ grown.T
+    ), []
+
+
+def with_deflections(samples: AxisSamples, names: Collection[str]) -> Comparison:
+    """Return the comparison of samples beside these deflections as well: their noise counts too."""
+    side = samples.comparison.database_side
+    if side is None:
+        return samples.comparison
+    own = {name: samples.channels[name] for name in names}
+    return replace(
+        samples.comparison, database_side=replace(side, channels={**side.channels, **own})
+    )
+
+
+def with_noise_of(
+    axis: str, regressors: Sequence[Regressor], samples: AxisSamples, noisier: Comparison
+) -> tuple[Array, Array]:
+    """Return the regressors (m, k) of used samples with the noise of a comparison, and what it
+    changes of what the database predicts there (m,).
+
+    noisier : one of those that `without_deflection_noise` asks for.
+    """
+    side = noisier.database_side
+    if side is None:
+        return samples.columns[samples.good], np.zeros(samples.count)
+    moved = {name: values for name, values in side.channels.items() if is_surface(name)}
+    channels = {**samples.channels, **moved}
+    now, before = side.database.predict(side.channels), side.prediction
+    change = {name: now.coefficients[name] - before.coefficients[name] for name in AXES}
+    if axis not in AXES:
+        alpha, beta = channels["alpha"], channels.get("beta", np.zeros(len(noisier.time)))
+        forces = (change[name] for name in FORCE_AXES)
+        change = dict(zip(WIND_AXES, body_to_wind(*forces, alpha, beta), strict=True))
+    return (
+        columns_of(axis, regressors, channels, noisier)[samples.good],
+        as_compared(axis, change[axis], noisier)[samples.good],
+    )
+
+
+def _correction(
     comparisons: Sequence[Comparison], equations: NormalEquations
 ) -> tuple[Array, Array] | None:
-    """Return what corrects estimates that solve the normal equations: the matrix (k, k) by which
-    their errors grow, and the change (k,), in their units; None without noise.
-
-    comparisons : at the full rate. equations : of comparisons, about the estimates. Raises
-    ValueError where noise is most of what moves the parameters.
-    """
+    """The matrix (k, k) by which errors grow, and the change (k,) of the estimates, in their units;
+    None without noise. Raises ValueError where noise is most of what moves the deflections."""
     noisy = [_with_noise(comparison) for comparison in comparisons]
     if all(each is None for each in noisy):
         return None

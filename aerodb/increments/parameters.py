@@ -106,7 +106,7 @@ def estimate_parameters(
             settled = True
             break
     sizes = {each.axis: each.size for each in samples}
-    noise, fit = _without_deflection_noise(fit, comparisons, about, sizes, own_constants)
+    fit, noise = _without_deflection_noise(fit, comparisons, about, sizes, own_constants)
     constrained = constrained_fit(fit, priors, bounds)
     values = dict(zip(names, constrained.estimates.tolist(), strict=True))
     sigma = np.sqrt(np.diag(constrained.covariance))
@@ -272,7 +272,7 @@ def _without_deflection_noise(
     about: AeroDatabase,
     sizes: Mapping[str, float],
     own_constants: bool,
-) -> tuple[list[str], Regression]:
+) -> tuple[Regression, list[str]]:
     """The fit without the draw of noisy deflections, and what speaks against it, in sentences.
 
     about : the database of the fit. sizes : axis -> what its samples were divided by.
@@ -284,16 +284,7 @@ def _without_deflection_noise(
         matrix = np.concatenate([slopes for slopes, _ in pairs])
         return matrix.T @ matrix, matrix.T @ np.concatenate([left for _, left in pairs])
 
-    try:
-        correction = without_deflection_noise(comparisons, equations)
-    except ValueError as error:
-        return [f"Parameters may be too small: {error}"], fit
-    if correction is None:
-        return [], fit
-    grown, change = correction
-    return [], replace(
-        fit, estimates=fit.estimates + change, covariance=grown @ fit.covariance @ grown.T
-    )
+    return without_deflection_noise(fit, comparisons, equations)
 
 
 def _priors(names: Sequence[str], database: AeroDatabase) -> dict[str, tuple[float, float]]:

@@ -80,7 +80,7 @@ def axis_samples(
             continue
         good = comparison.usable[axis] & _clean(flight, regressors)
         if good.any():
-            columns = _columns(axis, regressors, named, comparison)
+            columns = columns_of(axis, regressors, named, comparison)
             found.append(AxisSamples(named, good, columns, comparison))
     return found
 
@@ -119,13 +119,14 @@ def _clean(flight: Flight, regressors: Sequence[Regressor]) -> Mask:
     return flight.usable(sorted(name for name in logged | names if name in flight))
 
 
-def _columns(
+def columns_of(
     axis: str,
     regressors: Sequence[Regressor],
     channels: Mapping[str, Array],
     comparison: Comparison,
 ) -> Array:
-    """Regressors (n, k) of one flight, band-limited like the residual that they explain."""
+    """Return the regressors (n, k) of one flight, in SI units of its channels (n,), band-limited
+    like the residual that they explain."""
     n = len(comparison.time)
     columns = [
         np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors

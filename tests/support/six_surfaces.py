@@ -30,6 +30,9 @@ from tests.aerodb.identification.test_conversion import (
 from tests.support.flights_in_memory import FlightsInMemory
 
 SPEED, ALTITUDE, SECONDS, RATE = 42.0, 120.0, 10.0, 50.0
+#: Steps of the simulation for a sample of the log: between two, surfaces do not move on straight
+#: lines. Such lines would take .4 % of every moment that is a derivative of logged rates.
+FINER = 8
 SURFACES = (
     "stabilator_left", "stabilator_right", "aileron_left", "aileron_right", "rudder_left",
     "rudder_right",
@@ -195,8 +198,14 @@ def vehicle() -> Vehicle:
 def commands(seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Times and the commanded deflections of a leg: two series of steps of each surface, those of a
     pair at different times."""
+    time, moved = _flown_commands(seed)
+    return time[::FINER], {name: values[::FINER] for name, values in moved.items()}
+
+
+def _flown_commands(seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """As `commands`, at the steps of the simulation."""
     rng = np.random.default_rng(seed)
-    time = np.arange(round(SECONDS * RATE)) / RATE
+    time = np.arange(round(SECONDS * RATE) * FINER) / (RATE * FINER)
     moved = {}
     for name in SURFACES:
         size = LARGEST[name.split("_")[0]] * rng.uniform(0.5, 0.8)
@@ -211,7 +220,7 @@ def commands(seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def _lagged(values: np.ndarray, lag: float) -> np.ndarray:
-    found, share = np.zeros(len(values)), 1.0 - np.exp(-1.0 / (RATE * lag))
+    found, share = np.zeros(len(values)), 1.0 - np.exp(-1.0 / (RATE * FINER * lag))
     for k in range(1, len(values)):
         found[k] = found[k - 1] + share * (values[k] - found[k - 1])
     return found
@@ -236,28 +245,28 @@ def leg(
     """One leg as it is logged. locked : surface -> where it stands in truth [rad], while the log
     shows what was commanded."""
     time, moved = commands(seed)
-    flown = {name: np.full(len(time), (locked or {}).get(name.removeprefix("delta_"), np.nan))
-             for name in moved}  # fmt: skip
-    flown = {name: np.where(np.isfinite(own), own, moved[name]) for name, own in flown.items()}
+    fine, flown = _flown_commands(seed)
+    flown |= {f"delta_{name}": np.full(len(fine), at) for name, at in (locked or {}).items()}
     body = {name: getattr(YF22, name) for name in ("mass", "Ixx", "Iyy", "Izz", "Ixz")}
     series = {**body, **flown, "force_x": YF22.thrust}
     start = {"V": SPEED, "alpha": 0.0, "theta": 0.0, "altitude": ALTITUDE}
-    run = simulate(flight_model(truth), time, start, series)
+    run = simulate(flight_model(truth), fine, start, series)
+    was = {name: values[::FINER, 0] for name, values in run.channels.items()}
     rng = np.random.default_rng(10_000 + seed)
     n = len(time)
     channels = {
-        name: run.channels[name][:, 0] + noise * NOISE[name] * rng.standard_normal(n)
+        name: was[name] + noise * NOISE[name] * rng.standard_normal(n)
         for name in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "ax", "ay", "az")
     }
     for name, values in moved.items():
         sigma = NOISE[name.rsplit("_", 1)[0]]
         channels[name] = values + noise * sigma * rng.standard_normal(n)
     channels |= {name: half(channels) for name, half in _HALVES.items()}
-    density = run.channels["qbar"][:, 0] / (0.5 * run.channels["V"][:, 0] ** 2)
+    density = was["qbar"] / (0.5 * was["V"] ** 2)
     channels["qbar"] = 0.5 * density * channels["V"] ** 2
     channels["rho"] = density
-    channels["mach"] = run.channels["mach"][:, 0]
-    channels["altitude"] = run.channels["altitude"][:, 0]
+    channels["mach"] = was["mach"]
+    channels["altitude"] = was["altitude"]
     channels["thrust"] = np.full(n, YF22.thrust)
     return Flight(f"leg-{seed}", "yf22", time, channels)
 
