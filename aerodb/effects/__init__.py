@@ -24,7 +24,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .adding import add_effects, envelopes_of
-    from .aerodynamic import from_zero_lift, zero_lift_alpha
+    from .aerodynamic import from_zero_lift, lift_curve, zero_lift_alpha
     from .flight_view import FlightView, view_of
     from .hypothesis import Columns, Hypothesis
     from .library import hypotheses_for, library_sha256

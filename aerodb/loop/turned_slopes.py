@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift
+from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift, lift_curve
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.sensor_share import without_sensors
@@ -48,10 +48,12 @@ def about_zero_lift(
         parse(from_zero_lift(replace(candidate, increments=candidate.increments[:place])))
         for place in range(first + 1, len(candidate.increments))
     }
-    known = {_SLOPE, turned, *others}
+    none, zero_lift = _curves(before, library)
+    none |= dict.fromkeys({turned, *others}, _SLOPE)
+    zero_lift |= dict.fromkeys({_SLOPE, *others}, turned)
     for axis, body in _SHOWN_ON.items():
-        pair = [_about(candidate, first, axis, known, each) for each in (_SLOPE, turned)]
-        if turned == _SLOPE or pair[0] is pair[1]:
+        pair = [_about(candidate, first, axis, each) for each in (none, zero_lift)]
+        if pair[0] is pair[1]:
             continue
         constants = [
             _constant(without_sensors(source, flights, each, library, sensors), body)
@@ -60,6 +62,21 @@ def about_zero_lift(
         if None not in constants:
             candidate = pair[abs(constants[1] or 0.0) < abs(constants[0] or 0.0)]
     return candidate
+
+
+def _curves(
+    database: AeroDatabase, library: Library
+) -> tuple[dict[Expression, Expression], dict[Expression, Expression]]:
+    """The regressors of `lift_scale` without the curve's constant for those with it, and the other
+    way round."""
+    none, whole = {}, {}
+    for hypothesis in library.hypotheses:
+        if hypothesis.effect == "lift_scale":
+            ((axis, curve),) = hypothesis.increment
+            alpha, values = lift_curve(database, axis)
+            with_constant = plus(curve, number(round(float(np.interp(0.0, alpha, values)), 6)))
+            none[with_constant], whole[curve] = curve, with_constant
+    return none, whole
 
 
 def about_flown_mean(
@@ -97,17 +114,12 @@ def about_flown_mean(
 
 
 def _about(
-    candidate: AeroDatabase,
-    first: int,
-    axis: str,
-    known: Set[Expression],
-    slope: Expression,
+    candidate: AeroDatabase, first: int, axis: str, turned: Mapping[Expression, Expression]
 ) -> AeroDatabase:
-    """The candidate whose increments on an axis, from number `first`, have `slope` in place of
-    those that are known."""
+    """The candidate with other regressors in its increments on an axis, from number `first`."""
     changed = list(candidate.increments)
     for place, each in enumerate(changed):
-        regressors = tuple(slope if one in known else one for one in each.regressors)
+        regressors = tuple(turned.get(one, one) for one in each.regressors)
         if place >= first and each.axis == axis and regressors != each.regressors:
             changed[place] = replace(each, regressors=regressors)
     same = all(map(operator.is_, changed, candidate.increments))

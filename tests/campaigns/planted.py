@@ -226,11 +226,12 @@ _MOMENT = (*_FORCE, "metrics/cbarw-ft")
 
 PLANTED: Mapping[str, Planted] = {
     "lift slope 15 %": Planted(
-        alpha_slope("LIFT", 1.0 / 1.15), ("alpha_slope@C_lift",), "CZ",
+        alpha_slope("LIFT", 1.0 / 1.15), ("alpha_slope@C_lift", "lift_scale@C_lift"), "CZ",
         ("alpha_slope@C_drag",),  # right too, where drag is imported as a function of lift
     ),
     "lift 15 %": Planted(
-        lift_scale(1.0 / 1.15), ("alpha_slope@C_lift",), "CZ", ("alpha_slope@C_drag",)
+        lift_scale(1.0 / 1.15), ("alpha_slope@C_lift", "lift_scale@C_lift"), "CZ",
+        ("alpha_slope@C_drag",),
     ),
     "Cm_alpha 20 %": Planted(
         alpha_slope("PITCH", 0.8), ("alpha_slope@Cm",), "Cm", ("cg_offset@all:x",)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .lift_like import from_zero_lift, zero_lift_alpha
+    from .lift_like import from_zero_lift, lift_curve, zero_lift_alpha
     from .model_parameter import PARAMETER
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

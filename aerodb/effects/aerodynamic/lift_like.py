@@ -7,7 +7,24 @@ from functools import lru_cache
 
 import numpy as np
 
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, vary
+
+
+@lru_cache(maxsize=64)
+def lift_curve(database: AeroDatabase, axis: str = "C_lift") -> tuple[Array, Array]:
+    """Return alpha [rad] from -20 to 40 deg and the clean aircraft's C_lift, or CZ, there, both
+    (n,); zeros where nothing depends on alpha."""
+    alpha = np.linspace(-0.35, 0.7, 211)
+    if "alpha" not in database.inputs:
+        return alpha, np.zeros(len(alpha))
+    at = neutral_point(database)
+    if "height_above_ground" in at:
+        at["height_above_ground"] = 1e4
+    curves = database.predict(vary(at, {"alpha": alpha})).coefficients
+    if axis == "CZ":
+        return alpha, curves["CZ"]
+    return alpha, body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)[2]
 
 
 @lru_cache(maxsize=64)
@@ -16,12 +33,7 @@ def zero_lift_alpha(database: AeroDatabase) -> float:
     lift vanishes, to 1e-4; 0 where it never does."""
     if "alpha" not in database.inputs:
         return 0.0
-    alpha = np.linspace(-0.35, 0.35, 141)
-    at = neutral_point(database)
-    if "height_above_ground" in at:
-        at["height_above_ground"] = 1e4
-    curves = database.predict(vary(at, {"alpha": alpha})).coefficients
-    _, _, lift = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
+    alpha, lift = (values[:141] for values in lift_curve(database))
     crossings = np.flatnonzero(lift[:-1] * lift[1:] <= 0.0)
     roots = [
         alpha[k] - lift[k] * (alpha[k + 1] - alpha[k]) / ((lift[k + 1] - lift[k]) or 1.0)
