@@ -19,6 +19,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "zero_offset": "constant part of {axis}",
     "alpha_slope": "slope of {axis} with angle of attack",
     "alpha_slope_break": "change of the slope of {axis} with angle of attack above {subject}",
+    "lift_scale": "size of the whole {axis} curve over angle of attack",
     "beta_slope": "slope of {axis} with sideslip",
     "beta_even": "part of {axis} that is alike for left and right sideslip",
     "table_sign": "sign or symmetry of table {subject} of {axis}",

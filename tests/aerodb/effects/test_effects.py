@@ -29,6 +29,7 @@ AERODYNAMIC = [
     "zero_offset",
     "alpha_slope",
     "alpha_slope_break",
+    "lift_scale",
     "beta_slope",
     "beta_even",
     "table_sign",

@@ -111,8 +111,13 @@ def _from_zero_lift(c: Mapping[str, Array], wind: bool) -> Array:
     return c["alpha"] - (np.deg2rad(-4) if wind else brentq(_lift_on_body_axes, -0.1, 0.0))
 
 
+def _lift_table(alpha: Array | float) -> Array:
+    points = np.deg2rad([-8, -4, 0, 4, 8, 12, 16])
+    return np.asarray(np.interp(alpha, points, [-0.4, 0.0, 0.4, 0.78, 1.14, 1.47, 1.75]))
+
+
 def _lift_on_body_axes(alpha: float) -> float:
-    table = np.interp(alpha, np.deg2rad([-8, -4, 0, 4]), [-0.4, 0.0, 0.4, 0.78])
+    table = float(_lift_table(alpha))
     return table * np.cos(alpha) + (-0.03 + 0.2 * table * alpha) * np.sin(alpha)
 
 
@@ -123,6 +128,7 @@ FORMULAS: dict[str, Callable[[Mapping[str, Array], str, str], Array]] = {
     "alpha_slope_break": lambda c, s, a: np.where(
         c["alpha"] > float(s), c["alpha"] - float(s), 0.0
     ),
+    "lift_scale": lambda c, s, a: c["curve"],
     "beta_slope": lambda c, s, a: c["beta"],
     "beta_even": lambda c, s, a: np.abs(c["beta"]),
     "table_sign": lambda c, s, a: _dihedral_that_is_even(c),
@@ -151,8 +157,8 @@ FORMULAS: dict[str, Callable[[Mapping[str, Array], str, str], Array]] = {
     "mach_effect": lambda c, s, a: c["lifting"] * c["mach"] ** 2,
     "dynamic_pressure_effect": lambda c, s, a: c["lifting"] * c["qbar"],
 }
-#: Effects on lift: their angle of zero lift is rounded to 1e-4 rad.
-OF_LIFT = ("ground_effect", "mach_effect", "dynamic_pressure_effect")
+#: Effects on lift: their angle of zero lift is rounded to 1e-4 rad, their curve kept to .1 %.
+OF_LIFT = ("ground_effect", "lift_scale", "mach_effect", "dynamic_pressure_effect")
 BODY_OF = {"C_drag": "CX", "C_side": "CY", "C_lift": "CZ"}
 
 
@@ -214,6 +220,7 @@ def _estimate(
 def test_column_is_the_formula_and_its_size_is_recovered(wind: bool, name: str) -> None:
     view, hypothesis = _case(wind, name)
     channels = {**view.channels, "lifting": _from_zero_lift(view.channels, wind)}
+    channels["curve"] = (1 if wind else -1) * (_lift_table(view.channels["alpha"]) - 0.4)
     columns, expected = hypothesis.columns(view), _expected(hypothesis, channels)
     assert (
         set(columns)
