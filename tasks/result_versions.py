@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 4,
     "estimate": 11,
-    "update": 18,
-    "gram": 16,
-    "close_loop": 50,
+    "update": 19,
+    "gram": 17,
+    "close_loop": 51,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

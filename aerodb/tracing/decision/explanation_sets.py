@@ -169,7 +169,8 @@ def _fitting(
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
         no_more = twins[rival] or paired_p(gains, own) >= tests.settings.level
         shaped = hypotheses[index].has_shape(hypotheses[rival])
-        if shaped and no_more and not _levels_prefer(tests, before, rival, index):
+        alike = set(hypotheses[rival].drivers) <= set(hypotheses[index].drivers)
+        if shaped and no_more and (alike or not _levels_prefer(tests, before, rival, index)):
             fallen[rival] = said("is another shape of the same effect, and explains no more")
             continue
         if twins[rival]:
@@ -188,8 +189,8 @@ def _levels_prefer(tests: CrossFlightTests, test: Tested, rival: int, index: int
     """Return whether the levels of the flights speak for a rival: they scatter less about what it
     makes of them than about what the finding makes of them, on the axis where that is largest.
 
-    What varies within flights has no level in it, so that this is evidence of its own. A constant
-    of the axis is left open.
+    What varies within flights has no level in it, so that this is evidence of its own, of what a
+    rival depends on beside the finding's variable. A constant of the axis is left open.
     """
     products, rows = tests.campaign.products, list(tests.flights)
     both = [at for at, row in enumerate(test.included[:, [rival, index]]) if row.all()]

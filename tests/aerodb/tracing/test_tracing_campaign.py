@@ -55,6 +55,7 @@ TWINS = {
     "speed_brake@CX": "the speed brake's own calibration",
     "body_flap@CX": "the speed brake's calibration, with which it moves",
     "body_flap@Cm": "the body flap's own calibration",
+    "lift_scale@CZ": "alpha_slope: these flights stay on one side of the curve's bend",
     **{
         f"zero_offset@{axis}": "the constant of each flight"
         for axis in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
