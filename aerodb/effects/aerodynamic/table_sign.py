@@ -4,8 +4,9 @@ Reversing sideslip reverses CY, Cl and Cn of a symmetric aircraft and leaves CX,
 unchanged. For a table that violates this, the model is ``C += k T_wrong`` with the part of wrong
 symmetry, on the lateral axes ``T_wrong(beta) = (T(beta) + T(-beta))/2``; k = -1 removes it, and
 `beta_slope` restores the slope that a lost sign took away. For a table that complies, the model is
-``C += k T``, and k = -2 reverses its sign. Where the table is linear in beta near zero, it is
-exactly aliased with `beta_even`.
+``C += k T``, and k = -2 reverses its sign. A table times a lateral control has the other symmetry,
+as the control is reversed too; of it only the sign is asked. Where the table is linear in beta near
+zero, it is exactly aliased with `beta_even`.
 
 Data needed: sideslip in both directions.
 
@@ -21,6 +22,7 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.interpolation_terms import as_expression
+from aerodb.effects.surfaces import role_of
 from aerodb.effects.template import AXIS_WORDS, LibraryContext, Template, on_axis
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.support import Array
@@ -92,13 +94,22 @@ def defects(context: LibraryContext) -> list[Defect]:
             or table.breakpoints[k][-1] <= 0
         ):
             continue  # given for one side only: its symmetry is in the argument
-        odd = site.axis in ("CY", "Cl", "Cn", "C_side")
+        lateral = sum(_is_lateral(factor, context) for factor in site.factors) % 2 == 1
+        odd = (site.axis in ("CY", "Cl", "Cn", "C_side")) != lateral
         points, wrong = wrong_part(table, k, odd)
-        part = bool(np.max(np.abs(wrong)) > _RIGHT * np.max(np.abs(table.values)))
+        part = bool(np.max(np.abs(wrong)) > _RIGHT * np.max(np.abs(table.values))) and not lateral
         regressor = _regressor(site, table, (k, points, wrong) if part and odd else None)
         if len(str(regressor)) <= MAX_LENGTH:
             listed.append(Defect(site, regressor, part))
     return listed
+
+
+def _is_lateral(factor: Expression, context: LibraryContext) -> bool:
+    """Return whether a factor is a deflection that the aircraft's mirror image has reversed."""
+    if not isinstance(factor, Name) or not is_surface(factor.name):
+        return False
+    opposed = {surface.channel for surface in context.surfaces if surface.opposed}
+    return factor.name in opposed or role_of(factor.name) in ("roll", "yaw")
 
 
 def _usable_factors(site: LinearTable) -> bool:

@@ -449,6 +449,23 @@ def test_errors_of_the_library_are_errors_of_the_product() -> None:
         taxi(settings=LibrarySettings(effects=("none",)))
 
 
+@pytest.mark.parametrize(("factor", "even"), [("1", False), ("delta_aileron", True)])
+def test_a_table_times_a_lateral_control_has_the_other_symmetry(factor: str, even: bool) -> None:
+    """The mirror image reverses the aileron: its effect on roll is alike for sideslip to either
+    side, and only a lost sign makes it wrong."""
+    for values, alike in (([0.3, 0.2, 0.3], True), ([-0.3, 0.0, 0.3], False)):
+        text = effect_flights.HEADER_ONLY + (
+            "[tables.T]\narguments = ['beta']\nbreakpoints = [[-0.2, 0.0, 0.2]]\n"
+            f"values = {values}\n[[terms]]\nname = 'roll'\naxis = 'Cl'\n"
+            f"expression = '{factor}*T(beta)'\n"
+        )
+        names = (*effect_flights.channel_names(), "delta_aileron")
+        library = hypotheses_for(read_native(text), effect_flights.vehicle(), names)
+        (found,) = (h for h in library if h.effect == "table_sign")
+        right = alike == even
+        assert found.plausible == ((-2.5, -1.5) if right or even else (-2.5, 0.5)), values
+
+
 def test_an_effect_knows_its_other_shapes() -> None:
     """A surface's cubic term and its change with alpha are shapes of its effectiveness; another
     surface, axis or variable is another effect, and a shape has no simpler shape."""
