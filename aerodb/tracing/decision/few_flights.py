@@ -20,7 +20,13 @@ from aerodb.support import standard_errors
 from aerodb.tracing.decision.explanation_sets import explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
-from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, TWIN, Decision, cross_validated
+from aerodb.tracing.decision.selection import (
+    FEWEST_SUSPECTED,
+    TWIN,
+    Decision,
+    cross_validated,
+    undoes,
+)
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
 from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
 from aerodb.tracing.settings import TracingSettings
@@ -119,8 +125,11 @@ def few_flight_findings(
         for index in _promising(joint, able):
             tried = joint_fit(bands, (*joint.terms, index), hypotheses, settings)
             test = _tested(tried)
-            if _holds(tried, test, index, evidence) and (
-                best is None or test.gain[index] > best[0]
+            gains_most = best is None or test.gain[index] > best[0]
+            if (
+                gains_most
+                and _holds(tried, test, index, evidence)
+                and not undoes(tried.tests, test, index, joint.terms)
             ):
                 best = float(test.gain[index]), tried
         if best is None:

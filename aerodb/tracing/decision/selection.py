@@ -165,13 +165,28 @@ def _candidates(
     sensors = set(tests.campaign.sensors)
     taken = {*accepted, *freed, *dropped, *tests.campaign.offsets}
     significant = [int(i) for i in np.flatnonzero(test.significant) if i not in taken]
-    terms = [i for i in significant if i not in sensors]
+    terms = [i for i in significant if i not in sensors and not undoes(tests, test, i, accepted)]
     wrong = [i for i in significant if i in sensors and not _known_better(tests, test, i)]
     wrong = wrong if len(freed) < tests.settings.most_freed else []
     term = _largest(test.gain, terms)
     if term is not None:
         term = _plainest(tests, tests.flight_estimates(accepted, freed), test, term, terms)
     return term, _largest(test.gain, wrong)
+
+
+def undoes(tests: CrossFlightTests, test: Tested, index: int, terms: Sequence[int]) -> bool:
+    """Return whether a hypothesis is another shape, over the same variable, of a term of the model,
+    and would need more than is believable beside it.
+
+    The two would take each other back, and neither size would say anything of the effect.
+    """
+    names = tests.campaign.hypotheses
+    own = names[index]
+    return any(
+        (own.has_shape(names[term]) or names[term].has_shape(own))
+        and set(own.drivers) == set(names[term].drivers)
+        for term in terms
+    ) and bool(implausible(tests, test, index))
 
 
 def _plainest(
@@ -305,7 +320,14 @@ def _suspected(
         few = (test.count < tests.settings.fewest) & test.significant
         barred = {*tests.campaign.sensors, *tests.campaign.offsets, *terms}
         indices = [int(i) for i in np.flatnonzero(few) if i not in barred]
-        best = _largest(test.gain, [i for i in indices if cross_validated(estimates, test, i)])
+        best = _largest(
+            test.gain,
+            [
+                i
+                for i in indices
+                if cross_validated(estimates, test, i) and not undoes(tests, test, i, terms)
+            ],
+        )
         if best is None:
             break
         suspected = (*suspected, best)
