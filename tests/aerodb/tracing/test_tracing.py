@@ -182,6 +182,27 @@ def test_a_slope_that_cancels_its_own_change_is_in_doubt_where_the_change_is() -
     assert set(found[own.id].explanation_set) == {own.id, named}
 
 
+@pytest.mark.parametrize("believable", [9.0, 1.0])
+def test_two_shapes_over_one_variable_enter_by_believable_sizes_only(believable: float) -> None:
+    """Beside a slope, a curve that takes most of it back is none that anybody would add."""
+    own = replace(LIBRARY[0], increment=(("CX", parse("alpha")),), plausible=(-9.0, 9.0))
+    curve = replace(
+        term("curve", "CX"),
+        increment=(("CX", parse("alpha^2")),),
+        plausible=(-believable, believable),
+    )
+    seen = []
+    for flight in flights(6):
+        one = flight.columns[A_CX]["CX"]
+        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
+        bent = 0.9 * one + np.sqrt(0.19) * apart * rms(one) / rms(apart)
+        columns = {**flight.columns, own.id: {"CX": one}, curve.id: {"CX": bent}}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + 5.0 * one - 3.0 * bent}
+        seen.append(replace(flight, columns=columns, residual=residual))
+    found = {f.hypothesis for f in traced(seen, [own, *LIBRARY[1:], curve]).findings}
+    assert found == ({own.id, curve.id} if believable > 3.0 else {own.id})
+
+
 def test_a_constant_that_only_a_freed_sensor_brings_is_no_claim() -> None:
     """The sensor varies as what is lacking does, but its level is not in the residual."""
     offset = Hypothesis(
