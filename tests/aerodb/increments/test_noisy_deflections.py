@@ -5,12 +5,7 @@ import pytest
 
 from aerodb.coefficients import compare
 from aerodb.estimation import coloured_sum, shared_coloured_sum
-from aerodb.increments import (
-    DeclaredIncrement,
-    ModelFile,
-    estimate_increments,
-    noisy_deflections,
-)
+from aerodb.increments import DeclaredIncrement, ModelFile, estimate_increments, noisy_deflections
 from aerodb.increments.noisy_deflections import deflection_noise
 from aerodb.increments.parameters import estimate_parameters
 from tests.support import six_surfaces
