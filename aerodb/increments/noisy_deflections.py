@@ -18,7 +18,7 @@ from aerodb.coefficients import Comparison
 from aerodb.estimation import Regression
 from aerodb.increments.model_file import Regressor
 from aerodb.increments.samples import AxisSamples, as_compared, columns_of
-from aerodb.nomenclature import AXES, FORCE_AXES, is_surface
+from aerodb.nomenclature import AXES, is_surface
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
@@ -102,8 +102,8 @@ def with_noise_of(
     change = {name: now.coefficients[name] - before.coefficients[name] for name in AXES}
     if axis not in AXES:
         alpha, beta = channels["alpha"], channels.get("beta", np.zeros(len(noisier.time)))
-        forces = (change[name] for name in FORCE_AXES)
-        change = dict(zip(WIND_AXES, body_to_wind(*forces, alpha, beta), strict=True))
+        wind = body_to_wind(change["CX"], change["CY"], change["CZ"], alpha, beta)
+        change = dict(zip(WIND_AXES, wind, strict=True))
     return (
         columns_of(axis, regressors, channels, noisier)[samples.good],
         as_compared(axis, change[axis], noisier)[samples.good],
