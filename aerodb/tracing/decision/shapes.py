@@ -43,8 +43,8 @@ _NEARLY: Final = 0.8
 #: Terms whose shapes a term may stand for together, as a combination of what both miss. Of 20 such
 #: terms in noise, one at a time finds 6, two 14; neither is wrong about 60 right terms.
 _PARTNERS: Final = 2
-#: Part of what an increment model explains that a wrong sensor must explain to be mended first, and
-#: of what a term leaves that its own variables in another shape must explain to take its name.
+#: Part of what an increment model explains that a wrong sensor must explain to be mended first.
+#: The same part of what a term leaves takes its name, where another shape explains it.
 _MOST: Final = 0.5
 
 
