@@ -97,7 +97,8 @@ def add_effects(
 def envelopes_of(
     accepted: Sequence[Hypothesis], views: Sequence[FlightView], database: AeroDatabase
 ) -> dict[str, dict[str, Interval]]:
-    """Envelope flown, axis -> variable -> interval, over the usable samples of each axis.
+    """Envelope flown, axis -> variable -> interval, over the usable samples of those body axes of
+    each axis that a flight has.
 
     Raises InputError where a flight lacks a channel of an accepted hypothesis, or no flight has a
     usable sample.
@@ -122,9 +123,10 @@ def envelopes_of(
                     f"flight {view.flight}",
                     "leave the flight out",
                 )
-            if bodies <= view.usable.keys():
-                good = np.logical_and.reduce([view.usable[body] for body in sorted(bodies)])
-                flown += [(view.channels, good)] if good.any() else []
+            # A flight that lacks the thrust shows a lift along z alone, and votes with that.
+            seen = [view.usable[body] for body in sorted(bodies & view.usable.keys())]
+            if seen and (good := np.logical_and.reduce(seen)).any():
+                flown.append((view.channels, good))
         if not flown:
             raise InputError("no usable sample in any flight", f"effects on {axis}")
         envelopes[axis] = flown_envelope(names, flown, database)

@@ -66,7 +66,11 @@ class Accept:
             if name == ALL or any(_is(finding, name) for finding in added):
                 continue
             own = [finding for finding in findings if _is(finding, name)]
-            open_ones = [f for f in findings if f not in (*own, *added) and f.verdict in _OPTION]
+            open_ones = [
+                f
+                for f in findings
+                if f not in (*own, *added) and f.verdict in _OPTION and not self.asks_for(f)
+            ]
             reasons[name] = _why_not(own, option, open_ones, without_gain)
         return reasons
 
@@ -94,7 +98,7 @@ def _why_not(
 ) -> str:
     """Why none of the findings that a name means was added.
 
-    open_ones : other findings that the user may ask for.
+    open_ones : other findings that the user may ask for, and has not.
     """
     if not own:
         return "these flights do not find it"

@@ -3,7 +3,7 @@
 docs/method/tracing.md, section 13.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -45,27 +45,36 @@ def bearable(
     """Return the candidate with as many of the new findings as make no axis worse, and these
     findings.
 
-    First without the constants of the axes concerned, then without anything on them. Estimated
-    together with terms that may not enter, a term can be right and still do harm.
+    First without the constants of the axes concerned, then without what is written on one axis
+    after the other: a lift, a drag and a side force all reach CX, and only one of them need do harm
+    there. Estimated together with terms that may not enter, a term can be right and still do harm.
     """
-    kept = list(new)
-    candidate = added_to(source, database, library, kept, flights, sensors, written)
-    before = compared(source, flights, database)
-    for only_constants in (True, False):
-        worse = worse_axes(before, compared(source, flights, candidate))
-        if not worse:
-            break
-        kept = [
-            f
-            for f in kept
-            if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")
-        ]
-        candidate = (
-            added_to(source, database, library, kept, flights, sensors, written)
-            if kept
-            else database
+    before, added_on = compared(source, flights, database), _written_on(library)
+
+    def tried(kept: list[Finding]) -> tuple[frozenset[str], AeroDatabase, list[Finding]]:
+        if not kept:
+            return frozenset(), database, kept
+        candidate = added_to(source, database, library, kept, flights, sensors, written)
+        return worse_axes(before, compared(source, flights, candidate)), candidate, kept
+
+    worse, candidate, kept = tried(list(new))
+    if worse:
+        lasting = [f for f in kept if f.effect != "zero_offset" or not worse & set(f.axis)]
+        if len(lasting) < len(kept):
+            worse, candidate, kept = tried(lasting)
+    while worse:
+        harmful = dict.fromkeys(added_on(f) for f in kept if worse & set(f.axis))
+        worse, candidate, kept = min(
+            (tried([f for f in kept if added_on(f) != axes]) for axes in harmful),
+            key=lambda each: (len(each[0]), -len(each[2])),
         )
     return candidate, kept
+
+
+def _written_on(library: Library) -> Callable[[Finding], tuple[str, ...]]:
+    """The axes that a finding is written on; of a stall, those that it acts on."""
+    axes = {hypothesis.id: tuple(hypothesis.written_on) for hypothesis in library.hypotheses}
+    return lambda finding: axes.get(finding.hypothesis, tuple(finding.axis))
 
 
 def compared(

@@ -58,10 +58,15 @@ def measuring(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
 
 
 def accepting(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
-    """Return the command that adds what is only suspected; empty where nothing is."""
+    """Return the command that adds what is only suspected and was not asked for; empty where
+    nothing is."""
     from aerodb.loop import ALL  # slow to import
 
-    options = to_try(document)
+    options = [
+        option
+        for option in to_try(document)
+        if {option, f"{option.split()[0]} {ALL}"}.isdisjoint(given)
+    ]
     if len(options) > _MOST:
         options = [f"{option} {ALL}" for option in dict.fromkeys(o.split()[0] for o in options)]
     return again(document, given, options) if options else ""

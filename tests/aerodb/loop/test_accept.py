@@ -33,3 +33,9 @@ def test_what_was_not_added_has_a_reason_and_a_way() -> None:
     assert why.endswith("add also --accept-suspected beta_slope@Cl")
     (why,) = accept.not_added([DAMPING], [], ()).values()
     assert why == "with it an axis would become worse"
+
+
+def test_what_was_asked_for_already_is_no_advice() -> None:
+    accept = Accept(suspected=("roll_damping", "beta_slope"))
+    reasons = accept.not_added([DAMPING, SLOPE], [], ())
+    assert set(reasons.values()) == {"with it an axis would become worse"}
