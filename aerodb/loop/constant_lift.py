@@ -3,8 +3,8 @@
 Flights have constants of their own on body axes, so that tracing finds a constant force along z. A
 constant lift turns with the angle of attack and changes CX by its sine as well; and where a
 database has its drag as a function of the lift, the drag follows. So the constant is added first,
-on the axis on which it predicts CX better; what CX still lacks beside it is found in the next
-round. docs/method/tracing.md, section 13.
+as a lift unless CX says flight after flight that it is none; what CX still lacks beside it is found
+in the next round. docs/method/tracing.md, section 13.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,8 +16,9 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis
 from aerodb.loop.frozen_library import Library
+from aerodb.support import Array
 from aerodb.tables import number
-from aerodb.tracing import Finding
+from aerodb.tracing import Finding, paired_p
 
 #: A constant force along z.
 CONSTANT: Final = "zero_offset@CZ"
@@ -33,8 +34,8 @@ def as_constant_lift(
     library: Library,
     compared: Callable[[Finding, Written], Mapping[str, Comparison]],
 ) -> Written:
-    """Return how a constant of CZ among the admitted findings is written: as a lift where it
-    predicts CX better so, about each flight's mean; empty where not.
+    """Return how a constant of CZ among the admitted findings is written: as a lift; empty, along
+    z, where that predicts CX better in flight after flight, about their means (paired t-test).
 
     compared : flight -> comparison with the baseline that one finding was added to, dimensionless.
     Nothing changes where the library has no effect on the lift.
@@ -47,7 +48,7 @@ def as_constant_lift(
         CONSTANT: replace(known[CONSTANT], axes=("CX", "CZ"), increment=(("C_lift", number(-1.0)),))
     }
     along_z, along_lift = (_varying(compared(constant, each)) for each in ({}, on_lift))
-    return on_lift if along_lift < along_z else {}
+    return {} if paired_p(-along_z, -along_lift) < library.settings.level else on_lift
 
 
 def entering_first(finding: Finding, before: Finding | None) -> Finding:
@@ -64,11 +65,11 @@ def entering_first(finding: Finding, before: Finding | None) -> Finding:
     )
 
 
-def _varying(compared: Mapping[str, Comparison]) -> float:
-    """Sum of squares of the error of CX about each flight's mean."""
+def _varying(compared: Mapping[str, Comparison]) -> Array:
+    """Sum of squares of the error of CX about the mean of each flight that has it, (g,)."""
     residuals = [
         each.residual(_CHANGES)[each.usable[_CHANGES]]
         for each in compared.values()
         if _CHANGES in each.usable and each.usable[_CHANGES].any()
     ]
-    return float(sum(np.square(each - each.mean()).sum() for each in residuals))
+    return np.array([np.square(each - each.mean()).sum() for each in residuals])

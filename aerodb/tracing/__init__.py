@@ -81,7 +81,7 @@ if TYPE_CHECKING:
         with_checked_shapes,
         without_state_noise,
     )
-    from .estimates import prepare_elimination
+    from .estimates import paired_p, prepare_elimination
     from .evidence import (
         LONG,
         Evidence,

@@ -1,14 +1,19 @@
 """Finer shapes: the algebra against direct least squares, planted functions come back, and exact
 templates stay as they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from aerodb.effects.spline import Spline
 from aerodb.tables.expression import parse
 from aerodb.tables.program import evaluate
-from aerodb.tracing.decision.refinement import ShapeProblem, search
+from aerodb.tracing.decision.refinement import ShapeProblem, _problem, search
+from aerodb.tracing.estimates import campaign
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import TracingSettings
+from tests.support.tracing_small import LIBRARY, SETTINGS, evidence
 
 SPLINE = Spline("alpha", (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3))
 GROUP = tuple(range(1, 7))
@@ -78,3 +83,23 @@ def test_where_the_template_is_right_its_shape_stays() -> None:
         bool(search(problem(seed, 0.0), [GROUP], 1, TracingSettings())) for seed in range(100)
     ]
     assert sum(refine) <= 5
+
+
+def test_a_constant_keeps_the_value_that_levels_gave() -> None:
+    """What turns with a constant on another axis is no measure of it: an error there would be."""
+    term = LIBRARY[0]
+    constant = replace(term, effect="zero_offset", increment=(("CX", parse("1")),))
+    flights = []
+    for seed in range(6):
+        flown = evidence(seed, {term.id: 0.3})
+        turned = 0.05 * flown.columns[LIBRARY[2].id]["CZ"]
+        columns = {
+            constant.id: {"CX": np.ones(flown.samples), "CZ": turned},
+            term.id: flown.columns[term.id],
+        }
+        residual = flown.residual | {"CZ": flown.residual["CZ"] + turned}
+        flights.append(replace(flown, columns=columns, residual=residual))
+    equations = [normal_equations_of(flight, SETTINGS) for flight in flights]
+    made = _problem(campaign(equations, [constant, term]), range(2), SETTINGS)
+    values, _ = made.estimate(range(2), np.zeros(2), SETTINGS.prior_dof)
+    assert values == pytest.approx([0.0, 0.3], abs=0.05)
