@@ -15,9 +15,12 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis
+from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
+from aerodb.loop.sensor_share import without_sensors
+from aerodb.loop.turned_slopes import mean_constant
 from aerodb.support import Array
-from aerodb.tables import number
+from aerodb.tables import AeroDatabase, number
 from aerodb.tracing import Finding, paired_p
 
 #: A constant force along z.
@@ -63,6 +66,39 @@ def entering_first(finding: Finding, before: Finding | None) -> Finding:
         votes=seen.votes,
         reasons=(*finding.reasons, "CX follows it as a lift, on which it is written"),
     )
+
+
+def level_again(
+    source: FlightSource,
+    flights: Sequence[str],
+    database: AeroDatabase,
+    library: Library,
+    sensors: Mapping[str, float],
+    constant: Finding,
+) -> tuple[AeroDatabase, Finding]:
+    """Return the database with the constant that leaves these flights (ids) no level of CZ, beside
+    all that has been added since, and the finding with that value.
+
+    It was seen beside a baseline that lacked a slope as well, whose mean over the flights was part
+    of it. sensors : found to be wrong (id -> error, SI), whose part is no level. A constant whose
+    interval then holds zero leaves the database, and is suspected. Raises InputError where a flight
+    lacks what is needed.
+    """
+    left = mean_constant(without_sensors(source, flights, database, library, sensors), "CZ") or 0.0
+    low, high = (end + left for end in constant.ci95)
+    gone = low <= 0.0 <= high
+    increments = []
+    for each in database.increments:
+        if CONSTANT not in each.note:
+            increments.append(each)
+        elif not gone:
+            estimates = np.r_[each.estimates[0] + left, each.estimates[1:]]
+            increments.append(replace(each, estimates=estimates))
+    reason = "what was found later leaves no constant"
+    changed = replace(constant, value=constant.value + left, ci95=(low, high))
+    if gone:
+        changed = replace(changed, verdict="suspected", reasons=(*constant.reasons, reason))
+    return replace(database, increments=tuple(increments)), changed
 
 
 def _varying(compared: Mapping[str, Comparison]) -> Array:

@@ -13,7 +13,13 @@ from aerodb.increments import worse_axes
 from aerodb.loop.accept import Accept
 from aerodb.loop.adding import added_to, bearable, compared, separates
 from aerodb.loop.axis_models import AxisModel, axis_models
-from aerodb.loop.constant_lift import CONSTANT, Written, as_constant_lift, entering_first
+from aerodb.loop.constant_lift import (
+    CONSTANT,
+    Written,
+    as_constant_lift,
+    entering_first,
+    level_again,
+)
 from aerodb.loop.downgraded import only_what_was_frozen, only_with_gain
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
@@ -215,13 +221,33 @@ def _next_round(given: _Given, state: _State) -> _State:
             remarks=remarks,
         )
     candidate, kept = bearable(source, database, library, new, flights, sensors, written)
-    return replace(
+    state = replace(
         state,
         database=candidate,
         added=(*state.added, *kept),
         withheld=state.withheld | {f.hypothesis for f in new if f not in kept},
         linear_beside=(*state.linear_beside, *beside),
     )
+    return _levelled(given, state, sensors, kept)
+
+
+def _levelled(
+    given: _Given, state: _State, sensors: Mapping[str, float], new: Sequence[Finding]
+) -> _State:
+    """The state with a constant of CZ that an earlier round added estimated again, beside what this
+    round has added on the lift."""
+    constant = next((f for f in state.added if f.hypothesis == CONSTANT and f not in new), None)
+    if constant is None or not any("CZ" in finding.axis for finding in new):
+        return state
+    database, changed = level_again(
+        given.source, given.flights, state.database, given.library, sensors, constant
+    )
+    findings = {**state.findings, CONSTANT: changed}
+    others = tuple(f for f in state.added if f is not constant)
+    if changed.verdict != constant.verdict:
+        withheld = state.withheld | {CONSTANT}
+        return replace(state, database=database, findings=findings, added=others, withheld=withheld)
+    return replace(state, database=database, findings=findings, added=(changed, *others))
 
 
 def _as_lift(given: _Given, findings: Sequence[Finding], sensors: Mapping[str, float]) -> Written:

@@ -56,7 +56,7 @@ def about_zero_lift(
         if pair[0] is pair[1]:
             continue
         constants = [
-            _constant(without_sensors(source, flights, each, library, sensors), body)
+            mean_constant(without_sensors(source, flights, each, library, sensors), body)
             for each in pair
         ]
         if None not in constants:
@@ -126,8 +126,9 @@ def _about(
     return candidate if same else replace(candidate, increments=tuple(changed))
 
 
-def _constant(compared: Mapping[str, Comparison], axis: str) -> float | None:
-    """Mean over flights of measured - predicted; None where no flight has a usable sample."""
+def mean_constant(compared: Mapping[str, Comparison], axis: str) -> float | None:
+    """Return the mean over flights of measured - predicted, dimensionless; None where no flight has
+    a usable sample of the axis."""
     means = [
         float(each.residual(axis)[each.usable[axis]].mean())
         for each in compared.values()

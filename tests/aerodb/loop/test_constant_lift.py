@@ -101,13 +101,16 @@ def test_no_drag_stands_for_a_constant_lift_that_may_be_a_surfaces_zero() -> Non
 def test_a_lift_curve_wrong_by_slope_and_constant_is_named_as_such(
     source: FlightsInMemory,
 ) -> None:
-    """A break of the slope at a node of the table below what was flown is the same function."""
+    """A break of the slope at a node of the table below what was flown is the same function. The
+    constant, which was seen before the slope, leaves no level beside it."""
     loop = looped(source, lacks("C_lift", f"{SIZE} + 0.5*alpha"))
     found = {each.hypothesis: each for each in loop.findings if each.verdict == "confirmed"}
     assert found.keys() == {"zero_offset@CZ", "alpha_slope@C_lift"}
     for id, truth in (("zero_offset@CZ", SIZE), ("alpha_slope@C_lift", -0.5)):
         low, high = found[id].ci95
         assert low < truth < high
+    left = [source.comparison(id, loop.candidate) for id in source.flown]
+    assert abs(np.mean([each.residual("CZ")[each.usable["CZ"]].mean() for each in left])) < 1e-4
 
 
 def test_the_mean_lift_turns_with_no_angle_of_attack(source: FlightsInMemory) -> None:
