@@ -75,21 +75,24 @@ def level_again(
     library: Library,
     sensors: Mapping[str, float],
     constant: Finding,
+    first: int,
 ) -> tuple[AeroDatabase, Finding]:
     """Return the database with the constant that leaves these flights (ids) no level of CZ, beside
     all that has been added since, and the finding with that value.
 
     It was seen beside a baseline that lacked a slope as well, whose mean over the flights was part
-    of it. sensors : found to be wrong (id -> error, SI), whose part is no level. A constant whose
-    interval then holds zero leaves the database, and is suspected. Raises InputError where a flight
+    of it. sensors : found to be wrong (id -> error, SI), whose part is no level. first : number of
+    the first increment of the loop. A constant whose interval then holds zero leaves the database,
+    and is suspected. Raises InputError where a flight
     lacks what is needed.
     """
     left = mean_constant(without_sensors(source, flights, database, library, sensors), "CZ") or 0.0
     low, high = (end + left for end in constant.ci95)
     gone = low <= 0.0 <= high
     increments = []
-    for each in database.increments:
-        if CONSTANT not in each.note:
+    for place, each in enumerate(database.increments):
+        level = each.axis in ("C_lift", "CZ") and not each.regressors[0].names
+        if place < first or not level:
             increments.append(each)
         elif not gone:
             estimates = np.r_[each.estimates[0] + left, each.estimates[1:]]

@@ -240,7 +240,13 @@ def _levelled(
     if constant is None or not any("CZ" in finding.axis for finding in new):
         return state
     database, changed = level_again(
-        given.source, given.flights, state.database, given.library, sensors, constant
+        given.source,
+        given.flights,
+        state.database,
+        given.library,
+        sensors,
+        constant,
+        len(given.baseline.increments),
     )
     findings = {**state.findings, CONSTANT: changed}
     others = tuple(f for f in state.added if f is not constant)

@@ -25,7 +25,7 @@ from aerodb.tracing.decision.selection import (
     TWIN,
     Decision,
     cross_validated,
-    undoes,
+    is_no_term,
 )
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
 from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
@@ -129,7 +129,7 @@ def few_flight_findings(
             if (
                 gains_most
                 and _holds(tried, test, index, evidence)
-                and not undoes(tried.tests, test, index, joint.terms)
+                and not is_no_term(tried.tests, test, index, joint.terms)
             ):
                 best = float(test.gain[index]), tried
         if best is None:

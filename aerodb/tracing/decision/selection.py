@@ -165,7 +165,9 @@ def _candidates(
     sensors = set(tests.campaign.sensors)
     taken = {*accepted, *freed, *dropped, *tests.campaign.offsets}
     significant = [int(i) for i in np.flatnonzero(test.significant) if i not in taken]
-    terms = [i for i in significant if i not in sensors and not undoes(tests, test, i, accepted)]
+    terms = [
+        i for i in significant if i not in sensors and not is_no_term(tests, test, i, accepted)
+    ]
     wrong = [i for i in significant if i in sensors and not _known_better(tests, test, i)]
     wrong = wrong if len(freed) < tests.settings.most_freed else []
     term = _largest(test.gain, terms)
@@ -174,19 +176,22 @@ def _candidates(
     return term, _largest(test.gain, wrong)
 
 
-def undoes(tests: CrossFlightTests, test: Tested, index: int, terms: Sequence[int]) -> bool:
-    """Return whether a hypothesis is another shape, over the same variable, of a term of the model,
-    and would need more than is believable beside it.
+def is_no_term(tests: CrossFlightTests, test: Tested, index: int, terms: Sequence[int]) -> bool:
+    """Return whether a hypothesis would need a size at which it is not what its name says.
 
-    The two would take each other back, and neither size would say anything of the effect.
+    One that no size near zero has (a reversed sign) is itself at a believable size only. Another
+    shape of a term of the model, over the same variable, would take that term back beyond it, and
+    neither size would say anything of the effect.
     """
     names = tests.campaign.hypotheses
     own = names[index]
-    return any(
+    least, most = own.plausible
+    another = any(
         (own.has_shape(names[term]) or names[term].has_shape(own))
         and set(own.drivers) == set(names[term].drivers)
         for term in terms
-    ) and bool(implausible(tests, test, index))
+    )
+    return (another or not least <= 0.0 <= most) and bool(implausible(tests, test, index))
 
 
 def _plainest(
@@ -325,7 +330,7 @@ def _suspected(
             [
                 i
                 for i in indices
-                if cross_validated(estimates, test, i) and not undoes(tests, test, i, terms)
+                if cross_validated(estimates, test, i) and not is_no_term(tests, test, i, terms)
             ],
         )
         if best is None:

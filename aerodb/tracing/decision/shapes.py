@@ -250,7 +250,7 @@ class _Shapes:
 
     def constant(self, finding: Finding) -> Finding:
         """A constant is suspected where a function in addition to the named terms predicts its
-        axis: the level of an effect is that of its shape."""
+        axis, and may have that level: the level of an effect is that of its shape."""
         (axis,) = finding.axis
         problem = self._problem(axis)
         named = range(problem.terms)
@@ -259,6 +259,8 @@ class _Shapes:
         variables = self.functions.variables(problem.chosen(problem.flights, named))
         if not (fall > WORTH and p < self.settings.level and variables):
             return finding
+        if min(map(abs, finding.ci95)) > self._largest_level(axis, variables, fall):
+            return finding
         return doubted(
             finding,
             f"an effect of {', '.join(variables)} on {axis} is not named, and its level may be this"
@@ -266,6 +268,19 @@ class _Shapes:
             verdict="suspected",
             shape=_shape(axis, variables, fall, p, []),
         )
+
+    def _largest_level(self, axis: str, variables: Sequence[str], fall: float) -> float:
+        """The level that an effect of these variables may have on an axis where it explains this
+        part of what varies: as much larger than its changes as a variable is than its own."""
+        levels = [0.0]
+        for flight in self.flights:
+            good = flight.evidence.usable[axis]
+            varies = float(np.sqrt(fall) * np.std(flight.evidence.residual[axis][good]))
+            for name in set(map(present, variables)) & flight.variables.keys():
+                values = flight.variables[name][good]
+                spread = float(np.std(values))
+                levels.append(varies * float(np.abs(values).max()) / spread if spread else np.inf)
+        return max(levels)
 
     def sensor(self, finding: Finding) -> Finding:
         """A freed sensor against functions on the one axis on which it gains most.
