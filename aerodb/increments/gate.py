@@ -18,6 +18,8 @@ from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_
 _ROUNDING: Final = 1e-9
 #: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
+#: Most findings that a note names.
+_NAMED: Final = 2
 #: Under this word a person accepts an import whose file fails its own check cases.
 FILE_CHECKS: Final = "file_checks"
 #: Under this word a person accepts an import with what no aircraft has.
@@ -160,7 +162,8 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
     if "axes" not in report:
         return ("not held out: an import comes without flights",)
     notes, axes = [], report["axes"]
-    if report.get("validation", {}).get("kind") == "cross-validated":
+    validation = report.get("validation", {})
+    if validation.get("kind") == "cross-validated" and not validation.get("within_flights"):
         notes.append(
             "not held out: each flight was predicted from all others in turn (cross-validated), and"
             " all of them identified the version"
@@ -178,7 +181,9 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
             if id in report.get("asked_for", ()):
                 added = "added because you asked for it"
             open_ones.setdefault((_OPEN[finding["verdict"]], added), []).append(id)
-    notes += [f"{what}: {'; '.join(ids)}, {added}" for (what, added), ids in open_ones.items()]
+    for (what, added), ids in open_ones.items():
+        more = [f"{len(ids) - _NAMED} more"] if len(ids) > _NAMED else []
+        notes.append(f"{what}, {added}: {'; '.join([*ids[:_NAMED], *more])}")
     return tuple(notes)
 
 

@@ -72,10 +72,9 @@ class AxisModel:
         """Sentence for the report with both rms errors, dimensionless scalars
         (docs/method/tracing.md, section 27)."""
         return (
-            f"{self.axis}: many effects act at once. Its increment model ({', '.join(self.terms)})"
-            " was estimated and added as a whole. On flights left out its error is"
-            f" {self.left_out:.2g}; the effects found one by one leave {self.singles:.2g}. The sum"
-            " of its terms is known better than each of them: see their verdicts and intervals."
+            f"{self.axis}: many effects act at once, and were added together. On flights left out"
+            f" this leaves an error of {self.left_out:.2g}; one by one they leave"
+            f" {self.singles:.2g}. Their sum is known better than each of them."
         )
 
 

@@ -1,7 +1,7 @@
 """Reports: self-contained HTML pages (and PDF) of flights, updates and versions, and their JSON.
 
-1. `update_document` and `loop_document` give the JSON of an update or a closed loop; `headline`
-   sums it up in one sentence; `diff_document` gives the JSON of a diff of two versions.
+1. `update_document` and `loop_document` give the JSON of an update or a closed loop, and
+   `decision` the lines to decide on; `diff_document` gives the JSON of a diff of two versions.
 2. `flight_report`, `update_report` and `version_report` render a page from a `FlightStory`,
    `UpdateStory` or `VersionStory`, `log_report` one of logs without a vehicle from `LogStory`s;
    `pdf` converts a page.
@@ -9,8 +9,8 @@
 Modules: `flight_page`, `log_page`, `update_page`, `version_page` (pages), with the templates in
 templates/ and the engine in `page`; `document`, `loop_documents`, `diff_documents` (JSON);
 `decision` (five lines to decide on), `gate_lines` (what to decide a release on), `qualification`
-(the table for a QTG), `mode_table` (modes beside those of flights), `headlines` (sentences and
-error tables); `glossary`, `terms`, `numbers`
+(the table for a QTG), `mode_table` (modes beside those of flights), `error_table`
+(errors per axis); `glossary`, `terms`, `numbers`
 (names of effects, channels and terms, numbers and units: everything that is shown uses these);
 `findings` (findings in words); `head` (where a result comes from); `flight_figures`, `figures`,
 `update_figures`, `database_figure`, `diff_figures`, `front_figure`, `lineage_figure` (figures);
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         left_out_remarks,
         update_document,
     )
+    from .error_table import error_rows, excluded_sizes, shown_axes
     from .estimates_page import estimates_report
     from .findings import meaning
     from .fit_report import fit_report
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     )
     from .glossary import (
         advice_words,
+        capital,
         channel_words,
         effect_words,
         hypothesis_words,
@@ -64,7 +66,6 @@ if TYPE_CHECKING:
         rejected,
     )
     from .head import Head
-    from .headlines import error_rows, excluded_sizes, headline, shown_axes
     from .labels import channel_scale, visible
     from .lineage_figure import Graph, Relative, lineage_graph
     from .log_page import MOST_LOGS, LogStory, log_report, script_source

@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from aerodb.increments import NEAR_FLOOR
 from aerodb.remarks import REFUSED
+from aerodb.report.error_table import best_and_worse, by_parts, error_rows, shown_axes, written_on
 from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed
-from aerodb.report.headlines import best_and_worse, by_parts, error_rows, shown_axes
 from aerodb.report.levels import followed
-from aerodb.report.next_command import next_step
+from aerodb.report.next_command import next_steps
 from aerodb.report.numbers import for_people, number
 from aerodb.report.terms import as_constant, term_name
 from aerodb.tracing import ADDED
@@ -23,17 +23,17 @@ from aerodb.units import UnitSystem
 
 #: Rates whose derivatives are of another unit than the parameters of effects.
 RATES: Final = ("p", "q", "r")
-#: Most changes, suspicions and axes that a line names.
+#: Most changes and suspicions that are named, and reasons of the gate.
 _MOST: Final = 3
 
 
 @dataclass(frozen=True)
 class Decision:
-    """Five lines to decide on.
+    """Five lines to decide on, and what stands below them.
 
-    verdict : one sentence. lines : label (``found``, ``strongest``, ``proved``, ``stops``,
-    ``gate``, ``left``, ``next``) with its texts, one below the other; those that do not apply are
-    absent.
+    verdict : one sentence. lines : label with its texts, one below the other: ``found`` (or
+    ``strongest``), ``proved``, ``gate`` and ``next``, then ``also``, ``FILE``, ``measure``,
+    ``why``, ``stops`` and ``left``; those that do not apply are absent.
     """
 
     verdict: str
@@ -54,19 +54,20 @@ def decision(
     """
     loop = "library" in document
     made = bool(document["candidate"])
+    flights = sum(len(document["flights"][role]) for role in ("identified", "held_out"))
+    named = _changes(document, units, rest) if made else _suspicions(document, units, rest)
     lines = [
-        (
-            "found" if made else "strongest",
-            _changes(document, units, rest) if made else _suspicions(document, units, rest),
-        ),
+        ("found" if made else "strongest", named[:1]),
         ("proved", [_proof(document)] if made else []),
-        ("stops", _stops(document, rest)),
         ("gate", [_gate(document)] if made else []),
-        ("left", [_left(document, rest)]),
-        ("next", [next_step(document, given)] if loop or made else []),
+        *((label, [text]) for label, text in (next_steps(document, given) if loop or made else ())),
+        ("also", named[1:]),
+        ("why", _why(document, rest) if made else []),
+        ("stops", _stops(document, rest)),
+        ("left", [_left(document)]),
     ]
     return Decision(
-        f"{document['vehicle']}: {_verdict(document)} ({_flights(document)})",
+        f"{document['vehicle']}: {_verdict(document)} ({_count(flights, 'flight')})",
         tuple((label, tuple(texts)) for label, texts in lines if any(texts)),
     )
 
@@ -74,16 +75,18 @@ def decision(
 def _verdict(document: Mapping[str, Any]) -> str:
     refused = _refusals(document)
     if document["candidate"]:
-        ready = "it waits for the gate" if document.get("gate") is None else "the gate passes it"
-        if refused:
-            ready = "the gate will refuse it as it is"
+        ready = "; the gate refuses it" if refused else "; the gate passes it"
+        if document.get("gate") is None and not refused:
+            ready = ""  # nobody asked
         if "library" not in document:
             if parameters := document.get("parameters", ()):
                 count = _count(len(parameters), "parameter")
-                return f"{document['label']} has {count} as these flights have them; {ready}"
+                return f"{document['label']} has {count} from flight{ready}"
             axes = listed([entry["axis"] for entry in document["increments"]])
-            return f"{document['label']} has the declared increments on {axes}; {ready}"
-        return f"{document['label']} has {_count(len(document['added']), 'change')}; {ready}"
+            return f"{document['label']} has increments on {axes}{ready}"
+        sure = any(finding["verdict"] in ADDED for finding in _added(document))
+        count = _count(len(document["added"]), "change" if sure else "unconfirmed change")
+        return f"{document['label']} has {count}{ready}"
     follows = [each for each in document.get("levels", ()) if followed(each)]
     if follows and not any(each["verdict"] != "sensor" for each in document["findings"]):
         axes = listed([each["axis"] for each in follows])
@@ -119,47 +122,39 @@ def _nothing_added(document: Mapping[str, Any]) -> str:
     return f"nothing is proved yet; {'; '.join(clauses)}"
 
 
-def _flights(document: Mapping[str, Any]) -> str:
-    used, held = (len(document["flights"][name]) for name in ("identified", "held_out"))
-    every = _count(used + held, "flight")
-    if held:
-        return f"{every}: {used} to find, {held} to check"
-    if by_parts(document):
-        return f"{every}, parts predicted from the rest"
-    if document["validation"]["kind"] == "cross-validated":
-        return f"{every}, each predicted from the others"
-    return f"{every}, none to check"
-
-
 def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
-    """What was added, with its size; the declared terms that are known best, of an update."""
+    """What was added, with its size, that on the axis of the proof first; the declared terms that
+    are known best, of an update."""
+    gained = best_and_worse(document)
+    proved = gained[0]["axis"] if gained else ""
     if "library" not in document:
         if parameters := document.get("parameters", ()):
-            shown = [f"parameter {_from_to(each)}" for each in parameters[:_MOST]]
+            shown = [_from_to(each) for each in parameters[:_MOST]]
             return [*shown, *_more(len(parameters), rest)]
         terms = sorted(
             (
-                (abs(term["value"]) / term["standard_error"], entry["axis"], term)
+                (entry["axis"] != proved, -abs(term["value"]) / term["standard_error"], entry, term)
                 for entry in document["increments"]
                 for term in entry["terms"]
                 if term["standard_error"] > 0.0
             ),
-            key=lambda each: -each[0],
+            key=lambda each: each[:2],
         )
         shown = [
-            f"{axis} {'' if as_constant(term['term']) else 'with '}{term_name(term['term'])}"
-            f" {number(term['value'])} +- {number(2.0 * term['standard_error'], 2)}"
-            for _, axis, term in terms[:_MOST]
+            f"{entry['axis']} {'' if as_constant(term['term']) else 'with '}"
+            f"{term_name(term['term'])} {number(term['value'])} +-"
+            f" {number(2.0 * term['standard_error'], 2)}"
+            for *_, entry, term in terms[:_MOST]
         ]
         return [*shown, *_more(len(terms), rest)]
-    added = [entry for entry in document["findings"] if entry["hypothesis"] in document["added"]]
+    added = _added(document)
     own = [entry for entry in added if entry["verdict"] in ADDED]
     asked = [entry for entry in added if entry["hypothesis"] in document.get("asked_for", ())]
-    named = own or asked or added
+    named = sorted(own or asked or added, key=lambda entry: proved not in written_on(entry))
     slopes = {
         f"{d['axis']}_{d['variable']}": d
         for d in document.get("derivatives", ())
@@ -167,7 +162,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
     }
     corrected = {p["name"]: p for p in document.get("parameters", ())}
     shown = [
-        _corrected(entry, corrected[entry["parameter"]])
+        _from_to(corrected[entry["parameter"]], entry["verdict"].replace("_", " "))
         if entry["parameter"] in corrected
         else _sized(entry, units, slopes.get(entry["parameter"]))
         for entry in named[:_MOST]
@@ -175,23 +170,25 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
     return [*shown, *_more(len(document["added"]) - len(shown) + _MOST, rest)]
 
 
+def _added(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The findings of a closed loop that its version has."""
+    return [entry for entry in document["findings"] if entry["hypothesis"] in document["added"]]
+
+
 def _more(n: int, rest: str) -> list[str]:
     return [f"{n - _MOST} more: {rest}"] if n > _MOST else []
 
 
-def _corrected(finding: Mapping[str, Any], parameter: Mapping[str, Any]) -> str:
-    """A parameter of the database with its verdict, and what `_from_to` says of it."""
-    verdict = finding["verdict"].replace("_", " ")
-    return f"parameter {_from_to(parameter, f' ({verdict})')}"
-
-
 def _from_to(parameter: Mapping[str, Any], verdict: str = "") -> str:
-    """Name, value before and after with twice its standard error, and the change in per cent."""
+    """Name of a parameter, value before and after with twice its standard error; in brackets the
+    change in per cent and the verdict."""
     before, after, error = (parameter[key] for key in ("before", "after", "standard_error"))
     known = "" if error is None else f" +- {number(2.0 * error, 2)}"
     unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-    share = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
-    return f"{parameter['name']}{verdict}: {number(before)} -> {number(after)}{known}{unit}{share}"
+    share = f"{100.0 * (after / before - 1.0):+.0f} %" if before else ""
+    notes = ", ".join(filter(None, (share, verdict)))
+    size = f"{number(before)} -> {number(after)}{known}{unit}"
+    return f"parameter {parameter['name']}: {size}" + (f" ({notes})" if notes else "")
 
 
 def _sized(
@@ -199,19 +196,18 @@ def _sized(
 ) -> str:
     """A finding with its verdict, its size +- half of its 95 % interval, and what it makes of a
     derivative."""
-    name = f"{effect_words(finding)} ({finding['verdict'].replace('_', ' ')})"
+    words, verdict = effect_words(finding), finding["verdict"].replace("_", " ")
     if finding["ci95"] is None:  # what no effect fits has no size
-        return name
+        return f"{words} ({verdict})"
     factor, unit = for_people(finding["unit"], units)
     low, high = finding["ci95"]
     unit = "" if unit == "-" else f" {unit}"
-    size = (
-        f"{finding['parameter']} {number(factor * finding['value'])} +-"
-        f" {number(0.5 * factor * (high - low), 2)}{unit}"
-    )
+    error = number(0.5 * factor * (high - low), 2)
     if slope is not None:
-        size += f", from {number(slope['before'])} to {number(slope['after'])}"
-    return f"{name}: {size}"
+        change = f"{number(slope['before'])} -> {number(slope['after'])}"
+        return f"{words} {change} +- {error}{unit} ({verdict})"
+    size = f"{finding['parameter']} {number(factor * finding['value'])} +- {error}{unit}"
+    return f"{words}: {size} ({verdict})"
 
 
 def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
@@ -231,18 +227,21 @@ def _proof(document: Mapping[str, Any]) -> str:
     where = (
         f"on {_count(held, 'flight')} not used"
         if held
-        else "with parts of flights predicted from the rest"
+        else "on parts not used"
         if by_parts(document)
-        else "with each flight predicted from the others"
+        else "by other flights"
         if document["validation"]["kind"] == "cross-validated"
-        else "on the flights that identified, which proves little"
+        else "weak, on the flights used"
     )
     fell = "" if best["after"] < best["before"] else "no error falls; "
     error = f"{fell}error of {best['label']} {number(best['before'])} -> {number(best['after'])}"
-    if best["of_flown"] is not None:
-        before = best["of_flown"] * best["before"] / best["after"] if best["after"] else None
-        error += f" ({_share(before)} -> {_share(best['of_flown'])} of what was flown)"
-    return f"{where}: {error}" + (f"; worse: {listed(worse)}" if worse else "")
+    if worse:
+        error += f"; worse: {listed(worse)}"
+    elif best["of_flown"] is not None:
+        share = 100.0 * best["of_flown"]
+        before = number(share * best["before"] / best["after"], 2) if best["after"] else "-"
+        error += f" ({before} -> {number(share, 2)} %)"
+    return f"{where}: {error}"
 
 
 def _stops(document: Mapping[str, Any], rest: str) -> list[str]:
@@ -273,24 +272,32 @@ def _refusals(document: Mapping[str, Any]) -> list[str]:
 def _gate(document: Mapping[str, Any]) -> str:
     refused = _refusals(document)
     gate = document.get("gate")
-    if gate is None and not refused:
-        return "not asked yet"
-    if gate is not None and not refused:
-        return f"all {len(gate['checks'])} checks pass" if gate["checks"] else "it is released"
-    more = f"; {len(refused) - 1} more" if len(refused) > 1 else ""
-    return f"{'' if gate is None else 'refuses: '}{refused[0].rstrip('.')}{more}"
+    if gate is None:
+        return "it will refuse; the reasons are below" if refused else ""
+    checks = gate["checks"]
+    failed = [check["label"] for check in checks if check["reasons"]]
+    if failed:
+        return f"refuses, by {listed(failed)} ({len(failed)} of {len(checks)} checks)"
+    return f"all {len(checks)} checks pass" if checks else "it is released"
 
 
-def _left(document: Mapping[str, Any], rest: str) -> str:
-    """The axes that are worst beside their noise floor, in per cent of what was flown, and how many
+def _why(document: Mapping[str, Any], rest: str) -> list[str]:
+    """Why the gate refuses, the first reasons, and how many more."""
+    refused = [each.rstrip(".") for each in _refusals(document)]
+    return [*refused[:_MOST], *_more(len(refused), rest)]
+
+
+def _left(document: Mapping[str, Any]) -> str:
+    """The axis that is worst beside its noise floor, in per cent of what was flown, and how many
     causes stay open."""
     rows = _far_rows(document)
-    axes = [
-        f"{row['label']} {_share(row['of_flown'])} of what was flown,"
-        f" {number(row['times_floor'], 2)} noise floors"
-        for row in rows[:_MOST]
-    ]
-    clauses = ["; ".join([*axes, *_more(len(rows), rest)])] if axes else [_at_floor(document)]
+    clauses = [_at_floor(document)]
+    if rows:
+        worst = rows[0]
+        share = f"{_share(worst['of_flown'])} of what was flown"
+        clauses = [f"{worst['label']} {share}, {number(worst['times_floor'], 2)} noise floors"]
+        if len(rows) > 1:
+            clauses[0] += f"; {len(rows) - 1} more ax{'is' if len(rows) == 2 else 'es'}"
     tested = document["not_found"] if "library" in document else ()
     undecided = sum(entry["verdict"] != "not_detected" for entry in tested)
     if undecided:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.coefficients import Comparison
+from aerodb.report.error_table import by_parts
 from aerodb.report.figures import pooled_residual
-from aerodb.report.headlines import by_parts
 from aerodb.report.numbers import number
 from aerodb.signals import rms
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from aerodb.report.decision import decision
+from aerodb.report.glossary import listed
 from aerodb.report.terms import term_unit
 from aerodb.units import UnitSystem
 
@@ -48,13 +49,14 @@ def gate_rows(checks: Iterable[Mapping[str, Any]]) -> list[GateRow]:
 
 
 def count_passed(checks: Sequence[Mapping[str, Any]]) -> str:
-    """Return how many checks of the gate pass.
+    """Return how many checks of the gate pass, and the names of those that fail.
 
-    >>> count_passed([{"passed": True}, {"passed": False}])
-    '1 of 2 checks pass'
+    >>> count_passed([{"label": "parent", "passed": True}, {"label": "signs", "passed": False}])
+    '1 of 2 checks pass; fails signs'
     """
-    passed = sum(check["passed"] for check in checks)
-    return f"{passed} of {len(checks)} check{'' if len(checks) == 1 else 's'} pass"
+    failed = [check["label"] for check in checks if not check["passed"]]
+    count = f"{len(checks) - len(failed)} of {len(checks)} check{'' if len(checks) == 1 else 's'}"
+    return f"{count} pass" + (f"; fails {listed(failed)}" if failed else "")
 
 
 def derivative_words(derivatives: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -92,13 +94,14 @@ def release_lines(
         told = dict(decision({**report, "label": gate["label"]}, rest="below").lines)
     changes = derivative_words(report.get("derivatives") or ())
     checks = [] if gate is None else gate["checks"]
+    found = [*told.get("found", ()), *told.get("also", ())]
     lines = [
         ("changes", _first(changes, "smaller")),
-        ("found", [*told.get("found", ())] if "library" in report or not changes else []),
+        ("found", [] if changes else found),
         ("trim", [*trim]),
         ("proved", [*told.get("proved", ())]),
         ("gate", [count_passed(checks)] if checks else []),
-        ("refused", [reason for check in checks for reason in check["reasons"]]),
+        ("refused", _first([each for check in checks for each in check["reasons"]], "more")),
         ("responses", [_within(responses)] if responses else []),
         ("open", [*told.get("left", ()), *_first([] if gate is None else gate["notes"], "more")]),
     ]
@@ -117,7 +120,7 @@ def version_lines(
     if "axes" not in report:
         return []
     told = dict(decision({**report, "label": label}, units, rest).lines)
-    return [(name, told[name]) for name in ("found", "proved", "left") if name in told]
+    return [(name, told[name]) for name in ("found", "proved", "also", "left") if name in told]
 
 
 def _first(texts: Sequence[str], rest: str) -> list[str]:

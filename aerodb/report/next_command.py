@@ -72,28 +72,32 @@ def accepting(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
     return again(document, given, options) if options else ""
 
 
-def next_step(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
-    """Return what to do next: the gate of a candidate, else what to measure, accept or fly; empty
-    where nothing is known.
+def next_steps(document: Mapping[str, Any], given: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Return what to do next: ``next``, the gate of a candidate, else a command or what to fly;
+    then ``FILE``, what the model file of the command holds, or ``measure``, what its SIGMA are of.
+    Empty where nothing is known.
 
     given : options that the loop was asked with.
     """
     if document["candidate"]:
-        return f"aerodb version gate {document['label']} --vehicle {document['vehicle']}"
+        command = f"aerodb version gate {document['label']} --vehicle {document['vehicle']}"
+        return [("next", command)]
     if model := to_declare(document.get("levels", ())):
         shared = [option for option in given if option.split()[0] in _OF_UPDATES]
         words = ["aerodb update --vehicle", document["vehicle"], *shared, "--model FILE"]
-        return f"write a model file, {model}; then {' '.join(words)}"
+        return [("next", " ".join(words)), ("FILE", model)]
     wanted = measurements(document)
     if wanted and (not to_try(document) or document["findings"][0].get("wanted")):
         sizes = [f"{name} to {size}" if size else name for name, size in wanted.items()]
         more = len(sizes) - _MOST
         named = [*sizes[:_MOST], *([f"{more} more"] if more > 0 else [])]
-        return f"measure {listed(named)} outside flight; {measuring(document, given)}"
+        return [
+            ("next", measuring(document, given)),
+            ("measure", f"{listed(named)}, not in flight"),
+        ]
     if command := accepting(document, given):
-        return command
-    fly = document["next_flight"]
-    return f"fly: {advice_words(fly[0])}" if fly else ""
+        return [("next", command)]
+    return [("next", f"fly: {advice_words(advice)}") for advice in document["next_flight"][:1]]
 
 
 def _accuracy(sigma: float, unit: str) -> str:

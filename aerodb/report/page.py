@@ -14,6 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from aerodb.errors import InputError
+from aerodb.report.error_table import excluded_sizes
 from aerodb.report.glossary import (
     advice_words,
     capital,
@@ -24,7 +25,6 @@ from aerodb.report.glossary import (
     with_true_signs,
 )
 from aerodb.report.head import Head
-from aerodb.report.headlines import excluded_sizes
 from aerodb.report.labels import visible
 from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED

@@ -13,13 +13,7 @@ from aerodb.remarks import LEAVES_ENVELOPE, REFUSED
 from aerodb.report.decision import decision
 from aerodb.report.diff_figures import diff_figures
 from aerodb.report.document import excursion_text
-from aerodb.report.figures import update_figure
-from aerodb.report.findings import meaning, named_flights, sentence_of, told
-from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.former_documents import remarks_of
-from aerodb.report.glossary import advice_words, listed, with_true_signs
-from aerodb.report.head import Head
-from aerodb.report.headlines import (
+from aerodb.report.error_table import (
     by_parts,
     changed_axes,
     error_rows,
@@ -28,6 +22,12 @@ from aerodb.report.headlines import (
     shown_axes,
     written_on,
 )
+from aerodb.report.figures import update_figure
+from aerodb.report.findings import meaning, named_flights, sentence_of, told
+from aerodb.report.flight_errors import disagreements, flight_errors
+from aerodb.report.former_documents import remarks_of
+from aerodb.report.glossary import advice_words, listed, with_true_signs
+from aerodb.report.head import Head
 from aerodb.report.page import render
 from aerodb.report.reach import beyond_data
 from aerodb.report.style import Picture, picture

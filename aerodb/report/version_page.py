@@ -9,11 +9,11 @@ from aerodb.nomenclature import AXES
 from aerodb.report.database_figure import database_figure
 from aerodb.report.diff_documents import curve_document, diff_document, edits_of
 from aerodb.report.diff_figures import diff_figures
+from aerodb.report.error_table import error_rows, shown_axes
 from aerodb.report.front_figure import front_figure
 from aerodb.report.gate_lines import gate_rows, release_lines
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
-from aerodb.report.headlines import error_rows, shown_axes
 from aerodb.report.lineage_figure import Graph
 from aerodb.report.mode_table import COMPARED
 from aerodb.report.page import render

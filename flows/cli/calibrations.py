@@ -144,10 +144,11 @@ def recalibrate(
     stale = sorted(use.version.label for use in based.values())
     again = [each["command"] for each in rebuilds(catalogue, list(based.values()))]
     then = next(filter(None, again), f"aerodb close-loop --vehicle {owner}")
-    _say_calibration(session, owner, document, former, stale, then)
-    names = catalogue.flight_labels(document["consistency"])
+    names = catalogue.flight_labels(chosen)
+    _say_calibration(session, owner, document, former, stale, then, names)
     session.say()
-    say_flights(session, [_outcome(names[flight], flight, document) for flight in names])
+    outcomes = [_outcome(names[each], each, document) for each in document["consistency"]]
+    say_flights(session, outcomes)
     if not verbose:
         session.say("channels and corrections of each flight: -v")
     for flight, consistency in document["consistency"].items() if verbose else ():
@@ -164,6 +165,7 @@ def _say_calibration(
     former: Counter[str],
     stale: Sequence[str],
     then: str,
+    names: Mapping[str, str],
 ) -> None:
     """Print what a calibration found: verdicts on its flights now and `former` ones, the errors
     that are known best, what rests on the earlier one, and the next command; then all errors."""
@@ -184,7 +186,7 @@ def _say_calibration(
                 "; ".join(_error(name, parameters[name], session.units) for name in known[:_BEST]),
             ),
             ("groups", "; ".join(groups)),
-            ("skipped", _skipped(document["skipped"])),
+            ("skipped", _skipped(document["skipped"], names)),
             ("to rebuild", ", ".join(stale)),
         ],
         then,
@@ -196,7 +198,7 @@ def _say_calibration(
         session.say()
         session.say(
             f"calibration {group['label']} of"
-            f" {', '.join(flight[:12] for flight in group['flights'])}:"
+            f" {', '.join(names[flight] for flight in group['flights'])}:"
         )
         _say_parameters(session, own or group["parameters"])
 
@@ -210,13 +212,14 @@ def _significance(entry: Mapping[str, float]) -> float:
 
 
 def _error(name: str, entry: Mapping[str, float], units: "UnitSystem") -> str:
+    """Return a parameter with twice its standard error, as `aerodb.report.decision`."""
     factor, unit = scale_of(name, units)
-    error = f"{factor * entry['standard_error']:.2g} {unit}".rstrip()
+    error = f"{2.0 * factor * entry['standard_error']:.2g} {unit}".rstrip()
     return f"{name} {factor * entry['value']:.3g} +- {error}"
 
 
-def _skipped(skipped: Sequence[Mapping[str, str]]) -> str:
-    first = [f"{each['flight'][:12]}: {each['reason']}" for each in skipped[:1]]
+def _skipped(skipped: Sequence[Mapping[str, str]], names: Mapping[str, str]) -> str:
+    first = [f"{names[each['flight']]}: {each['reason']}" for each in skipped[:1]]
     return f"{first[0]}{f' (and {len(skipped) - 1} more)' * (len(skipped) > 1)}" if first else ""
 
 

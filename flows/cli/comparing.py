@@ -97,11 +97,12 @@ def _say(
     session.headlines(
         f"{beside}: {_erring(document, erring)}",
         [
+            ("most", _most(erring)),
             ("change", _change(document)),
             ("proof", _proof(catalogue.impact(flight.id), version)),
-            ("suspected", suspected),
         ],
         then,
+        [("suspected", suspected)],
     )
     session.say()
     say_comparison(session, document)
@@ -110,12 +111,16 @@ def _say(
 
 
 def _erring(document: Mapping[str, Any], erring: Mapping[str, float]) -> str:
-    """Return how many axes err by more than noise, and which one errs most of what was flown."""
+    """Return how many axes err by more than noise."""
     if not erring:
         return "no axis errs beyond noise"
-    most = max(erring, key=lambda axis: erring[axis])
-    count = f"{len(erring)} of {len(document['axes'])} axes err beyond noise"
-    return f"{count}, {most} most: {percent(erring[most])}"
+    return f"{len(erring)} of {len(document['axes'])} axes err beyond noise"
+
+
+def _most(erring: Mapping[str, float]) -> str:
+    """Return the axis that errs most of what was flown; empty where none does."""
+    most = max(erring, key=lambda axis: erring[axis], default="")
+    return f"{most} errs by {percent(erring[most])} of what was flown" if most else ""
 
 
 def _change(document: Mapping[str, Any]) -> str:
@@ -138,7 +143,7 @@ def _change(document: Mapping[str, Any]) -> str:
     named = [f"{axis} {said[axis][0]} -> {said[axis][1]}" for axis in differ[:_NAMED]]
     if len(differ) > _NAMED:
         named.append(f"{len(differ) - _NAMED} more")
-    return f"from {before['label']}: {', '.join(named)} of what was flown"
+    return f"from {before['label']}: {', '.join(named)}"
 
 
 def _proof(uses: "Sequence[Impact]", version: "VersionRow") -> str:

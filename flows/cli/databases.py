@@ -89,11 +89,20 @@ def import_file(
         "further": [str(each) for each in files[1:]],
     }
     document = _imported(session, import_flow, parameters)
-    session.say(f"{document['label']} ({document['version'][:12]}): {document['database']}")
+    because, then = _standing(document, vehicle)
+    session.headlines(
+        f"{vehicle}: {document['label']} is {'stored, not ' if because else ''}released"
+        f" ({document['database']}, {document['version'][:12]})",
+        [
+            ("because", because),
+            ("instead of", document["replaced"] or ""),
+            ("lacks", ", ".join(document["lacks"])),
+        ],
+        then,
+    )
     _say_content(session, document)
     _say_checks(session, document)
     _say_values(session, document)
-    _say_released(session, document, vehicle)
     _say_inputs(session, document)
     if document["lacking"]:
         zeros = "" if document["dividing"] else "to take all zeros: --accept-proposals; "
@@ -142,10 +151,31 @@ def inputs(
     session.answer(document)
 
 
+def _standing(document: dict[str, Any], vehicle: str) -> tuple[str, str]:
+    """Return why an import is not released (empty where it is), and the next command."""
+    label, checks = document["label"], document["file_checks"]
+    promote = f"aerodb version promote {label} --vehicle {vehicle}"
+    if document["dividing"]:
+        names = ", ".join(document["written"][name] for name in document["dividing"])
+        return f"it divides by {names}, which no flight has", ""  # the command stands below
+    if document["released"]:
+        then = "" if document["lacking"] else f"aerodb flight ingest LOG --vehicle {vehicle}"
+        return "", then
+    if document["without_values"]:
+        names = ", ".join(document["without_values"])
+        return (
+            f"{names} have no finite value in usual flight: bind what they are divided by",
+            f"aerodb database inputs {label} --vehicle {vehicle}",
+        )
+    if checks is not None and not checks["passed"]:
+        return "its own check cases fail", f'{promote} --accept file_checks --reason "..."'
+    if document["unusual"]:
+        return "it has what no aircraft has", f'{promote} --accept content --reason "..."'
+    return f"another one is; build on this with --baseline {label}", f'{promote} --reason "..."'
+
+
 def _say_content(session: Session, document: dict[str, Any]) -> None:
-    """Print what the database does not know, how a file of a code was read, and its curves."""
-    if document["lacks"]:
-        session.say(f"it has no {', no '.join(document['lacks'])}")
+    """Print how a file of a code was read, and the curves of the database."""
     for line in document["read_as"]:
         session.say(f"- {line}")
     found = document["curves"]
@@ -169,39 +199,9 @@ def _say_checks(session: Session, document: dict[str, Any]) -> None:
 
 
 def _say_values(session: Session, document: dict[str, Any]) -> None:
-    """Warn of coefficients that have no value anywhere."""
+    """Warn of values that no aircraft has."""
     for sentence in document["unusual"]:
         session.say(f"WARNING: {sentence}")
-    if document["unusual"] and not document["released"]:
-        session.say(
-            f"not released. Import the mended file; or, if it is right: aerodb version promote"
-            f" {document['label']} --name released --accept content --reason TEXT"
-        )
-    if document["without_values"]:
-        names = ", ".join(document["without_values"])
-        session.say(
-            f"WARNING: {names} have no finite value at any point of usual flight: not released;"
-            " bind the inputs that they are divided by, and import again"
-        )
-
-
-def _say_released(session: Session, document: dict[str, Any], vehicle: str) -> None:
-    label, checks = document["label"], document["file_checks"]
-    if document["replaced"]:
-        session.say(f"released: {label} in place of {document['replaced']}")
-    elif document["released"]:
-        return
-    elif checks is not None and not checks["passed"]:
-        session.say(
-            f"not released: mend the file and import it again, or, if its tables are right: aerodb"
-            f" version promote {label} --vehicle {vehicle} --accept file_checks --reason TEXT"
-        )
-    else:
-        session.say(f"'released' stays where it is; build on this one with --baseline {label}")
-        session.say(
-            f"if it shall replace a released import: aerodb version promote {label} --vehicle"
-            f" {vehicle} --reason TEXT"
-        )
 
 
 def _command(files: list[Path], vehicle: str, bind: list[str], document: dict[str, Any]) -> str:

@@ -90,7 +90,7 @@ def _say_edits(
         session.say()
         shown = edits if whole else edits[:_EDITS]
         session.table(
-            ["axis", "edit", "change", "+-", "unit", "of axis"],
+            ["axis", "edit", "change", "std error", "unit", "of axis"],
             [_row(term) for term in shown],
             numbers=(2, 3, 5),
         )
@@ -104,11 +104,11 @@ def _say_edits(
 
 
 def _edit(term: Mapping[str, Any]) -> str:
-    """Return an edit in a few words, with its standard error."""
+    """Return an edit in a few words, with twice its standard error as `aerodb.report.decision`."""
     if term["kind"] != "increment":
         return f"{term['axis']} {_what(term)}".strip()
     unit = "" if term["unit"] in ("-", _NO_SLOPE) else f" {term['unit']}"
-    return f"{term['axis']} {_what(term)} {term['change']:+.3g} +- {term['sigma']:.2g}{unit}"
+    return f"{term['axis']} {_what(term)} {term['change']:+.3g} +- {2.0 * term['sigma']:.2g}{unit}"
 
 
 def _what(term: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """``aerodb flight``: ingest logs, list, show, compare and retract flights."""
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -113,6 +114,12 @@ def list_flights(
     catalogue = session.catalogue()
     rows = catalogue.flights(vehicle)
     documents = flights_document(catalogue, rows)
+    then = f"show {rows[-1].id[:12]}" if rows else "ingest LOG --vehicle NAME"
+    verdicts = Counter(row.verdict for row in rows)
+    counts = ", ".join(f"{verdicts[name]} {name}" for name in sorted(verdicts))
+    said = f"{len(rows)} flight{'' if len(rows) == 1 else 's'}: {counts or 'none yet'}"
+    session.headlines(said, (), f"aerodb flight {then}")
+    session.say()
     session.table(
         ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
         [
@@ -131,7 +138,7 @@ def list_flights(
     )
     for verdict, meaning in _MEANINGS.items():
         if any(row.verdict == verdict for row in rows):
-            session.say(f"{verdict}: {meaning}; reasons: aerodb flight show")
+            session.say(f"{verdict}: {meaning}")
     session.answer(documents)
 
 
@@ -255,19 +262,25 @@ def retract(
     row = catalogue.retract_flight(catalogue.flight(flight, vehicle).id, reason, user=user())
     stale = catalogue.impact(row.id)
     again = rebuilds(catalogue, stale)
-    session.say(f"flight {row.label} retracted: {row.retract_reason}")
-    session.say(f"stale now: {', '.join(use.version.label for use in stale) or 'no version'}")
-    if again:
-        session.say("to rebuild them, in this order (NEW-v0002 is the version rebuilt from v0002):")
-    for entry in again:
-        session.say(f"  {entry['command'] or entry['label'] + ' was not made by an update'}")
     names = {
         name: id
         for name, id in catalogue.names(row.vehicle).items()
         if id in {use.version.id for use in stale}
     }
-    for name in names:
-        session.say(f"'{name}' points at a stale version")
+    loop = f"aerodb close-loop --vehicle {row.vehicle}"
+    commands = [entry["command"] or f"{loop} (in place of {entry['label']})" for entry in again]
+    session.headlines(
+        f"{row.vehicle}: {_called(row, catalogue.log(row.log_sha256))} retracted: {row.retract_reason}",
+        [
+            ("stale", ", ".join(use.version.label for use in stale) or "no version"),
+            ("names", ", ".join(names) and f"{', '.join(names)}: they point at a stale version"),
+        ],
+        (again[0]["command"] or loop) if again else f"aerodb flight list --vehicle {row.vehicle}",
+    )
+    if len(again) > 1:
+        session.say("to rebuild them, in this order (NEW-v0002 is the version rebuilt from v0002):")
+        for command in commands:
+            session.say(f"  {command}")
     stale_ids = [use.version.id for use in stale]
     session.answer(
         {

@@ -113,12 +113,11 @@ def _largest(taken: Sequence[Mapping[str, Any]]) -> str:
         return "no axis errs by more than the noise of the sensors"
     axis = max(found, key=lambda name: found[name])
     means = [axes[axis]["mean_residual"] for axes in compared if axis in axes]
-    said = f"{axis}: flight - database is {percent(found[axis])} of what was flown"
+    said = f"{axis}, {percent(found[axis])} of what was flown"
     if len(means) == 1:
         return f"{said}; mean {means[0]:.2g}"
-    one = "has one sign" if len({mean > 0.0 for mean in means}) == 1 else "changes its sign"
-    span = f"{min(means, key=abs):.2g} to {max(means, key=abs):.2g}"
-    return f"{said}; its mean {one} in {len(means)} flights ({span})"
+    one = "" if min(means) < 0.0 < max(means) else ", of one sign"
+    return f"{said}; means {min(means):.2g} to {max(means):.2g}{one}"
 
 
 def _uneven(taken: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -135,13 +134,8 @@ def _uneven(taken: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _uneven_words(taken: Sequence[Mapping[str, Any]]) -> str:
     names = _uneven(taken)
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return (
-        f"{', '.join(names[:4])}{more} corrected in some flights only; one installation has one"
-        " error"
-        if names
-        else ""
-    )
+    more = f" and {len(names) - 2} more" if len(names) > 2 else ""
+    return f"{', '.join(names[:2])}{more} corrected in some flights only" if names else ""
 
 
 def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:

@@ -49,13 +49,17 @@ def inspect(
         verdict = f"{visible(log.name)}: {inspection_verdict(document)}"
         if document["mapping"] is None:
             why = "; ".join("\n".join(document["because"]).splitlines())
-            said = [("because", why), *_first_look(document)]
-            session.headlines(verdict, said, f"aerodb mapping init {_quoted(log)}")
+            short = "no mapping says which of its columns is what"
+            then = f"aerodb mapping init {_quoted(log)}"
+            more = [*_first_look(document), ("reason", why)]
+            session.headlines(verdict, [("because", short)], then, more)
         else:
             session.headlines(
                 verdict,
                 [("because", "; ".join(document["because"]) if not document["usable"] else "")],
-                _to_ingest(log, mapping) if document["usable"] else "",
+                _to_ingest(log, mapping)
+                if document["usable"]
+                else f"aerodb log show {_quoted(log)}",
                 inspection_lines(document),
             )
         if verbose:

@@ -1,8 +1,9 @@
 """``aerodb version gate``, ``promote``, ``rollback`` and ``export``: release versions, and hand
 them out."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -23,6 +24,14 @@ Accept = Annotated[
         " --reason why it is right. Repeat for several."
     ),
 ]
+#: Check of the gate -> what makes a version that passes it: more flights, or (empty) the command
+#: that made it once more.
+_REMEDY: Final = {
+    "parent": "",
+    "not stale": "",
+    "held-out error": "flight ingest LOG",
+    "left-out error": "flight ingest LOG",
+}
 #: Columns left of what a headline says.
 _MARGIN = 12
 
@@ -39,25 +48,40 @@ def gate(
     Example: aerodb version gate candidate
     """
     from aerodb.flows.release import gate_flow
+    from aerodb.report import version_lines
     from aerodb.tasks.references import version_of
 
     session: Session = context.obj
-    row = version_of(session.catalogue(), version, vehicle)
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle)
     document = session.run(gate_flow, {"version": row.id, "accept": accept or []}, direct=True)
-    _say_gate(session, document, verbose)
+    report = catalogue.version_documents(row.id).report
+    told = dict(version_lines(report, row.label, session.units))
+    made = f"update --like {row.label}" if "library" not in report else "close-loop"
+    _say_gate(session, document, told.get("proved", ()), made, verbose)
     session.answer(document)
     if not document["passed"]:
         raise typer.Exit(1)
 
 
-def _say_gate(session: Session, document: dict[str, Any], verbose: bool) -> None:
-    """Print what the gate would say: verdict, changes, checks with their numbers and limits."""
+def _say_gate(
+    session: Session, document: dict[str, Any], proved: Sequence[str], made: str, verbose: bool
+) -> None:
+    """Print what the gate would say: verdict, changes, proof, checks with their numbers and
+    limits.
+
+    proved : the proof in words. made : the command that made the version.
+    """
     from aerodb.report import count_passed, derivative_words, gate_rows
 
     now, rows = document["released"], gate_rows(document["checks"])
     which = f"{document['vehicle']}: {document['label']}"
     if now is not None and now["version"] == document["version"]:
-        session.say(f"{which} is released, since {now['since'][:10]} by {now['user']}")
+        session.headlines(
+            f"{which} is released, since {now['since'][:10]} by {now['user']}",
+            [("changes", _fitting(session, derivative_words(document["derivatives"])))],
+            f"aerodb version show {document['label']} --vehicle {document['vehicle']}",
+        )
         return
     today = f"today {now['label']}, since {now['since'][:10]}" if now else "today none"
     notes = document["notes"]
@@ -66,10 +90,11 @@ def _say_gate(session: Session, document: dict[str, Any], verbose: bool) -> None
         f"{which} {'can be released' if document['passed'] else 'would be refused'} ({today})",
         [
             ("changes", _fitting(session, derivative_words(document["derivatives"]))),
+            *(("proved", text) for text in proved),
             ("gate", count_passed(document["checks"])),
-            ("open", session.fitting(notes[0], _MARGIN + len(more)) + more if notes else ""),
         ],
-        _after_the_gate(document),
+        _after_the_gate(document, made),
+        [("open", session.fitting(notes[0], _MARGIN + len(more)) + more if notes else "")],
     )
     session.say()
     first = max(len(row.label) for row in rows)
@@ -95,11 +120,17 @@ def _fitting(session: Session, changes: list[str]) -> str:
     return line
 
 
-def _after_the_gate(document: dict[str, Any]) -> str:
-    """Return the next command: to release it, to accept what a person may, or to look."""
-    version = f"{document['label']} --vehicle {document['vehicle']}"
+def _after_the_gate(document: dict[str, Any], made: str) -> str:
+    """Return the next command: to release it, to accept what a person may, or what mends the first
+    check that fails and has a remedy, else to read all reasons. made : the command that made it."""
+    vehicle = f"--vehicle {document['vehicle']}"
+    version = f"{document['label']} {vehicle}"
     if document["acceptable"] is None:
-        return f"aerodb version show {version}"
+        failed = [check["label"] for check in document["checks"] if not check["passed"]]
+        remedies = [
+            f"aerodb {_REMEDY[label] or made} {vehicle}" for label in failed if label in _REMEDY
+        ]
+        return remedies[0] if remedies else f"aerodb version gate {version} -v"
     names = dict.fromkeys((*document["accepted"], *document["acceptable"]))
     accept = "".join(f" --accept {name}" for name in names)
     return f'aerodb version promote {version}{accept} --reason "..."'
@@ -128,11 +159,8 @@ def promote(
         direct=True,
     )
     if document["moved"]:
-        for check in document["checks"]:
-            session.say(f"passed: {check}")
-        for note in document["notes"]:
-            session.say(note)
-        _say_move(session, document)
+        then = f"aerodb version export {row.label} --vehicle {row.vehicle} --format FORMAT"
+        _say_move(session, document, f"{then} --output FILE")
         say_derivatives(session, document["derivatives"])
     else:
         session.say(f"{name} already points to {row.label}")
@@ -157,7 +185,8 @@ def rollback(
     }
     document = session.run(roll_back_flow, parameters, direct=True)
     if document["moved"]:
-        _say_move(session, document)
+        then = f"aerodb version history --vehicle {document['vehicle']}"
+        _say_move(session, document, then)
     else:
         session.say(
             f"{name} was rolled back for this reason already; give another reason to go back"
@@ -236,9 +265,12 @@ def _say_mass_and_merge(session: Session, document: dict[str, Any]) -> None:
         )
 
 
-def _say_move(session: Session, document: dict[str, Any]) -> None:
-    event = document["event"]
-    session.say(
+def _say_move(session: Session, document: dict[str, Any], then: str) -> None:
+    event, checks = document["event"], document.get("checks")
+    session.headlines(
         f"{document['name']} of {document['vehicle']} now points to {document['label']}"
-        f" ({event['user']}: {event['reason']})"
+        f" ({event['user']}: {event['reason']})",
+        [("gate", f"all {len(checks)} checks pass" if checks else "")],
+        then,
+        [("open" if k == 0 else "", note) for k, note in enumerate(document.get("notes", ()))],
     )

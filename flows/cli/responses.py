@@ -1,5 +1,6 @@
 """``aerodb version fly`` and ``validate``: versions flown over recorded flights."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -167,7 +168,8 @@ def validate(
     }
     document = session.run(validate_flow, parameters, direct=True)
     page = document.pop("page", None)
-    say_responses(session, row.label, document)
+    then = f"aerodb version gate {row.label} --vehicle {row.vehicle}"
+    say_responses(session, row.label, document, then=then)
     _write(session, output, page)
     if table is not None:
         from aerodb.report import qualification_csv
@@ -288,6 +290,25 @@ def _within_words(document: dict[str, Any]) -> str:
     return f"nothing is judged: {why[0] if why else 'these flights have no manoeuvre'}"
 
 
+def _ranges(numbers: Sequence[str]) -> str:
+    """Return numbers of tests in short, those that follow one another as a range.
+
+    >>> _ranges(["2.c.1", "2.c.2", "2.c.3", "2.d.1", "2.d.3", "2.d.4"])
+    '2.c.1-3, 2.d.1, 2.d.3-4'
+    """
+    runs: list[list[str]] = []
+    for number in numbers:
+        head, _, last = number.rpartition(".")
+        before = f"{head}.{int(last) - 1}" if last.isdecimal() else ""
+        if runs and runs[-1][-1] == before:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(
+        run[0] if len(run) == 1 else f"{run[0]}-{run[-1].rpartition('.')[2]}" for run in runs
+    )
+
+
 def _remedy(document: dict[str, Any]) -> str:
     """Return what the first stretch that was not flown asks for."""
     remedies = [entry["remedy"] for entry in document["not_flown"]]
@@ -295,27 +316,30 @@ def _remedy(document: dict[str, Any]) -> str:
 
 
 def say_responses(
-    session: Session, label: str, document: dict[str, Any], verbose: bool = True
+    session: Session,
+    label: str,
+    document: dict[str, Any],
+    verbose: bool = True,
+    then: str = "",
 ) -> None:
     """Print the summary of `validate_flow` for a version of this label; without `verbose` the
-    tolerances alone."""
+    tolerances alone. then : the next command, where something was flown."""
     from aerodb.report import channel_scale, feedback_words
 
-    kind = "held-out" if document["independent"] else "identification, not independent,"
-    left = [test["number"] for test in document["not_covered"]]
+    held = "held-out flight" if document["independent"] else "flight"
+    kind = "" if document["independent"] else " that identified it"
     session.headlines(
         f"{label}: {_within_words(document)}",
         [
             (
                 "flown",
                 f"{_count(document['manoeuvres'], 'manoeuvre')} of"
-                f" {_count(len(document['flights']), f'{kind} flight')}; tolerances"
-                f" {document['tolerances']}",
+                f" {_count(len(document['flights']), held)}{kind}; {document['tolerances']}",
             ),
-            ("not covered", ", ".join(left)),
-            ("feedback", " ".join(feedback_words(document))),
+            ("not covered", _ranges([test["number"] for test in document["not_covered"]])),
         ],
-        "" if document["manoeuvres"] else _remedy(document),
+        then if document["manoeuvres"] else _remedy(document),
+        [("feedback", " ".join(feedback_words(document)))],
     )
     rows = []
     for check in document["checks"]:

@@ -225,8 +225,10 @@ def say_decision(session: Session, document: dict[str, Any], given: "Sequence[st
         for label, texts in told.lines
         for number, text in enumerate(texts)
     ]
-    then = next((text for label, text in lines if label == "next"), "")
-    session.headlines(told.verdict, [each for each in lines if each[0] != "next"], then)
+    place = next((k for k, (label, _) in enumerate(lines) if label == "next"), None)
+    then = "" if place is None else lines[place][1]
+    below = [] if place is None else lines[place + 1 :]
+    session.headlines(told.verdict, lines[:place], then, below)
     session.say()
     shown = shown_axes(document)
     rows = [row for row in error_rows(document) if row["axis"] in shown]

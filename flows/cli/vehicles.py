@@ -124,7 +124,12 @@ def add(
     catalogue = session.catalogue(create=True)
     require_role(session.workspace(), catalogue, "ingest", "adding a vehicle")
     row = catalogue.add_vehicle(vehicle.name, text)
-    session.say(f"vehicle {row.name} stored ({row.sha256[:12]})")
+    then = "flight ingest LOG" if catalogue.count_versions(row.name) else "database import FILE"
+    session.headlines(
+        f"vehicle {row.name} stored ({row.sha256[:12]})",
+        (),
+        f"aerodb {then} --vehicle {row.name}",
+    )
     left = placeholders(vehicle)
     say_placeholders(session, left, file.name)
     session.answer({"vehicle": row.name, "sha256": row.sha256, "placeholders": list(left)})

@@ -54,6 +54,7 @@ def list_versions(
         held_out_words,
         matching,
         versions_document,
+        waiting,
     )
 
     session: Session = context.obj
@@ -68,6 +69,17 @@ def list_versions(
         {row.parent for row in rows if row.parent and row.id in shown} - {row.id for row in rows}
     )
     labels = {row.id: row.label for row in (*rows, *parents.values())}
+    candidate = waiting(catalogue, owner)
+    if candidate is not None:
+        said = f"{candidate.label} waits for your decision"
+        then = f"aerodb version gate {candidate.label} --vehicle {owner}"
+    elif documents:
+        said = "nothing waits for a decision"
+        then = f"aerodb version show {documents[-1]['label']} --vehicle {owner}"
+    else:
+        said, then = "no version yet", f"aerodb database import FILE --vehicle {owner}"
+    session.headlines(f"{owner}: {said}", (), then)
+    session.say()
     session.table(
         [
             "version",
@@ -198,13 +210,15 @@ def show(
     names = [name for name, id in catalogue.names(row.vehicle).items() if id == row.id]
     candidate = waiting(catalogue, row.vehicle)
     waits = candidate is not None and candidate.id == row.id
+    told = [
+        (label, "; ".join(texts).replace("\u2212", "-"))
+        for label, texts in version_lines(document["report"], row.label, session.units)
+    ]
     session.headlines(
         f"{row.vehicle}: {row.label} {_standing(names, waits, document['stale'])}",
-        [
-            (label, "; ".join(texts).replace("\u2212", "-"))
-            for label, texts in version_lines(document["report"], row.label, session.units)
-        ],
-        f"aerodb version gate {row.label} --vehicle {row.vehicle}" if waits else "",
+        told[:2],
+        f"aerodb version {'gate' if waits else 'lineage'} {row.label} --vehicle {row.vehicle}",
+        told[2:],
     )
     session.say()
     session.say(

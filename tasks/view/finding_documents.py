@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError
-from aerodb.report import decision, headline
+from aerodb.report import capital, decision
 from aerodb.storage.catalogue import RunRow
 from aerodb.storage.files import read_document
 from aerodb.tasks.references import version_of
@@ -18,6 +18,7 @@ _KEY: Final = re.compile(r"[0-9a-f]{64}")
 _UNTOLD: Final = {
     "completed": "Same result as an earlier run: nothing new was stored.",
     "running": "Running.",
+    "unread": "A report of an earlier release: open it.",
 }
 _PLACE: Final = re.compile(r"([0-9T:.+-]{19,40})~([A-Za-z0-9-]{1,64})")
 
@@ -106,6 +107,7 @@ def _entry(
     run: RunRow, reference: str | None, label: str | None, report: Mapping[str, Any]
 ) -> dict[str, Any]:
     verdicts: Sequence[str] = [finding["verdict"] for finding in report.get("findings", ())]
+    outcome = _outcome(report, label) if report else []
     return {
         "run": run.id,
         "flow": run.flow,
@@ -114,15 +116,17 @@ def _entry(
         "started_utc": run.started_utc.isoformat(),
         "reference": reference,
         "label": label,
-        "headline": headline(report) if report else run.error or _UNTOLD.get(run.state, ""),
-        "outcome": _outcome(report, label),
+        "headline": " ".join(f"{capital(each)}." for each in outcome)
+        or run.error
+        or _UNTOLD.get("unread" if report else run.state, ""),
+        "outcome": outcome,
         "verdicts": {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
     }
 
 
 def _outcome(report: Mapping[str, Any], label: str | None) -> list[str]:
     """Return the verdict of a report and its proof, each in a short sentence; empty where no report
-    is kept, or one of an earlier release that has no decision: its headline tells."""
+    is kept, or one of an earlier release that has no decision."""
     try:
         told = decision({**report, "label": label})
     except KeyError:

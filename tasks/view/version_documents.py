@@ -116,7 +116,7 @@ def findings_words(document: dict[str, Any]) -> str:
 
 def waiting(catalogue: Catalogue, vehicle: str) -> VersionRow | None:
     """Return the version of a vehicle that waits for a decision: its candidate, where it continues
-    the released version and was never released itself; None where there is none."""
+    the released version, is not stale and was never released itself; None where there is none."""
     names = catalogue.names(vehicle)
     candidate, released = names.get(CANDIDATE), names.get(RELEASED)
     if candidate is None or candidate == released:
@@ -124,7 +124,8 @@ def waiting(catalogue: Catalogue, vehicle: str) -> VersionRow | None:
     row = catalogue.version_of_id(candidate)
     moves = catalogue.moves_to(vehicle, [candidate])
     once = any(move.name == RELEASED for move in moves)
-    return row if row.parent == released and not once else None
+    ready = row.parent == released and not once and not catalogue.stale(candidate)
+    return row if ready else None
 
 
 def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:

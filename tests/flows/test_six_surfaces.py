@@ -91,7 +91,8 @@ def test_new_terms_alone_or_with_all_free_by_command(tmp_path: Path) -> None:
     model.write_text(NEW)
     given = (*VEHICLE, "--baseline", "v0001", "--model", str(model), "--all-free", "--direct")
     told = aerodb(workspace, "update", *given).stdout
-    assert "4 to find, 2 to check" in told
+    assert "(6 flights)" in told.splitlines()[0]
+    assert "on 2 flights not used" in told
     assert "Keep the terms of the database. All terms free predict " in told
     errors, variants = told.split("with the terms of the database held and free:")
     for axis in ("CY", "Cl", "Cn"):

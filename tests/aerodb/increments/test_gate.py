@@ -396,15 +396,17 @@ def test_what_was_not_held_out_or_is_only_suspected_is_said(baseline: AeroDataba
     ]
     report = {**held, "findings": findings, "asked_for": ["zero_offset@Cm"]}
     said = notes_on_release(report)
-    assert said[0] == "only suspected: zero_offset@Cm, added because you asked for it"
-    assert said[1].endswith("mass_offset, not added")
+    assert said[0] == "only suspected, added because you asked for it: zero_offset@Cm"
+    assert said[1].endswith("cannot tell apart, not added: mass_offset")
     report |= {"added": ["zero_offset@Cm"], "asked_for": []}
-    assert notes_on_release(report)[0].endswith("zero_offset@Cm, added with others of its axis")
+    assert notes_on_release(report)[0].endswith("added with others of its axis: zero_offset@Cm")
     assert len(said) == 2
     findings.append({"verdict": "suspected", "hypothesis": "alpha_slope@CX"})
-    assert notes_on_release({**report, "added": [], "findings": findings})[0] == (
-        "only suspected: zero_offset@Cm; alpha_slope@CX, not added"
-    )
+    report |= {"added": [], "findings": findings}
+    two = "only suspected, not added: zero_offset@Cm; alpha_slope@CX"
+    assert notes_on_release(report)[0] == two
+    findings += [{"verdict": "suspected", "hypothesis": f"alpha_slope@C{n}"} for n in "mn"]
+    assert notes_on_release(report)[0] == f"{two}; 2 more"
 
 
 def test_the_held_out_error_of_a_list_is_that_of_the_gate() -> None:

@@ -84,7 +84,7 @@ def test_many_effects_of_one_axis_enter_together_with_their_sizes(source: Flight
     assert before > 5.0 * truth
     assert after < 1.1 * truth
     assert model.left_out < 0.5 * model.singles
-    assert any("increment model" in remark for remark in loop.remarks)
+    assert any("were added together" in remark for remark in loop.remarks)
 
 
 def test_few_flights_predict_each_other(source: FlightsInMemory) -> None:

@@ -1,5 +1,6 @@
 """Five lines to decide on: they say what the document says, in few lines and short sentences."""
 
+import textwrap
 from itertools import combinations_with_replacement, product
 from typing import Any
 
@@ -12,14 +13,21 @@ from aerodb.report.next_command import to_try
 from tests.aerodb.report.test_report import found, loop, proof
 from tests.support.contradictions import contradictions
 
-#: Lines until the next command, at most: three changes, the count of the others, proof, gate, rest.
-MOST_LINES = 8
+#: Lines until the next command, at most, of a terminal of so many columns.
+MOST_LINES, COLUMNS = 5, 80
 
 
 def told(document: dict[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Label -> texts, of a document that fits into few lines without long sentences."""
+    """Label -> texts, of a document whose next command is in few lines of a narrow terminal, without
+    long sentences."""
     made = decision(document)
-    assert 1 + sum(len(texts) for _, texts in made.lines) <= MOST_LINES
+    labels = [label for label, _ in made.lines]
+    upper = made.lines[: labels.index("next") + 1] if "next" in labels else ()
+    margin = 4 + max(map(len, labels))
+    read = [*textwrap.wrap(made.verdict, COLUMNS)]
+    for _, texts in upper:
+        read += [line for each in texts for line in textwrap.wrap(each, COLUMNS - margin)]
+    assert len(read) <= MOST_LINES, read
     for text in (made.verdict, *(text for _, texts in made.lines for text in texts)):
         assert all(len(part.split()) <= 25 for part in text.split("; ")), text
     return dict(made.lines)
@@ -36,14 +44,12 @@ def test_a_version_says_change_proof_gate_and_next_command() -> None:
     document = published(loop([found()], [found()], better), "CX")
     lines = told(document)
     assert decision(document).verdict.startswith(
-        f"{document['vehicle']}: {document['label']} has 1 change; it waits for the gate ("
+        f"{document['vehicle']}: {document['label']} has 1 change ("
     )
-    assert lines["found"] == ("slope of CX with pitch rate (confirmed): CX_q \u22120.19 +- 0.03",)
-    assert lines["proved"] == (
-        "on 2 flights not used: error of CX 0.02 -> 0.005 (126 % -> 32 % of what was flown)",
-    )
-    assert lines["gate"] == ("not asked yet",)
-    document["gate"] = {"checks": [{"reasons": []}, {"reasons": []}]}
+    assert lines["found"] == ("slope of CX with pitch rate: CX_q \u22120.19 +- 0.03 (confirmed)",)
+    assert lines["proved"] == ("on 2 flights not used: error of CX 0.02 -> 0.005 (126 -> 32 %)",)
+    assert "gate" not in lines, "nobody asked"
+    document["gate"] = {"checks": 2 * [{"label": "parent", "reasons": []}]}
     assert told(document)["gate"] == ("all 2 checks pass",)
     assert "has 1 change; the gate passes it (" in decision(document).verdict
     document["gate"] = {"checks": []}
@@ -70,8 +76,7 @@ def test_levels_that_follow_a_condition_come_first_with_the_model_that_estimates
     assert "what the database lacks on CZ differs from flight to flight" in made.verdict
     lines = dict(made.lines)
     assert lines["strongest"][0].endswith("follows Mach number: 0.045 at 0.541 to 0.0069 at 0.618")
-    (step,) = lines["next"]
-    model, _, command = step.removeprefix("write a model file, ").partition("; then ")
+    ((command,), (model,)) = lines["next"], lines["FILE"]
     (increment,) = parse_model_file(model).increment
     assert (increment.axis, increment.terms[-1]) == ("C_lift", "alpha*mach^2")
     vehicle = document["vehicle"]
@@ -79,7 +84,7 @@ def test_levels_that_follow_a_condition_come_first_with_the_model_that_estimates
         f"aerodb update --vehicle {vehicle} --baseline v0002 --hold-out none --model FILE"
     )
     document["levels"] = [{**level, "rivals": [], "conditions": []}]
-    assert "model file" not in "".join(dict(decision(document).lines).get("next", ()))
+    assert "FILE" not in dict(decision(document).lines)
 
 
 def test_what_became_worse_and_what_the_gate_refuses_is_in_the_lines() -> None:
@@ -90,10 +95,34 @@ def test_what_became_worse_and_what_the_gate_refuses_is_in_the_lines() -> None:
     document["remark_data"] = [{"kind": REFUSED, "subjects": [], "text": "", "values": {}}]
     lines = told(document)
     assert lines["proved"][0].endswith("; worse: CZ")
-    assert lines["gate"] == ("The gate will refuse this version: CZ_alpha changes its sign",)
-    assert "the gate will refuse it as it is" in decision(document).verdict
-    document["gate"] = {"checks": [{"reasons": ["Cm is worse"]}, {"reasons": ["no check cases"]}]}
-    assert told(document)["gate"] == ("refuses: Cm is worse; 1 more",)
+    assert lines["gate"] == ("it will refuse; the reasons are below",)
+    assert lines["why"] == ("The gate will refuse this version: CZ_alpha changes its sign",)
+    assert "the gate refuses it (" in decision(document).verdict
+    failed = [
+        {"label": "held-out error", "reasons": ["Cm is worse"]},
+        {"label": "check cases", "reasons": ["none are there."]},
+    ]
+    document["gate"] = {"checks": [*failed, {"label": "parent", "reasons": []}]}
+    refused = told(document)
+    assert refused["gate"] == ("refuses, by held-out error and check cases (2 of 3 checks)",)
+    assert refused["why"] == ("Cm is worse", "none are there")
+
+
+def test_one_change_is_read_first_and_the_others_below_the_next_command() -> None:
+    names = ["alpha_slope@CZ", "beta_slope@Cn", "beta_slope@CY", "alpha_slope@Cm", "q@Cm"]
+    five = [found(name, verdict="suspected") for name in names]
+    document = published(loop(five, five, [proof("CZ", 0.02, 0.005)]), "CZ")
+    document["gate"] = {"checks": [{"label": "parent", "reasons": []}]}
+    lines = decision(document).lines
+    assert [label for label, _ in lines][:4] == ["found", "proved", "gate", "next"]
+    assert len(dict(lines)["found"]) == 1
+    assert dict(lines)["also"][2:] == ("2 more: -v",)
+    assert " has 5 unconfirmed changes; " in decision(document).verdict
+    document["findings"][4]["verdict"] = "confirmed"
+    assert " has 5 changes; " in decision(document).verdict
+    (first,) = dict(decision(document).lines)["found"]
+    assert "Cm" in first
+    assert "(confirmed)" in first
 
 
 def test_suspicions_propose_the_command_that_tries_them() -> None:
@@ -122,10 +151,9 @@ def test_what_a_sensor_may_be_asks_for_its_measurement() -> None:
     document = loop([found(verdict="ambiguous_sensor")], [], [proof("CX", 0.02, 0.02)])
     sigma = {"parameter": "thrust_line_z", "sigma": 0.021, "unit": "m"}
     document["findings"][0]["wanted"] = [sigma]
-    assert told(document)["next"] == (
-        "measure thrust_line_z to 0.021 m outside flight; aerodb close-loop --vehicle v"
-        " --measured thrust_line_z=SIGMA",
-    )
+    lines = told(document)
+    assert lines["next"] == ("aerodb close-loop --vehicle v --measured thrust_line_z=SIGMA",)
+    assert lines["measure"] == ("thrust_line_z to 0.021 m, not in flight",)
 
 
 def test_what_no_effect_fits_has_no_size() -> None:
@@ -169,7 +197,7 @@ def results() -> list[tuple[str, dict[str, Any]]]:
                 if enter:
                     document = published(document, *(f.axis[0] for f in enter))
                     reasons = ["CX is worse"] if kind == "rises" else []
-                    document["gate"] = {"checks": [{"reasons": reasons}]}
+                    document["gate"] = {"checks": [{"label": "held-out error", "reasons": reasons}]}
                 made.append((f"{verdicts} {entered} {kind} {floor}", document))
     return made
 
@@ -203,9 +231,11 @@ def test_an_error_that_no_cause_explains_is_not_called_nothing() -> None:
 def test_commands_name_every_measurement_and_repeat_the_options() -> None:
     document = loop([found(verdict="ambiguous_sensor")], [], [proof("CX", 0.02, 0.02)])
     document["findings"][0]["wanted"] = [*WANTED, {**WANTED[0], "parameter": "q_scale"}]
-    (step,) = dict(decision(document, given=GIVEN).lines)["next"]
-    assert step.startswith("measure alpha_bias to 0.01 rad, ")
-    assert " and 1 more outside flight; aerodb close-loop --vehicle v " in step
+    lines = dict(decision(document, given=GIVEN).lines)
+    assert lines["measure"][0].startswith("alpha_bias to 0.01 rad, ")
+    assert lines["measure"][0].endswith(" and 1 more, not in flight")
+    (step,) = lines["next"]
+    assert step.startswith("aerodb close-loop --vehicle v ")
     assert step.endswith(
         f"{' '.join(GIVEN)} --measured alpha_bias=SIGMA --measured beta_bias=SIGMA"
         " --measured phi_bias=SIGMA --measured q_scale=SIGMA"

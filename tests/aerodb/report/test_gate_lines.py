@@ -55,7 +55,7 @@ def test_what_is_refused_and_open_stands_with_what_changes() -> None:
     assert lines == {
         "changes": ["CZ with alpha -2 -> -2.5 1/rad (+25 %)"],
         "trim": ["alpha 8 -> 7 deg"],
-        "gate": ["1 of 2 checks pass"],
+        "gate": ["1 of 2 checks pass; fails stale"],
         "refused": ["a flight is retracted"],
         "responses": [
             "3 of 4 (baseline: 1 of 4) within tolerance; feedback closed in 2 of 4 manoeuvres"

@@ -22,7 +22,7 @@ from aerodb.flows.run import run_flow
 from aerodb.increments.validation import AxisValidation, HoldOut
 from aerodb.remarks import SAID, Remark
 from aerodb.report.decision import decision
-from aerodb.report.headlines import error_rows, headline
+from aerodb.report.error_table import error_rows
 from aerodb.report.loop_documents import loop_document
 from aerodb.report.numbers import number
 from aerodb.report.page import pdf
@@ -413,9 +413,6 @@ def test_the_page_of_a_loop_that_finds_nothing() -> None:
     as if it were found."""
     document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
     tree = page_of(document)
-    assert headline(document).startswith(
-        "Nothing was found that the database lacks: 2 hypotheses were tested, and the sizes"
-    )
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
     assert lead == decision({**document, "label": None}).verdict
     assert len(tree.xpath("//img")) == 1
@@ -435,11 +432,6 @@ def test_the_page_of_a_loop_that_finds_nothing() -> None:
 def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
     document = loop([found(verdict="alias_group")], [], [proof("CX", 0.02, 0.02)])
     tree = page_of(document)
-    assert (
-        headline(document)
-        == "Nothing was added to the database, because no single effect is confirmed; found: the"
-        " slope of CX with pitch rate (alias group)."
-    )
     assert "1. Slope of CX with pitch rate alias group not added" in words_of(tree)
     assert (
         tree.xpath("//dt[.='Explains it as well']/following-sibling::dd[1]")[0].text_content()
@@ -475,19 +467,7 @@ def test_what_no_template_explains_is_told_with_its_variables() -> None:
     assert len(tree.xpath("//img")) == 1, "there is no parameter, and no vote to draw"
 
 
-def test_the_headline_hides_no_axis_that_became_worse() -> None:
-    one, other = found(), found("zero_offset@CZ")
-    better = [proof("CX", 0.02, 0.005), proof("CZ", 0.01, 0.01)]
-    document = loop([one, other], [one, other], better)
-    assert (
-        headline(document)
-        == "The database lacked the slope of CX with pitch rate and the constant part of CZ; with"
-        " them, on 2 held-out flights the error of CX falls from 0.02 to 0.005 rms (75 % less)."
-    )
-    worse = loop([one, other], [one, other], [proof("CX", 0.02, 0.005), proof("CZ", 0.01, 0.03)])
-    assert headline(worse).endswith("(75 % less), but that of CZ rises.")
-    only = loop([one], [one], [proof("CX", 0.02, 0.03)])
-    assert "the error of CX rises from 0.02 to 0.03 rms (50 % more)" in headline(only)
+def test_errors_are_told_in_the_usual_order_of_axes() -> None:
     assert [
         row["axis"] for row in error_rows(loop([], [], [proof("C_lift", 1, 1), proof("Cn", 1, 1)]))
     ] == ["Cn", "C_lift"]

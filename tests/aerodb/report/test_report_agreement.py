@@ -15,10 +15,10 @@ from lxml import etree, html
 from aerodb.effects.library import TEMPLATES, hypotheses_for
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
+from aerodb.report.error_table import excluded_sizes, shown_axes
 from aerodb.report.estimates_page import estimates_report
 from aerodb.report.glossary import EFFECTS, advice_words, hypothesis_words, in_words
 from aerodb.report.head import Head
-from aerodb.report.headlines import excluded_sizes, headline, shown_axes
 from aerodb.report.response_page import response_report
 from aerodb.report.style import SMALLEST
 from aerodb.report.update_page import update_report
@@ -99,17 +99,6 @@ def test_a_bound_beyond_every_believable_size_is_none() -> None:
     assert excluded_sizes(older)["upper_bound"] is None
     degrees = excluded_sizes({**older, "unit": "rad", "verdict": "not_detected"})
     assert degrees["minimum_detectable"] == pytest.approx(np.rad2deg(1.5))
-
-
-def test_where_nothing_could_have_been_found_the_headline_says_so() -> None:
-    document = loop([], [], [proof("Cm", 0.02, 0.02)])
-    found_nothing = headline(document)
-    assert found_nothing.startswith("Nothing was found that the database lacks: 2 hypotheses")
-    document["not_found"] = [{**each, "verdict": "not_testable"} for each in document["not_found"]]
-    assert headline(document) == (
-        "These flights cannot decide what the database lacks: 2 of 2 hypotheses stay open, most"
-        " because too few flights show them. Next flight: move the flap on its own."
-    )
 
 
 def test_forces_are_told_along_one_set_of_axes() -> None:

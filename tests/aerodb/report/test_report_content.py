@@ -20,6 +20,7 @@ from aerodb.conditioning.suspicion import Suspicion
 from aerodb.flight import Flight
 from aerodb.remarks import CONTRADICTS, MOVING_AIR, SAID, SUSPECTED, Remark
 from aerodb.report.database_figure import database_figure
+from aerodb.report.decision import decision
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import meaning
 from aerodb.report.flight_errors import disagreements, flight_errors
@@ -30,7 +31,6 @@ from aerodb.report.flight_figures import (
     segment_figure,
 )
 from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
-from aerodb.report.headlines import headline
 from aerodb.report.numbers import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
@@ -220,36 +220,6 @@ def test_a_channel_whose_gusts_were_left_out_is_not_outside_its_limit() -> None:
     assert "beta is closest to its limit (0.51 of 0.5 deg, gusts included)" in said
 
 
-def test_only_what_is_proved_is_told_as_a_fact() -> None:
-    sure, maybe = found(), found("beta_slope@Cn", verdict="suspected")
-    better = [proof("CX", 0.02, 0.005), proof("Cn", 0.01, 0.01)]
-    only = headline({**loop([maybe], [maybe], better), "asked_for": ["beta_slope@Cn"]})
-    assert only.startswith(
-        "The database may lack the slope of Cn with sideslip: only suspected, added because you"
-        " asked for it; with it,"
-    )
-    older = loop([sure, maybe], [sure, maybe], better)
-    del older["asked_for"]
-    both = headline(older)
-    assert both.startswith(
-        "The database lacked the slope of CX with pitch rate; the slope of Cn with sideslip is only"
-        " suspected, added because you asked for it; with"
-    )
-    beside = {**loop([maybe, damping := found("roll_damping@Cl", verdict="suspected")],
-                     [maybe, damping], better), "asked_for": ["beta_slope@Cn"]}  # fmt: skip
-    assert headline(beside).startswith(
-        "The database may lack the slope of Cn with sideslip: only suspected, added because you"
-        " asked for it; the roll damping of Cl came along, beside which it was estimated; with"
-        " them,"
-    )
-    sensor = found("alpha_bias@all", verdict="sensor")
-    assert (
-        headline(loop([sensor], [], better))
-        == "Nothing was added to the database: the errors found are in the sensors, the"
-        " constant error of angle of attack (sensor)."
-    )
-
-
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
@@ -269,10 +239,9 @@ def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
     document["flights"]["held_out"] = []
     document["validation"] |= {"kind": "cross-validated", **stated}
     document["remarks"] = [said]
-    assert (
-        "with the first and last parts of the flights predicted from the rest, the error of CX"
-        " falls" in headline(document)
-    )
+    made = {**document, "candidate": "d" * 64, "label": "v0002", "increments": [{"axis": "CX"}]}
+    (proved,) = dict(decision(made).lines)["proved"]
+    assert proved.startswith("on parts not used: error of CX 0.02 -> 0.005")
     tree = checked(update_report(story(document, sides, flown)))
     assert not [svg for svg in drawn(tree) if RESIDUAL.search(svg)], (
         "no number on other samples than the table's"
@@ -345,10 +314,6 @@ def test_an_axis_that_was_corrected_as_a_whole_is_told_so() -> None:
     ]
     document = loop(terms, terms, [proof("CZ", 0.04, 0.005)])
     document["asked_for"] = []
-    assert headline(document).startswith(
-        "The error of CZ was corrected as a whole, by the slope of CZ with angle of attack and the"
-        " constant part of CZ; with them, "
-    )
     words = words_of(page_of(document))
     assert "so it is not added" not in words
     assert words.count("it was added with others of its axis") == len(terms)

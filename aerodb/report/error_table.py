@@ -1,8 +1,7 @@
-"""The result of an update or a closed loop in one sentence, and the table of errors per axis."""
+"""The table of errors per axis of an update or a closed loop, and which axes it tells."""
 
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -10,10 +9,8 @@ import numpy as np
 from aerodb.increments import UNCHANGED
 from aerodb.nomenclature import AXES, FORCE_AXES, ROLL_OUTPUTS
 from aerodb.report.former_documents import former_within_flights
-from aerodb.report.glossary import advice_words, effect_words, listed, the
-from aerodb.report.numbers import for_people, number
+from aerodb.report.numbers import for_people
 from aerodb.tables import WIND_AXES
-from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
 
 #: Axes in the usual order, and what rolls on the ground have in their place.
@@ -26,63 +23,6 @@ _WHOLE: Final = {
 
 #: The side force along the body and the wind axes, either way: close to the same.
 _SAME: Final = (("CY", "C_side"), ("C_side", "CY"))
-#: Part of the hypotheses above which nothing is said to be found, as nothing could have been.
-_OPEN_SHARE: Final = 0.5
-#: Verdict -> why a hypothesis stays open, in a sentence.
-_WHY_OPEN: Final = {
-    "not_testable": "too few flights show them",
-    "not_excited": "no flight moves what they depend on",
-    "not_separable": "these flights move together what they depend on",
-}
-#: Most findings that a sentence names.
-_MOST_NAMED: Final = 3
-
-
-def headline(document: Mapping[str, Any]) -> str:
-    """Sum up the document of an update or a closed loop (docs/reference/contract.md, section JSON)
-    in one sentence; raises KeyError for any other document."""
-    if "library" not in document:
-        if parameters := document.get("parameters", ()):
-            names = listed([entry["name"] for entry in parameters])
-            return f"The parameters {names} were estimated: {_worth(document)}."
-        changed = changed_axes(document)
-        axes = listed([axis for axis in (*AXES, *WIND_AXES) if axis in changed])
-        return f"The declared increments on {axes} were estimated: {_worth(document)}."
-    added = [
-        finding for finding in document["findings"] if finding["hypothesis"] in document["added"]
-    ]
-    if added:
-        asked_for = document.get("asked_for", document["added"])  # not in older documents
-        lacked = _lacked(added, asked_for)
-        return f"{lacked}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
-    if document["findings"]:
-        effects = _named(document["findings"])
-        if all(entry["verdict"] == "sensor" for entry in document["findings"]):
-            return (
-                "Nothing was added to the database: the errors found are in the sensors,"
-                f" {effects}."
-            )
-        proved = sum(entry["verdict"] in ADDED for entry in document["findings"])
-        because = (
-            f"although {proved} {'is' if proved == 1 else 'are'} confirmed"
-            if proved
-            else "because no single effect is confirmed"
-        )
-        return f"Nothing was added to the database, {because}; found: {effects}."
-    count = len(document["not_found"])
-    undecided = [entry for entry in document["not_found"] if entry["verdict"] != "not_detected"]
-    if len(undecided) > _OPEN_SHARE * count:
-        most = Counter(entry["verdict"] for entry in undecided).most_common(1)[0][0]
-        fly = advice_words(document["next_flight"][0]) if document["next_flight"] else ""
-        return (
-            f"These flights cannot decide what the database lacks: {len(undecided)} of {count}"
-            f" hypotheses stay open, most because {_WHY_OPEN[most]}."
-            + (f" Next flight: {fly}." if fly else "")
-        )
-    return (
-        f"Nothing was found that the database lacks: {count} hypotheses were tested, and the"
-        " sizes that these flights exclude are listed below."
-    )
 
 
 def excluded_sizes(entry: Mapping[str, Any], units: UnitSystem | None = None) -> dict[str, Any]:
@@ -145,58 +85,10 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _named(findings: Sequence[Mapping[str, Any]]) -> str:
-    """The names of findings with their verdicts, the first `_MOST_NAMED` of them."""
-    names = [
-        f"{the(effect_words(entry))} ({entry['verdict'].replace('_', ' ')})" for entry in findings
-    ]
-    more = len(names) - _MOST_NAMED
-    return listed([*names[:_MOST_NAMED], f"{more} more"] if more > 1 else names)
-
-
-def _lacked(added: Sequence[Mapping[str, Any]], asked_for: Sequence[str]) -> str:
-    """Clause about the added effects; an unconfirmed one, added on request, is no stated fact, nor
-    is what had to come with it."""
-    proved = [finding for finding in added if finding["verdict"] in ADDED]
-    others = [finding for finding in added if finding not in proved]
-    requested = [finding for finding in others if finding["hypothesis"] in asked_for]
-    companions = [finding for finding in others if finding not in requested]
-    clauses = []
-    if proved:
-        clauses.append(f"The database lacked {_effects(proved)}")
-    if requested:
-        verdicts = listed(
-            list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in requested))
-        )
-        words = _effects(requested)
-        one = len(requested) == 1
-        note = f"only {verdicts}, added because you asked for {'it' if one else 'them'}"
-        clauses.append(
-            f"{words} {'is' if one else 'are'} {note}"
-            if proved
-            else f"The database may lack {words}: {note}"
-        )
-    if companions and not (proved or requested):
-        axes = listed(list(dict.fromkeys(axis for each in companions for axis in written_on(each))))
-        clauses.append(f"The error of {axes} was corrected as a whole, by {_effects(companions)}")
-    elif companions:
-        clauses.append(
-            f"{_effects(companions)} came along, beside which"
-            f" {'it was' if len(requested) == 1 else 'they were'} estimated"
-        )
-    return "; ".join(clauses)
-
-
 def written_on(finding: Mapping[str, Any]) -> list[str]:
     """The axes that a hypothesis names."""
     axes: str = finding["hypothesis"].partition("@")[2].partition(":")[0]
     return axes.split("+")
-
-
-def _effects(findings: Sequence[Mapping[str, Any]]) -> str:
-    names = [the(effect_words(finding)) for finding in findings]
-    more = len(names) - _MOST_NAMED
-    return listed([*names[:_MOST_NAMED], f"{more} more effects"] if more > 1 else names)
 
 
 def best_and_worse(document: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]] | None:
@@ -217,23 +109,6 @@ def best_and_worse(document: Mapping[str, Any]) -> tuple[dict[str, Any], list[st
         if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
     ]
     return best, worse
-
-
-def _worth(document: Mapping[str, Any]) -> str:
-    """Clause about the axis whose error changed most, and about axes that became worse."""
-    gained = best_and_worse(document)
-    if gained is None:
-        return "no axis could be compared"
-    best, worse = gained
-    change = 1 - best["after"] / best["before"]
-    verb = "falls" if change > 0 else "rises"
-    comma = "" if document["flights"]["held_out"] else ","
-    sentence = (
-        f"{on_which(document)}{comma} the error of {best['axis']} {verb} from"
-        f" {number(best['before'])} to {number(best['after'])} rms ({100 * abs(change):.0f} %"
-        f" {'less' if change > 0 else 'more'})"
-    )
-    return f"{sentence}, but that of {listed(worse)} rises" if worse else sentence
 
 
 def on_which(document: Mapping[str, Any]) -> str:
