@@ -14,6 +14,7 @@ from aerodb.flows.library.views import (
     Summary,
     Values,
     axis_coordinate,
+    counted,
     number,
     over_axes,
 )
@@ -53,6 +54,19 @@ class EvaluatedPoints(Result):
         """Return (n,) ``inside data``, ``inside tables`` or ``outside``."""
         return np.array([Place(int(code)).label for code in self.evaluation.place[axis]], object)
 
+    def headlines(self) -> list[str]:
+        """Return the values of each axis (dimensionless), from least to greatest, and where the
+        points lie."""
+        said = self.summary()
+        spans = [(low, "" if low == high else f" to {high}") for _, low, high, *_ in said.rows]
+        return [
+            said.title,
+            *(
+                f"  {axis}  {low}{high}, {place}"
+                for (axis, *_, place), (low, high) in zip(said.rows, spans, strict=True)
+            ),
+        ]
+
     def summary(self) -> Summary:
         """Return the range of each axis (dimensionless) over the points (n,)."""
         rows = []
@@ -84,7 +98,7 @@ class EvaluatedPoints(Result):
         if beyond := outside_envelope(self.database, channels):
             said += beyond_words(self.database.increments, beyond)
         return Summary(
-            f"{self.database.name} at {len(self[AXES[0]])} points",
+            f"{self.database.name} at {counted(len(self[AXES[0]]), 'point')}",
             (),
             ("axis", "least [-]", "greatest [-]", "+- at most [-]", "place"),
             rows,

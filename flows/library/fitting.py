@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.estimation import Fit, ParameterEstimate
 from aerodb.flows.library.flights import ComparedFlight, MeasuredCoefficients, compare
 from aerodb.flows.library.logs import read_text
-from aerodb.flows.library.tracing import flights_in_memory, segments_of
+from aerodb.flows.library.tracing import flights_in_memory, segments_of, several
 from aerodb.flows.library.views import Data, Result, Summary, Values, number, shown_unit
 from aerodb.identification import (
     IdentificationFlight,
@@ -132,7 +132,7 @@ def fit(
     """
     chosen = chosen_methods([method])[0]
     text = model_of(model)
-    source = flights_in_memory([_compared(each, flights[0]) for each in flights])
+    source = flights_in_memory([_compared(each, flights[0]) for each in several(flights)])
     given = identification_flights(list(source.flown.values()))
     if declares_state_space(text):
         file = parse_state_space(text)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from aerodb.coefficients import compare as compare_coefficients
 from aerodb.coefficients import total_coefficients as total_coefficients_of
 from aerodb.consistency import make_consistent
 from aerodb.flight import Flight
-from aerodb.flows.library.logs import Log
+from aerodb.flows.library.logs import Log, load_database
 from aerodb.flows.library.views import (
     Data,
     Result,
@@ -253,12 +254,15 @@ def total_coefficients(flight: ReconstructedFlight) -> MeasuredCoefficients:
     return MeasuredCoefficients(flight, with_mass_channels(flight.flight, flight.vehicle), found)
 
 
-def compare(measured: MeasuredCoefficients, database: AeroDatabase) -> ComparedFlight:
+def compare(measured: MeasuredCoefficients, database: AeroDatabase | str | Path) -> ComparedFlight:
     """Compare a flight's coefficients with a database's prediction for the same inputs
     (`aerodb.coefficients.compare`).
 
+    database : or the file of one, which `load_database` reads.
     Raises InputError naming the inputs of the database that the flight lacks.
     """
+    if not isinstance(database, AeroDatabase):
+        database = load_database(database)
     reference = measured.reconstructed.vehicle.reference
     found = compare_coefficients(measured.flight, measured.coefficients, database, reference)
     return ComparedFlight(measured, database, found)

@@ -35,7 +35,7 @@ from aerodb.tracing import Finding, UnexplainedResidual
 from aerodb.vehicle import Vehicle
 
 #: Lines of a decision that need no store.
-_TOLD: Final = ("found", "strongest", "proved", "left")
+_TOLD: Final = ("found", "strongest", "proved", "also", "left")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,13 +205,20 @@ def verdict_of(document: Mapping[str, Any], made: bool) -> list[str]:
     given = {**document, "candidate": "candidate" if made else None, "label": "candidate"}
     told = decision(given, rest="report()")
     lines = [
-        (label if k == 0 else "", text)
+        (label if k == 0 else "", text.replace("\u2212", "-"))
         for label, texts in told.lines
         for k, text in enumerate(texts)
         if label in _TOLD
     ]
     width = max((len(label) for label, _ in lines), default=0)
     return [told.verdict, *(f"  {label:<{width}}  {text}" for label, text in lines)]
+
+
+def several(flights: Sequence[Any]) -> Sequence[Any]:
+    """Return flights as they are; InputError for one flight that is not in a list."""
+    if isinstance(flights, Result):
+        raise InputError("one flight where several are asked for", "flights", "write [flight]")
+    return flights
 
 
 def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":
@@ -222,6 +229,7 @@ def flights_in_memory(flights: Sequence[ComparedFlight]) -> "FlightsInMemory":
     """
     if not flights:
         raise InputError("no flights", "trace", "compare flights with a database first")
+    flights = several(flights)
     by_id = {each.measured.flight.id: each for each in flights}
     vehicles = {each.measured.reconstructed.vehicle.name for each in flights}
     if len(vehicles) > 1:

@@ -11,7 +11,7 @@ from aerodb.flows.library.flights import ComparedFlight
 from aerodb.flows.library.logs import read_text
 from aerodb.flows.library.tracing import TracedFlights, flights_in_memory, segments_of
 from aerodb.flows.library.updating import UpdatedDatabase
-from aerodb.flows.library.views import Data, Result, Summary, Values, number
+from aerodb.flows.library.views import Data, Result, Summary, Values, counted, number
 from aerodb.report import display_unit
 from aerodb.simulation import parse_tolerances
 from aerodb.tables import AeroDatabase
@@ -49,7 +49,8 @@ class ValidatedDatabase(Result):
         whole = sum(check["passed"] == check["manoeuvres"] for check in checks)
         lines = [
             f"{self.database.name}: {whole} of {len(checks)} checks within tolerance on every"
-            f" manoeuvre ({found['manoeuvres']} manoeuvres of {len(found['flights'])} flights)"
+            f" manoeuvre ({counted(found['manoeuvres'], 'manoeuvre')} of"
+            f" {counted(len(found['flights']), 'flight')})"
         ]
         lines += [
             f"  outside  {each['name']}, {each['since']:.1f} to {each['until']:.1f} s:"

@@ -52,7 +52,7 @@ def test_print_says_the_verdict_in_a_few_lines(results: list[Any]) -> None:
         assert "-v" not in str(result).split()
         assert result._repr_html_().startswith("<strong>")
         assert len(result.report()) > 100 or not result.summary().rows
-    assert "4 to find, 2 to check" in str(results[5]).splitlines()[0]
+    assert "(6 flights)" in str(results[5]).splitlines()[0]
     assert "on 2 flights not used: error of CZ" in str(results[5])
 
 
@@ -224,3 +224,30 @@ def _json(found: Any) -> Any:
     from aerodb.tasks.view import as_json
 
     return json.loads(as_json(found))
+
+
+def test_a_database_may_be_its_file_and_flights_are_a_list(
+    compared: list[Any], shared: SharedWorkspaces
+) -> None:
+    file = shared.logs[0].parent / "database.toml"
+    again = aerodb.compare(compared[0].measured, file)
+    pd.testing.assert_frame_equal(again.to_pandas(), compared[0].to_pandas())
+    for ask in (
+        aerodb.trace,
+        lambda one: aerodb.update(one, MODEL),
+        lambda one: aerodb.fit(one, MODEL),
+        lambda one: aerodb.validate(one, compared[0].database),
+    ):
+        with pytest.raises(aerodb.InputError, match=r"write \[flight\]"):
+            ask(compared[0])
+
+
+def test_print_of_points_shows_their_values(results: list[Any]) -> None:
+    points = results[8]
+    lines = str(points).splitlines()
+    assert lines[0].endswith(" at 2 points")
+    low, high = sorted(points["CZ"])
+    assert f"  CZ  {low:.6g} to {high:.6g}, " in str(points)
+    one = aerodb.evaluate(points.database, alpha=0.1, V=25.0)
+    assert " at 1 point\n" in str(one)
+    assert f"  CZ  {one['CZ'][0]:.6g}, " in str(one)
