@@ -267,10 +267,11 @@ def retract(
         for name, id in catalogue.names(row.vehicle).items()
         if id in {use.version.id for use in stale}
     }
+    called = _called(row, catalogue.log(row.log_sha256))
     loop = f"aerodb close-loop --vehicle {row.vehicle}"
     commands = [entry["command"] or f"{loop} (in place of {entry['label']})" for entry in again]
     session.headlines(
-        f"{row.vehicle}: {_called(row, catalogue.log(row.log_sha256))} retracted: {row.retract_reason}",
+        f"{row.vehicle}: {called} retracted: {row.retract_reason}",
         [
             ("stale", ", ".join(use.version.label for use in stale) or "no version"),
             ("names", ", ".join(names) and f"{', '.join(names)}: they point at a stale version"),

@@ -36,6 +36,9 @@ def lineage_page(
     row = version_at(access, version, vehicle)
     answer = _asked(access, row, node, at)
     labels = access.catalogue.flight_labels(entry["flight"] for entry in answer.get("flights", ()))
+    if "flights" in answer:
+        by_name = sorted(answer["flights"], key=lambda entry: labels[entry["flight"]])
+        answer = {**answer, "flights": by_name}
     what = node or at
     title = (
         f"Lineage of {what} in {row.label}" if what else f"Lineage of {row.label} of {row.vehicle}"

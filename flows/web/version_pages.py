@@ -171,6 +171,7 @@ def version_page(
         "version.html",
         f"Version {row.label} of {row.vehicle}",
         waits=candidate is not None and candidate.id == row.id,
+        passes=gate["passed"],
         summary=_summary(gate, details["report"], responses),
         errors=error_rows(details["report"]) if "axes" in details["report"] else [],
         rows=gate_rows(gate["checks"]),

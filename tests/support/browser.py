@@ -27,6 +27,8 @@ CHROMIUM = next(
     None,
 )
 
+#: Most clicks from the overview to what is looked for.
+MOST_CLICKS = 3
 #: Widths of a window at which pages are looked at.
 WIDTHS = (1400, 400)
 #: Options of axe-core: all that it checks, and what the colour scheme of a page changes.
@@ -133,6 +135,12 @@ class Clicks:
         self.made += 1
         self.page.click(what)
         self.page.wait_for_load_state("networkidle")
+
+
+def counted(clicks: Clicks) -> None:
+    """Few clicks led to what was looked for."""
+    print(f"clicks: {clicks.made}")
+    assert clicks.made <= MOST_CLICKS
 
 
 def barriers(page: Any, options: dict[str, Any] = _ALL) -> list[list[Any]]:

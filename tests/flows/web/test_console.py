@@ -58,7 +58,7 @@ def pages(made: Made) -> dict[str, str]:
         "/diff?before=v0001&after=v0001": "no difference",
         f"/compare?before={made.baseline}&after={version}": "v0001 and v0002 side by side",
         f"/versions?vehicle={NAME}&search=v0001": "not held out",
-        "/findings": "has the declared increments on CZ and CX",
+        "/findings": "has increments on CZ and CX",
         f"/findings/{version}": "Estimated increments",
         f"/findings/{h('a loop')}": "nothing is proved yet; 1 suspicion",
         f"/history?vehicle={NAME}": "declared increments estimated",
