@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 11,
     "update": 19,
     "gram": 17,
-    "close_loop": 52,
+    "close_loop": 53,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "e89486fff8573291", "9ddddc1b635ef5d7"),
     "compare": (10, "8ad55ba11eefb1b3", "75ab953bf9aaf46f"),
     "gram": (17, "e84c83a3c1b3a889", "630425dec31be1c6"),
-    "close_loop": (52, "af3cd6b92fa7d7ad", "506a27ddfae9e3a0"),
+    "close_loop": (53, "ed67672e67810767", "506a27ddfae9e3a0"),
     "fly": (4, "8fd6f51e2e7ccb3a", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (11, "b9ed8e122b48ea65", "be09817f5df27dda"),
