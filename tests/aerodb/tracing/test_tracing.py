@@ -203,6 +203,21 @@ def test_two_shapes_over_one_variable_enter_by_believable_sizes_only(believable:
     assert found == ({own.id, curve.id} if believable > 3.0 else {own.id})
 
 
+@pytest.mark.parametrize(("size", "named"), [(-2.0, "sign"), (0.36, "a")])
+def test_a_reversed_sign_is_claimed_at_the_size_of_a_reversal(size: float, named: str) -> None:
+    """A table that is a third too weak is what its own control does, and no sign."""
+    sign = term("sign", "CX", plausible=(-2.5, -1.5))
+    seen = []
+    for flight in flights(6):
+        own = flight.columns[A_CX]["CX"]
+        table = 0.98 * own + 0.2 * np.roll(flight.columns[A_CZ]["CZ"], 100)
+        columns = {**flight.columns, sign.id: {"CX": table}}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + size * table}
+        seen.append(replace(flight, columns=columns, residual=residual))
+    found = [f.effect for f in traced(seen, [sign, *LIBRARY]).findings if f.verdict == "confirmed"]
+    assert found == [named]
+
+
 def test_a_constant_that_only_a_freed_sensor_brings_is_no_claim() -> None:
     """The sensor varies as what is lacking does, but its level is not in the residual."""
     offset = Hypothesis(
