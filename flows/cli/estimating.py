@@ -197,6 +197,7 @@ def _print(
     session.headlines(
         _verdict(document, [entry["method"] for entry in given], len(rows)),
         [
+            ("known best", _known_best(given, document["believe"])),
             ("because", f"{reasons[0]}{more}" if reasons else ""),
             ("no estimate", "; ".join(failed)),
             ("selected", " and ".join(document.get("select", ()))),
@@ -251,6 +252,21 @@ def _verdict(document: dict[str, Any], names: list[str], count: int) -> str:
         least = document["preferred"]
         return f"believe here: none; the least doubtful is {least} ({count} parameters)"
     return f"believe here: none ({count} parameters)"
+
+
+def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:
+    """Return the estimate that is the most of its standard errors from zero, of the method that is
+    believed, with twice its standard error as `aerodb.report.decision`; empty where none is."""
+    known = [
+        each
+        for entry in given
+        for each in entry["estimates"]
+        if entry["method"] == believed and each["standard_error"]
+    ]
+    if not known:
+        return ""
+    best = max(known, key=lambda each: abs(float(each["value"])) / float(each["standard_error"]))
+    return f"{best['name']} {best['value']:.4g} +- {2.0 * best['standard_error']:.2g}"
 
 
 def _print_estimates(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:

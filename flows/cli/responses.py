@@ -84,7 +84,11 @@ def fly(
     document = session.run(fly_flow, parameters, direct=True)
     page = document.pop("page", None)
     name = catalogue.flight_labels([document["flight"]])[document["flight"]]
-    session.say(f"{row.vehicle}: {row.label} over {name}: {_flown_words(document)}")
+    session.headlines(
+        f"{row.vehicle}: {row.label} over {name}: {_flown_words(document)}",
+        (),
+        f"aerodb version validate {row.label} --vehicle {row.vehicle}",
+    )
     _say_stretches(session, document)
     _write(session, output, page)
     session.answer(document)

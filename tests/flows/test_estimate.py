@@ -102,6 +102,17 @@ def test_the_report_names_estimates_and_what_the_method_assumes(root: Path) -> N
         )
 
 
+def test_what_is_known_best_stands_first_with_half_of_its_interval(root: Path) -> None:
+    model = str(root.parent / "model.toml")
+    given = ("estimate", "--vehicle", NAME, "--model", model)
+    (method,) = asked(root, *given)["methods"]
+    known = [each for each in method["estimates"] if each["standard_error"]]
+    best = max(known, key=lambda each: abs(each["value"]) / each["standard_error"])
+    second = aerodb(root, *given).stdout.splitlines()[1]
+    said = f"{best['name']} {best['value']:.4g} +- {2.0 * best['standard_error']:.2g}"
+    assert second.split(maxsplit=2) == ["known", "best", said]
+
+
 def test_a_linear_model_of_a_file_is_fitted(root: Path) -> None:
     """The short period's angle of attack as a first-order lag of the elevator: what its matrices
     are is said by output error and by equation error."""
