@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 10,
     "import": 2,
     "fly": 4,
-    "estimate": 11,
-    "update": 19,
+    "estimate": 12,
+    "update": 20,
     "gram": 17,
-    "close_loop": 53,
+    "close_loop": 54,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .bounded import within_bounds
     from .dynamic_model import DynamicModel, Values
     from .filters import (
         Recommendation,

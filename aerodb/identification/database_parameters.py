@@ -18,7 +18,14 @@ from aerodb.errors import InputError
 from aerodb.estimation import EquationRecord, Fit, LinearEquation, Parameter, Parameters, Standing
 from aerodb.identification.equations import SHORTEST, usable_runs
 from aerodb.identification.identification_flight import IdentificationFlight
-from aerodb.increments import between_bounds, check_parameters_of, parameter_samples, tells_nothing
+from aerodb.increments import (
+    ParameterSamples,
+    between_bounds,
+    check_parameters_of,
+    parameter_samples,
+    start_of_search,
+    tells_nothing,
+)
 from aerodb.tables import AeroDatabase, parameter_inside, sigma_of, with_parameters
 
 #: The search ends when no value moves by more than this part of its standard error,
@@ -165,7 +172,12 @@ def _settled(
     known: Mapping[str, tuple[float, float]],
 ) -> Fit:
     """The fit whose values stay. known : parameter -> value and standard deviation, beforehand."""
-    present, fit = database, None
+    present, fit = (
+        start_of_search(
+            [flight.comparison for flight in flights], names, database, own_constants, known, _runs
+        ),
+        None,
+    )
     for round_ in range(1, _MOST + 1):
         fit = replace(
             function(_equation(flights, names, present, database, own_constants, known)),
@@ -185,6 +197,11 @@ def _settled(
         converged=False,
         notes=(*fit.notes, f"The values still move after {_MOST} solutions: start nearer."),
     )
+
+
+def _runs(samples: ParameterSamples) -> Sequence[slice]:
+    """Stretches of samples that are records of the equation."""
+    return usable_runs(samples.good, samples.comparison.time)
 
 
 def within_bounds(fit: Fit, database: AeroDatabase) -> dict[str, float]:
@@ -212,7 +229,7 @@ def _equation(
     comparisons = [flight.comparison for flight in flights]
     for each in parameter_samples(comparisons, names, present, own_constants):
         time, flight = each.comparison.time, each.comparison.flight
-        for count, run in enumerate(usable_runs(each.good, time)):
+        for count, run in enumerate(_runs(each)):
             x, left = each.over(run)
             name = f"{flight}#{count + 1} {each.axis}"
             records.append(EquationRecord(name, time[run], x, left + x @ values))

@@ -71,6 +71,7 @@ if TYPE_CHECKING:
         between_bounds,
         check_parameters_of,
         parameter_samples,
+        start_of_search,
         tells_nothing,
     )
     from .samples import AxisSamples, axis_samples, channels_of, with_model_rates

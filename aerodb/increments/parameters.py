@@ -7,7 +7,7 @@ biased sensors leave says nothing of a parameter. What noise of the deflections 
 (`noisy_deflections`). Standard errors are those of declared increments.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import Regression, least_squares, shared_coloured_sum
+from aerodb.estimation import Regression, least_squares, shared_coloured_sum, within_bounds
 from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
 from aerodb.increments.noisy_deflections import without_deflection_noise
@@ -26,6 +26,7 @@ from aerodb.support import Array, Mask
 from aerodb.tables import (
     AeroDatabase,
     flown_envelope,
+    parameter_inside,
     sigma_of,
     slopes_along,
     with_estimated_parameters,
@@ -37,6 +38,13 @@ from aerodb.tables import (
 _SETTLED: Final = 0.05
 #: or after so many solutions.
 _MOST: Final = 8
+#: Weights of axes are found before it. This ends when no value moves by more than this part of its
+#: standard error for white residuals,
+_SAME: Final = 1e-3
+#: or after so many solutions.
+_MOST_WEIGHTS: Final = 100
+#: Share of a square of the residual below which products of samples tell rounding.
+_ROUNDING: Final = 1e-10
 #: Variation, as a part of the largest value, below which a column is a constant.
 _STILL: Final = 1e-9
 #: Share of the standard deviation of all values between the bounds (their distance over sqrt(12))
@@ -92,6 +100,7 @@ def estimate_parameters(
     check_parameters_of(names, database)
     present, settled = database, False
     priors, bounds = _priors(names, database), _bounds(names, database)
+    present = start_of_search(comparisons, names, database, own_constants)
     for _ in range(_MOST):
         about = present
         samples = parameter_samples(comparisons, names, about, own_constants)
@@ -199,6 +208,67 @@ def parameter_samples(
                     )
                 )
     return [replace(each, size=_left(found, each.axis)) for each in found]
+
+
+def start_of_search(
+    comparisons: Sequence[Comparison],
+    names: Sequence[str],
+    database: AeroDatabase,
+    own_constants: bool = True,
+    known: Mapping[str, tuple[float, float]] = {},
+    stretches: Callable[[ParameterSamples], Sequence[Mask | slice]] = lambda each: (each.good,),
+) -> AeroDatabase:
+    """Return the database with values at which a search for parameters (k) begins.
+
+    Each axis counts in units of the error that is left there, and this depends on the values. With
+    slopes as they are at the present values, products (k + 1, k + 1) of each axis tell both until
+    they stay, without another look at the samples. Bounds hold.
+
+    known : parameter -> value and standard deviation beforehand [its unit], beside the priors of
+    the database. stretches : what is fitted of samples, each about its mean. Raises InputError as
+    `parameter_samples` does.
+    """
+    k = len(names)
+    left, told = (dict[str, Array]() for _ in range(2))
+    counts: dict[str, int] = {}
+    for each in parameter_samples(comparisons, names, database, own_constants):
+        raw = replace(each, size=1.0)
+        counts[each.axis] = counts.get(each.axis, 0) + int(each.good.sum())
+        for sums, parts in ((left, (each.good,)), (told, stretches(each))):
+            products = [np.column_stack(raw.over(part)) for part in parts]
+            sums[each.axis] = sums.get(each.axis, np.zeros((k + 1, k + 1))) + sum(
+                part.T @ part for part in products
+            )
+    present = np.array([database.parameters[name] for name in names])
+    prior, bounds = {**_priors(names, database), **known}, _bounds(names, database)
+    ahead, sigma = np.array([prior.get(name, (0.0, np.inf)) for name in names]).T
+    low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in names]).T - present
+    change = np.zeros(k)
+    for _ in range(_MOST_WEIGHTS):
+        both = np.append(-change, 1.0)
+        whole = sum(
+            told[axis] * counts[axis] / max(both @ of @ both, _ROUNDING * of[-1, -1], 1e-300)
+            for axis, of in left.items()
+        )
+        information = whole[:-1, :-1] + np.diag(sigma**-2.0)
+        inverse = _inverse(information)
+        free = inverse @ (whole[:-1, -1] + (ahead - present) * sigma**-2.0)
+        before, change = change, within_bounds(free, information, low, high)[0]
+        if np.all(np.abs(change - before) <= _SAME * np.sqrt(np.diag(inverse))):
+            break
+    values = dict(zip(names, (present + change).tolist(), strict=True))
+    return with_parameters(
+        database, {name: parameter_inside(database, name, x) for name, x in values.items()}
+    )
+
+
+def _inverse(information: Array) -> Array:
+    """Inverse (k, k) of an information matrix, zero along what it does not tell."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.asarray(
+        np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True)
+        / np.outer(size, size)
+    )
 
 
 def _check_moved(samples: Sequence[ParameterSamples], names: Sequence[str]) -> None:

@@ -10,8 +10,10 @@ Optimal Fourier Smoothing", J. Aircraft 32(4), 1995.
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.support import Array
 
@@ -20,6 +22,11 @@ ROLL_OFF = 0.1
 
 #: Fewest samples of a record that can be smoothed.
 FEWEST_SAMPLES = 8
+
+#: Samples beyond which chirps are tried for speed, and the largest prime factor of their number
+#: less one without which the plain transform is slow. The result is the same to rounding.
+_LONG: Final = 4096
+_ROUGH: Final = 50
 
 
 @dataclass(frozen=True)
@@ -89,8 +96,17 @@ def smooth(
 
 def low_passed(values: Array, step: float, bandwidth: float) -> Array:
     """Return only the value (n,) of `smooth`, in less time."""
-    line, series, _, gain = _spectrum(values, step, bandwidth)
-    line[1:-1] += 0.5 * _sine_transform(gain * series)
+    n = len(values)
+    nyquist = _nyquist(n, step, bandwidth)
+    if not _is_rough(n):
+        line, series, _, gain = _spectrum(values, step, bandwidth)
+        line[1:-1] += 0.5 * _sine_transform(gain * series)
+        return line
+    record = bridge(values)
+    line = np.linspace(*_end_points(record, step, bandwidth), n)
+    gain = _passed(n, nyquist, bandwidth)
+    series = gain * 2.0 * _chirped(record - line, len(gain), n - 1).imag / (n - 1)
+    line[1:-1] += _chirped(series, n, n - 1).imag[1:-1]
     return line
 
 
@@ -103,10 +119,18 @@ def low_passed_rate(values: Array, step: float, bandwidth: float) -> Array:
     does.
     """
     record = bridge(values)
-    nyquist = _nyquist(len(record), step, bandwidth)
-    frequency = np.linspace(0.0, nyquist, len(record))
-    spectrum = _gain(frequency, bandwidth) * _cosine_transform(record)
-    return _cosine_transform(spectrum) / (2.0 * (len(record) - 1))
+    n = len(record)
+    nyquist = _nyquist(n, step, bandwidth)
+    weights = np.full(n, 2.0)
+    weights[[0, -1]] = 1.0
+    if not _is_rough(n):
+        frequency = np.linspace(0.0, nyquist, n)
+        spectrum = _gain(frequency, bandwidth) * _cosine_transform(record)
+        return _cosine_transform(spectrum) / (2.0 * (n - 1))
+    gain = _passed(n, nyquist, bandwidth)
+    spectrum = gain * _chirped(weights * record, len(gain), n - 1).real
+    spectrum *= weights[: len(gain)]
+    return _chirped(spectrum, n, n - 1).real / (2.0 * (n - 1))
 
 
 def band_passed(values: Array, step: float, low: float, high: float) -> Array:
@@ -192,6 +216,47 @@ def _end_weights(width: int) -> Array:
     return np.asarray(
         np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0]
     )
+
+
+def _passed(n: int, nyquist: float, bandwidth: float) -> Array:
+    """Gain (k,) of the first k of n frequencies from zero to `nyquist`: all that pass."""
+    gain = _gain(np.linspace(0.0, nyquist, n), bandwidth)
+    return gain[: np.flatnonzero(gain)[-1] + 1]
+
+
+@lru_cache(maxsize=64)
+def _is_rough(n: int) -> bool:
+    """Whether the transforms of a long record of n samples are slow: n - 1 has a large prime."""
+    left, prime = n - 1, 2
+    while prime <= _ROUGH:
+        left, prime = (left // prime, prime) if left % prime == 0 else (left, prime + 1)
+    return n > _LONG and left > 1
+
+
+def _chirped(values: Array, count: int, half: int) -> NDArray[np.complex128]:
+    """Return ``sum_j values_j exp(i pi j k / half)`` for the first `count` numbers k.
+
+    Exact for every length, at the cost of a fast one (Bluestein's chirps: 2 j k is
+    j^2 + k^2 - (k - j)^2).
+    """
+    from scipy.fft import fft, ifft
+
+    chirp, kernel = _chirps(len(values), count, half)
+    spectrum = fft(values * chirp[: len(values)], len(kernel))
+    return np.asarray(ifft(spectrum * kernel, overwrite_x=True)[:count] * chirp[:count])
+
+
+@lru_cache(maxsize=8)
+def _chirps(n: int, count: int, half: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """The chirp, and the spectrum of its conjugate, of n values and `count` sums."""
+    from scipy.fft import fft, next_fast_len
+
+    square = np.arange(max(n, count)) ** 2 % (4 * half)
+    chirp = np.exp(0.5j * np.pi / half * square)
+    kernel = np.zeros(next_fast_len(n + count - 1), dtype=np.complex128)
+    kernel[:count] = chirp[:count].conj()
+    kernel[len(kernel) - n + 1 :] = chirp[1:n][::-1].conj()
+    return chirp, fft(kernel)
 
 
 def _sine_transform(values: Array) -> Array:

@@ -55,6 +55,30 @@ def test_the_band_keeps_what_lies_between_and_nothing_else() -> None:
     assert np.abs(band - both).max() < 1e-12
 
 
+@pytest.mark.parametrize("n", [4999, 5000, 20001])
+def test_what_is_low_passed_is_its_series_whatever_the_number_of_samples(n: int) -> None:
+    """Sums of sines and cosines of a few frequencies, term by term; 4999 is 5000 less one, a prime."""
+    step, bandwidth = 0.004, 2.0
+    values = np.random.default_rng(n).standard_normal(n).cumsum()
+    order = np.arange(round(2.2 * bandwidth * step * (n - 1)) + 1)
+    share = np.clip(0.5 + (1 - order / (2 * step * (n - 1)) / bandwidth) / 0.1, 0.0, 1.0)
+    gain = 0.5 * (1 - np.cos(np.pi * share))
+    angles = np.pi / (n - 1) * np.outer(np.arange(n), order)
+    half = np.ones(n)
+    half[[0, -1]] = 0.5
+    cosines = np.cos(angles)
+    expected = (
+        cosines @ (np.where(order, 2.0, 1.0) * gain * (cosines.T @ (half * values))) / (n - 1)
+    )
+    assert np.abs(low_passed_rate(values, step, bandwidth) - expected).max() < 1e-9
+    smoothed = smooth(values, step, bandwidth)
+    sines = np.sin(angles)
+    series = gain * (sines.T @ (values - smoothed.line)) * 2.0 / (n - 1)
+    expected = smoothed.line + sines @ series
+    assert np.abs(low_passed(values, step, bandwidth) - expected).max() < 1e-9
+    assert np.abs(smoothed.value - expected).max() < 1e-9
+
+
 def test_a_rate_is_low_passed_to_its_ends_as_the_derivative_of_a_record_is() -> None:
     """A roll rate that has begun to move: its derivative in closed form, low-passed, is what `smooth`
     makes of the record. What is continued oddly has another end, in error by a fifth."""
