@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 7,
-    "conditioning": 18,
+    "conditioning": 19,
     "consistency": 24,
     "coefficients": 5,
     "compare": 10,

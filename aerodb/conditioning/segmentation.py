@@ -45,6 +45,13 @@ from aerodb.support import Array, Mask
 
 #: Height up to which it still rolls [m].
 ROLLING_HEIGHT = 4.0
+#: Steepest runway, height over distance, of which a height above ground is believed (ICAO Annex 14,
+#: volume I, 3.1.13: runways of code 1 and 2).
+STEEPEST_RUNWAY: Final = 0.02
+#: Slow samples whose median height is that of the ground.
+_LEVEL: Final = 50
+#: Heights that show where it rolls; the first decides.
+_HEIGHTS: Final = ("altitude", "height_above_ground")
 #: What is moved now and then rather than flown with.
 _MOVED = (
     r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
@@ -126,9 +133,9 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     On the ground, the aircraft is slow through the air and over ground, or within 4 m of the height
     at which it was or will be slow; otherwise it is airborne. Needs V or calibrated airspeed; where
     that failed, or commands of wheels are logged without it, the speed over ground stands for it.
-    With altitude or height above ground, the
-    segments end at lift-off and begin at touch-down. A record that is never slow is airborne
-    throughout. Rotors whose commands are logged carry it at any speed.
+    With altitude or height above ground, the segments end at lift-off and begin at touch-down;
+    where both are known, the altitude may follow a runway's slope. A record that is never slow is
+    airborne throughout. Rotors whose commands are logged carry it at any speed.
 
     Speed (n,) [m/s], times [s].
     """
@@ -169,7 +176,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         slow &= ~(median_filter(bridge(ground), window, mode="nearest") > MOST_WIND * high)
     slow &= ~hovering
     for first, last in runs(slow, stay, stay):
-        on_ground[slice(*_rolling(flight, first, last))] = True
+        on_ground[slice(*_rolling(flight, speed, first, last))] = True
     on_ground &= ~hovering & ~by_rotors
     down = runs(on_ground, 1, stay)
     reason = (
@@ -263,27 +270,42 @@ def flagged(flight: Flight, *reasons: str) -> Mask:
     return (bits.astype(np.uint16) & np.uint16(sum(FLAGS[each] for each in reasons))) != 0
 
 
-def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
-    """Start and stop of the ground run around slow samples first..last."""
-    height = _height(flight)
-    if height is None:
+def _rolling(flight: Flight, speed: Array, first: int, last: int) -> tuple[int, int]:
+    """Start and stop of the ground run around slow samples first..last of a speed (n,) [m/s]."""
+    heights = [height for name in _HEIGHTS if (height := _height(flight, name)) is not None]
+    if not heights:
         return first, last + 1
-    begin_level, end_level = (
-        float(np.median(height[first : last + 1][:50])),
-        float(np.median(height[first : last + 1][-50:])),
-    )
-    before = np.flatnonzero(np.abs(height[:first] - begin_level) > ROLLING_HEIGHT)
-    after = np.flatnonzero(np.abs(height[last + 1 :] - end_level) > ROLLING_HEIGHT)
-    return (int(before[-1]) + 1 if before.size else 0), (
-        last + 1 + int(after[0]) if after.size else len(height)
-    )
+    low = np.zeros(len(speed), dtype=bool)
+    if len(heights) > 1:
+        low = flight.usable([_HEIGHTS[1]], despite=("hover",))
+    begun = slice(first, min(first + _LEVEL, last + 1))
+    ended = slice(max(first, last + 1 - _LEVEL), last + 1)
+
+    def rolled(outwards: slice, near: slice) -> int:
+        """Number of samples outwards that are on the ground."""
+        rises = [height[outwards] - float(np.median(height[near])) for height in heights]
+        way = np.cumsum(speed[outwards]) * flight.step
+        sloped = low[outwards] & (np.abs(rises[-1]) < ROLLING_HEIGHT) & _on_a_line(rises[0], way)
+        left = np.flatnonzero((np.abs(rises[0]) > ROLLING_HEIGHT) & ~sloped)
+        return int(left[0]) if left.size else len(way)
+
+    start = first - rolled(slice(first - 1, None, -1) if first else slice(0, 0), begun)
+    return start, last + 1 + rolled(slice(last + 1, None), ended)
 
 
-def _height(flight: Flight) -> Array | None:
-    """Height (n,) [m] that the flight has, bridged where it is not usable; None without one."""
-    for name in ("altitude", "height_above_ground"):
-        if name in flight and (good := flight.usable([name], despite=("hover",))).any():
-            return bridge(np.where(good, flight[name], np.nan))
+def _on_a_line(rise: Array, way: Array) -> Mask:
+    """Where (n,) rises [m] over distances `way` [m] from the start are still about the line of a
+    runway of one slope."""
+    way = np.maximum(way, 1e-9)
+    least = np.maximum.accumulate((rise - ROLLING_HEIGHT) / way)
+    most = np.minimum.accumulate((rise + ROLLING_HEIGHT) / way)
+    return np.asarray(np.maximum(least, -STEEPEST_RUNWAY) <= np.minimum(most, STEEPEST_RUNWAY))
+
+
+def _height(flight: Flight, name: str) -> Array | None:
+    """One of the heights (n,) [m] of a flight, bridged where not usable; None without it."""
+    if name in flight and (good := flight.usable([name], despite=("hover",))).any():
+        return bridge(np.where(good, flight[name], np.nan))
     return None
 
 

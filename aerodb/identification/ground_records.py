@@ -89,8 +89,8 @@ class Rolls:
         """What was assumed and left out (lengths in [m], times in [s]), a sentence each."""
         notes = [f"{r.name}: {text}" for r in self.records for text in self.notes[r.name]]
         reasons = dict.fromkeys(self.left_out.values())
-        notes += [*self.said, *(f"left out: {reason}" for reason in reasons)]
-        return [f"{each[0].upper()}{each[1:]}." for each in notes]
+        said = [*self.said, *(f"left out: {reason}" for reason in reasons)]
+        return [f"{each}." for each in (*notes, *(f"{s[0].upper()}{s[1:]}" for s in said))]
 
 
 def recorded_rolls(flights: Sequence[RolledFlight], database: AeroDatabase) -> Rolls:

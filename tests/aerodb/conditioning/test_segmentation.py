@@ -261,6 +261,29 @@ def test_take_off_and_landing_at_different_heights() -> None:
     assert flag_on_ground(steady_flight(6)).flags == {}
 
 
+@pytest.mark.parametrize("slope", [-0.015, 0.015])
+def test_a_runway_that_climbs_is_ground_where_the_height_above_it_is_known(slope: float) -> None:
+    """Touch-down at 50 m/s, 1,125 m of roll over 17 m of height. Without a height above ground it
+    is told from the altitude alone, as before; a gauge that stands keeps no climb on the ground."""
+    flight = steady_flight(6)
+    time = flight.time
+    speed = np.interp(time, [60.0, 105.0], [50.0, 0.0])
+    way = np.cumsum(speed) * STEP
+    above = np.interp(time, [0.0, 60.0], [150.0, 0.0])
+    down = np.searchsorted(time, 60.0)
+    climb = 400.0 + above + slope * (way - way[down])
+    rolled = flight.with_channels(
+        {"V": speed, "altitude": climb, "height_above_ground": above, "velocity_down": 0.0 * time}
+    )
+    (air, ground) = ground_and_air(rolled)
+    assert (air.kind, ground.kind) == ("airborne", "on_ground")
+    assert ground.start == pytest.approx(60.0, abs=2.0)
+    hidden = {name: rolled[name] for name in rolled.channels if name != "height_above_ground"}
+    assert ground_and_air(replace(rolled, channels=hidden))[1].start > 70.0
+    stands = rolled.with_channels({"height_above_ground": 0.0 * time})
+    assert ground_and_air(stands)[1].start == pytest.approx(60.0, abs=6.0)
+
+
 def test_records_that_tell_little_give_little() -> None:
     flight = steady_flight(7)
     bare = replace(flight, channels={"q": flight["q"]})
