@@ -9,16 +9,18 @@ from aerodb.nomenclature import POSITIONS, WHEELS
 from aerodb.physics import Earth
 from aerodb.support import Array
 
+#: Flags that what moves over the ground may have.
+_COUNTS: Final = ("on_ground",)
 #: Time over which a speed is taken from positions [s].
 _SPEED_WINDOW: Final = 4.0
 
 
 def ground_speed(flight: Flight) -> Array | None:
     """Return the speed over the ground (n,) [m/s] from velocities, else from positions; None
-    without both."""
+    without both. Samples on the ground count."""
     names = ("velocity_north", "velocity_east")
-    if all(name in flight and flight.usable([name]).any() for name in names):
-        north, east = (np.where(flight.usable([n]), flight[n], np.nan) for n in names)
+    if all(name in flight and flight.usable([name], _COUNTS).any() for name in names):
+        north, east = (np.where(flight.usable([n], _COUNTS), flight[n], np.nan) for n in names)
         return np.hypot(_filled(north), _filled(east))
     place = places(flight)
     if not place:
@@ -44,7 +46,7 @@ def places(flight: Flight) -> dict[str, Array]:
     """Return the place north and east (n,) [m], NaN where it was not measured; empty without
     positions."""
     for names in POSITIONS:
-        if all(name in flight for name in names) and (good := flight.usable(names)).any():
+        if all(name in flight for name in names) and (good := flight.usable(names, _COUNTS)).any():
             first, second = (np.where(good, flight[name], np.nan) for name in names)
             if "latitude" in names:
                 at = int(np.argmax(good))

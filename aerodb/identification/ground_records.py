@@ -210,7 +210,7 @@ def bounded_roll_fit(
 
 
 def _why(flight: Flight) -> str:
-    if ground_speed(despite_ground(flight)) is None:
+    if ground_speed(flight) is None:
         return "the flight has no velocity and no position over the ground"
     if not {"altitude", "height_above_ground"} & set(flight.channels):
         return "the flight has no height: where it rolls and where it flies is not known"
@@ -223,7 +223,6 @@ def ground_rolls(flight: Flight) -> list[slice]:
     Each is a stretch on the ground in motion over it, of up to 120 s. Speeds [m/s] come from
     velocities over the earth, else from positions.
     """
-    flight = despite_ground(flight)
     moving = ground_speed(flight)
     if moving is None:
         return []
