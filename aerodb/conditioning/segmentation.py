@@ -45,8 +45,7 @@ from aerodb.support import Array, Mask
 
 #: Height up to which it still rolls [m].
 ROLLING_HEIGHT = 4.0
-#: Steepest runway, height over distance, of which a height above ground is believed (ICAO Annex 14,
-#: volume I, 3.1.13: runways of code 1 and 2).
+#: Steepest slope of a runway (ICAO Annex 14, volume I, 3.1.13, code 1 and 2).
 STEEPEST_RUNWAY: Final = 0.02
 #: Slow samples whose median height is that of the ground.
 _LEVEL: Final = 50
