@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 10,
     "import": 2,
     "fly": 4,
-    "estimate": 12,
+    "estimate": 13,
     "update": 20,
     "gram": 17,
     "close_loop": 54,

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         output_or_filter_error,
         unscented_kalman,
     )
-    from .fit import Fit, ParameterEstimate, Standing
+    from .fit import AxisError, Fit, ParameterEstimate, Standing
     from .independence import InputCorrelation, dependent, input_correlations
     from .linear_models import (
         FROM_SUBSPACE,

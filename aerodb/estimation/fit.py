@@ -57,6 +57,28 @@ class ParameterEstimate:
     insensitivity: float = np.nan
 
 
+@dataclass(frozen=True)
+class AxisError:
+    """What a fit leaves on an axis, over all of its records.
+
+    Parameters
+    ----------
+    error, flown : root mean square of what is left, and standard deviation of what was measured, in
+        the unit of the axis.
+    load : the error as a force [N] or moment [N m]; NaN where the dynamic pressure varies.
+    """
+
+    error: float
+    flown: float
+    load: float = np.nan
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the square of what was measured, about its mean, that the fit explains; without
+        unit, NaN where nothing was measured."""
+        return 1.0 - (self.error / self.flown) ** 2 if self.flown > 0.0 else np.nan
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Result of one method.
@@ -80,6 +102,9 @@ class Fit:
     histories : record -> parameter that changes with time -> (n, 2), smoothed values and standard
         errors.
     input_correlations : of residuals with inputs before them; empty where nobody asked.
+    axes : axis -> what is left there; empty where records are not of axes.
+    regressors : (k, k) correlations of the columns of `names`, NaN for one that stands still; None
+        where nothing is linear.
     assumes : what the method takes for granted, one sentence each.
     notes : what the user must know of this result, one sentence each.
     reservations : what speaks against believing it, one sentence each.
@@ -101,6 +126,8 @@ class Fit:
     tests: Mapping[str, float] = field(default_factory=dict)
     histories: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     input_correlations: tuple[InputCorrelation, ...] = ()
+    axes: Mapping[str, AxisError] = field(default_factory=dict)
+    regressors: Array | None = None
     assumes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     reservations: tuple[str, ...] = ()

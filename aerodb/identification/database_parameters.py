@@ -9,13 +9,21 @@ flight that leaves a standard error as wide tells nothing of the parameter, whic
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.estimation import EquationRecord, Fit, LinearEquation, Parameter, Parameters, Standing
+from aerodb.estimation import (
+    AxisError,
+    EquationRecord,
+    Fit,
+    LinearEquation,
+    Parameter,
+    Parameters,
+    Standing,
+)
 from aerodb.identification.equations import SHORTEST, usable_runs
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.increments import (
@@ -26,6 +34,9 @@ from aerodb.increments import (
     start_of_search,
     tells_nothing,
 )
+from aerodb.nomenclature import AXES
+from aerodb.signals import rms
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, parameter_inside, sigma_of, with_parameters
 
 #: The search ends when no value moves by more than this part of its standard error,
@@ -99,7 +110,7 @@ def _told(
         return fit
     known = {name: (database.parameters[name], between_bounds(database, name)) for name in untold}
     again = _settled(function, flights, names, database, own_constants, known)
-    equation = _equation(flights, names, database, database, own_constants)
+    equation, _ = _equation(flights, names, database, database, own_constants)
     reasons = _reasons(fit, untold, equation, database)
     return replace(
         again,
@@ -179,10 +190,9 @@ def _settled(
         None,
     )
     for round_ in range(1, _MOST + 1):
-        fit = replace(
-            function(_equation(flights, names, present, database, own_constants, known)),
-            iterations=round_,
-        )
+        equation, scales = _equation(flights, names, present, database, own_constants, known)
+        fit = replace(function(equation), iterations=round_)
+        fit = replace(fit, **_told_of_axes(fit, equation, scales, present))
         estimates = {e.name: e for e in fit.estimates if e.name in names and np.isfinite(e.value)}
         moved = [
             abs(e.value - present.parameters[name]) / (e.standard_error or np.inf)
@@ -197,6 +207,50 @@ def _settled(
         converged=False,
         notes=(*fit.notes, f"The values still move after {_MOST} solutions: start nearer."),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scale:
+    """Axis of a record, what it was divided by, and what was measured (n,)."""
+
+    axis: str
+    size: float
+    flown: Array
+
+
+def _told_of_axes(
+    fit: Fit, equation: LinearEquation, scales: Sequence[_Scale], present: AeroDatabase
+) -> dict[str, Any]:
+    """What the fit leaves on each axis, and correlations of the columns of its parameters: fields
+    of a `Fit`. Columns are those of all forces, which have one unit, or of moments alone."""
+    names = equation.parameters.names
+    values = np.array([fit[name].value for name in names])
+    values = np.where(
+        np.isfinite(values), values, [present.parameters.get(name, 0.0) for name in names]
+    )
+    left, flown = (dict[str, list[Array]]() for _ in range(2))
+    for record, scale in zip(equation.records, scales, strict=True):
+        error = scale.size * (record.response - record.regressors @ values)
+        left.setdefault(scale.axis, []).append(error)
+        flown.setdefault(scale.axis, []).append(scale.flown)
+    reference = present.reference
+    loads = np.full(len(AXES), np.nan)
+    if reference.pressure is not None:
+        lengths = np.array([1.0, 1.0, 1.0, reference.span, reference.chord, reference.span])
+        loads = reference.pressure * reference.area * lengths
+    axes = {}
+    for axis, load in zip(AXES, loads, strict=True):
+        if axis in left:
+            error = rms(np.concatenate(left[axis]))
+            axes[axis] = AxisError(error, float(np.std(np.concatenate(flown[axis]))), error * load)
+    of_forces = [
+        scale.size * record.regressors
+        for record, scale in zip(equation.records, scales, strict=True)
+        if scale.axis in AXES[:3] or not left.keys() & set(AXES[:3])
+    ]
+    columns = np.concatenate(of_forces)[:, [names.index(name) for name in fit.names]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {"axes": axes, "regressors": np.atleast_2d(np.corrcoef(columns.T))}
 
 
 def _runs(samples: ParameterSamples) -> Sequence[slice]:
@@ -221,11 +275,11 @@ def _equation(
     database: AeroDatabase,
     own_constants: bool,
     known: Mapping[str, tuple[float, float]] = {},
-) -> LinearEquation:
-    """The equation about the present values; bounds and priors are those of `database`, and what
-    is `known` beside them (value, standard deviation)."""
+) -> tuple[LinearEquation, list[_Scale]]:
+    """The equation about the present values, and the scale of each record; bounds and priors are
+    those of `database`, and what is `known` beside them (value, standard deviation)."""
     values = np.array([present.parameters[name] for name in names])
-    records = []
+    records, scales = [], []
     comparisons = [flight.comparison for flight in flights]
     for each in parameter_samples(comparisons, names, present, own_constants):
         time, flight = each.comparison.time, each.comparison.flight
@@ -233,6 +287,8 @@ def _equation(
             x, left = each.over(run)
             name = f"{flight}#{count + 1} {each.axis}"
             records.append(EquationRecord(name, time[run], x, left + x @ values))
+            flown = each.comparison.measured[each.axis][run]
+            scales.append(_Scale(each.axis, each.size, flown - each.centred * flown.mean()))
     if not records:
         raise InputError(
             f"no flight gives {SHORTEST:g} s of usable samples in a row on an axis that the"
@@ -247,4 +303,4 @@ def _equation(
         else each
         for each in items
     ]
-    return LinearEquation("coefficients", Parameters(tuple(items)), tuple(records))
+    return LinearEquation("coefficients", Parameters(tuple(items)), tuple(records)), scales

@@ -1,12 +1,13 @@
 """A fit as text: statistics, estimates with their standing, correlations, whiteness of the
 residuals."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
 from aerodb.estimation import Fit, samples_per_independent
+from aerodb.support import Array
 
 #: Correlations below this are not listed.
 LEAST_CORRELATION: Final = 0.5
@@ -24,7 +25,16 @@ def fit_report(fit: Fit, least_correlation: float = LEAST_CORRELATION) -> str:
     """
     return "\n".join(
         line
-        for part in (_head(fit), _estimates(fit), _correlations(fit, least_correlation), _tail(fit))
+        for part in (
+            _head(fit),
+            _estimates(fit),
+            _correlations("correlations", fit.correlation, fit.names, least_correlation),
+            _correlations(
+                "correlations of regressors", fit.regressors, fit.names, least_correlation
+            ),
+            _axes(fit),
+            _tail(fit),
+        )
         for line in part
     )
 
@@ -69,8 +79,11 @@ def _estimates(fit: Fit) -> Iterator[str]:
         yield text
 
 
-def _correlations(fit: Fit, least: float) -> Iterator[str]:
-    correlation, names = fit.correlation, fit.names
+def _correlations(
+    title: str, correlation: Array | None, names: Sequence[str], least: float
+) -> Iterator[str]:
+    if correlation is None:
+        return
     pairs = sorted(
         (
             (float(correlation[i, j]), names[i], names[j])
@@ -82,9 +95,24 @@ def _correlations(fit: Fit, least: float) -> Iterator[str]:
     )
     if pairs:
         more = f", {len(pairs) - _MOST} more" if len(pairs) > _MOST else ""
-        yield f"[[correlations of at least {least:g}{more}]]"
+        yield f"[[{title} of at least {least:g}{more}]]"
         for value, one, other in pairs[:_MOST]:
             yield f"    {other}, {one}: {value:+.3f}"
+
+
+def _short(record: str) -> str:
+    """A record by the first digits of its flight, its number and its axis."""
+    flight, mark, rest = record.partition("#")
+    return f"{flight[:12]}{mark}{rest}"
+
+
+def _axes(fit: Fit) -> Iterator[str]:
+    if fit.axes:
+        yield "[[axes: error left, R2 about the mean]]"
+    for axis, each in fit.axes.items():
+        unit = "N" if axis.startswith("C") and axis[1:].isupper() else "N m"
+        load = f" ({each.load:.4g} {unit})" if np.isfinite(each.load) else ""
+        yield f"    {axis}  {each.error:.4g}{load}, R2 {each.r_squared:.4f}"
 
 
 def _tail(fit: Fit) -> Iterator[str]:
@@ -102,7 +130,7 @@ def _tail(fit: Fit) -> Iterator[str]:
                 count = samples_per_independent(residual[np.isfinite(residual)])
                 colour = f"; {count:.1f} samples of its residual count as one"
             yield (
-                f"    {record[:12]} {output}: fit {theil.fit_percent:.1f} %, error: bias"
+                f"    {_short(record)} {output}: fit {theil.fit_percent:.1f} %, error: bias"
                 f" {theil.bias:.2f}, variance {theil.variance:.2f}, covariance"
                 f" {theil.covariance:.2f}{colour}"
             )

@@ -217,7 +217,7 @@ def _print(
             session.say(f"modes by {entry['method']}, with standard errors of the estimates")
             print_modes(session, entry["modes"])
     if not verbose:
-        session.say("assumptions, and what speaks against single estimates: -v")
+        session.say("assumptions, and what speaks against single estimates: -v; p-values: --report")
         return
     for entry in given:
         for each in entry["estimates"]:
@@ -231,6 +231,9 @@ def _print(
         session.say(f"- {note}")
     session.say()
     for entry in given:
+        for axis, each in entry["axes"].items():
+            explained = f"R2 {each['r_squared']:.3f}" if each["r_squared"] is not None else "still"
+            session.say(f"{axis} by {entry['method']}: error {each['error']:.4g}, {explained}")
         session.say(f"{entry['method']} assumes: {' '.join(entry['assumes'])}")
         for note in entry["notes"]:
             session.say(f"- {note}")

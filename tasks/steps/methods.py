@@ -324,6 +324,21 @@ def _answer(fits: Sequence[Fit], modes_of: Callable[[Fit], Sequence[Mode]]) -> d
         "correlations": [
             {"names": list(fit.names), "correlation": fit.correlation.tolist()} for fit in fits
         ],
+        "regressors": [
+            {"names": list(fit.names), "correlation": _finite_rows(fit.regressors)}
+            for fit in fits
+            if fit.regressors is not None
+        ],
+        "axes": {
+            axis: {
+                "error": each.error,
+                "flown": each.flown,
+                "r_squared": _finite(each.r_squared),
+                "load": _finite(each.load),
+            }
+            for fit in fits
+            for axis, each in fit.axes.items()
+        },
         "input_correlations": [
             {key: _finite(value) for key, value in asdict(each).items()}
             for fit in fits
@@ -371,6 +386,10 @@ def _parameter(agreement: MethodAgreement) -> dict[str, Any]:
 def _finite(value: Any) -> Any:
     """None for a number that JSON does not have."""
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _finite_rows(matrix: Array) -> list[list[Any]]:
+    return [[_finite(value) for value in row] for row in matrix.tolist()]
 
 
 def _long(fits: Sequence[Fit]) -> dict[str, Array]:

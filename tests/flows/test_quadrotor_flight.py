@@ -149,6 +149,36 @@ def test_rotors_are_estimated_as_published(workspace: tuple[Path, dict[str, Arra
     assert value["cT0"] == pytest.approx(hand[1], rel=1e-3)
 
 
+def test_the_estimate_tells_the_other_columns_of_the_table(
+    workspace: tuple[Path, dict[str, Array]],
+) -> None:
+    """Published: p of the frame along x .230 and along z .032, where residuals count as white;
+    correlations of regressors .80 and -.85 (with the other sign of c_T1); RMSE .1141 m/s2 over the
+    stacked axes. Least squares of the file: .81, .855, .1194."""
+    folder, x = workspace
+    words = ("estimate", "--vehicle", "quad", "--model", str(folder / "model.toml"))
+    (method,) = asked(folder / "workspace", *words)["methods"]
+    (told,) = method["regressors"]
+    found = dict(zip(told["names"], np.array(told["correlation"]), strict=True))
+    columns, acceleration = by_hand(x)
+    stacked = columns.reshape(-1, 6)
+    hand = np.corrcoef(stacked.T)
+    assert list(found) == list(NAMES)
+    assert np.abs(np.array(list(found.values())) - hand).max() < 0.01
+    assert found["cD"][NAMES.index("frame_x")] == pytest.approx(0.80, abs=0.015)
+    assert found["cT1"][NAMES.index("frame_z")] == pytest.approx(0.85, abs=0.01)
+    loads = np.array([method["axes"][axis]["load"] for axis in ("CX", "CY", "CZ")])
+    solution, *_ = np.linalg.lstsq(stacked, acceleration.ravel(), rcond=None)
+    rmse = np.sqrt(np.mean((acceleration.ravel() - stacked @ solution) ** 2))
+    assert np.sqrt(np.mean(loads**2)) == pytest.approx(rmse, rel=0.01)  # a mass of 1 kg
+    shares = [method["axes"][axis]["r_squared"] for axis in ("CX", "CY", "CZ")]
+    assert shares == pytest.approx([0.998, 0.992, 0.931], abs=1e-3)
+    printed = aerodb(folder / "workspace", *words, "--report").stdout
+    for line in ("cD, frame_x: +0.81", "cT1, frame_z: +0.85", "R2 0.99", "#1 CX coefficients"):
+        assert line in printed, line
+    assert "p 0.5" in printed
+
+
 def test_its_error_is_told_by_axis(workspace: tuple[Path, dict[str, Array]]) -> None:
     """Beside the constant (0, 0, -g), which alone explains .98 of the stacked axes."""
     folder, x = workspace

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (54, "b1792023e6db26f8", "506a27ddfae9e3a0"),
     "fly": (4, "8fd6f51e2e7ccb3a", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (12, "5141c0378d9596e9", "be09817f5df27dda"),
+    "estimate": (13, "d773131ada5cacab", "be09817f5df27dda"),
     "update": (20, "0cd3d7b274d1087e", "6b1983884f9e9ae7"),
 }
 
