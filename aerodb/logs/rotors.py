@@ -77,9 +77,14 @@ class FoundRotor:
     largest: float = 1.0
 
     @property
-    def at_most(self) -> float:
-        """What is logged of the largest command, in the unit of the log."""
-        return self.low + self.largest * (self.high - self.low)
+    def reached(self) -> str:
+        """What is logged of the largest command and the range that is stated, in words and in the
+        unit of the log."""
+        at_most = self.low + self.largest * (self.high - self.low)
+        return (
+            f"{self.topic} {self.field} of rotor {self.name} reaches {at_most:.4g}, beyond"
+            f" {self.low:g} to {self.high:g}, which the log's parameters state"
+        )
 
 
 @dataclass(frozen=True)

@@ -98,9 +98,7 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict
             return draft_vehicle(name, parsed.recording, autopilot), "", filled
         vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot.rotors)
         beyond = [
-            f"{each.topic} {each.field} of rotor {each.name} reaches {each.at_most:.4g}, beyond"
-            f" {each.low:g} to {each.high:g}, which the log's parameters state: correct"
-            f" [rotors.{each.name}] range in {name}.toml"
+            f"{each.reached}: correct [rotors.{each.name}] range in {name}.toml"
             for each in autopilot.rotors.beyond
         ]
         count = len(autopilot.rotors.rotors)

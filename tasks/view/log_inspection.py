@@ -213,6 +213,7 @@ def _rotors(found: FoundRotors) -> dict[str, Any] | None:
         ],
         "placed": found.placed,
         "frame": found.frame,
+        "beyond": [each.reached for each in found.beyond],
         **dict(zip(("learnt", "not_learnt"), learnt_of(found), strict=True)),
     }
 
@@ -347,6 +348,7 @@ def _told_by_rotors(rotors: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     words += [f"told by {told[0]['topic']}, usually {told[0]['usual']:.2f}"] if told else []
     return [
         ("rotors", "; ".join(words)),
+        ("out of range", "; ".join(rotors["beyond"])),
         ("learnt", "; ".join(rotors["learnt"])),
         ("not told apart", "; ".join(rotors["not_learnt"])),
     ]

@@ -204,6 +204,14 @@ def test_pulses_beyond_what_the_log_states_are_said(tmp_path: Path) -> None:
     done = aerodb(tmp_path / "w", *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "correct [rotors.4] range in quad.toml" in done.stdout
+    shown = aerodb(tmp_path / "w", "log", "inspect", "over.ulg", folder=tmp_path).stdout
+    (said,) = (line for line in shown.splitlines() if "out of range" in line)
+    assert "actuator_outputs output[0] of rotor 1 reaches 1" in said
+    assert "beyond 1100 to 1500, which the log's parameters state" in said
+    sound = tmp_path / "sound.ulg"
+    known = parameters(**{f"PWM_MAIN_MAX{k}": 1900.0 for k in range(1, 5)})
+    write_px4(sound, fly([14], 12.0), known=known, pulses=(1100.0, 1900.0))
+    assert asked(tmp_path / "w", "log", "inspect", str(sound))["rotors"]["beyond"] == []
 
 
 def test_a_rotor_without_speed_is_refused(flown: Path) -> None:
