@@ -89,14 +89,16 @@ def level_again(
     left = mean_constant(without_sensors(source, flights, database, library, sensors), "CZ") or 0.0
     low, high = (end + left for end in constant.ci95)
     gone = low <= 0.0 <= high
-    increments = []
-    for place, each in enumerate(database.increments):
-        level = each.axis in ("C_lift", "CZ") and not each.regressors[0].names
-        if place < first or not level:
-            increments.append(each)
-        elif not gone:
-            estimates = np.r_[each.estimates[0] + left, each.estimates[1:]]
-            increments.append(replace(each, estimates=estimates))
+    increments = list(database.increments)
+    for place, each in enumerate(increments[first:], first):
+        levels = [k for k, one in enumerate(each.regressors) if not one.names and each.estimates[k]]
+        if each.axis in ("C_lift", "CZ") and levels:
+            estimates = each.estimates.copy()
+            estimates[levels[0]] = 0.0 if gone else estimates[levels[0]] + left
+            increments[place] = replace(each, estimates=estimates)
+            if not estimates.any():
+                del increments[place]
+            break
     reason = "what was found later leaves no constant"
     changed = replace(constant, value=constant.value + left, ci95=(low, high))
     if gone:
