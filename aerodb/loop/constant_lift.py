@@ -83,8 +83,7 @@ def level_again(
     It was seen beside a baseline that lacked a slope as well, whose mean over the flights was part
     of it. sensors : found to be wrong (id -> error, SI), whose part is no level. first : number of
     the first increment of the loop. A constant whose interval then holds zero leaves the database,
-    and is suspected. Raises InputError where a flight
-    lacks what is needed.
+    and is suspected. Raises InputError where a flight lacks what is needed.
     """
     left = mean_constant(without_sensors(source, flights, database, library, sensors), "CZ") or 0.0
     low, high = (end + left for end in constant.ci95)

@@ -217,7 +217,8 @@ def _problem(flights: Campaign, of: Sequence[int], settings: TracingSettings) ->
     left = matrix[:, wanted][:, :, wanted] - cross.transpose(0, 2, 1) @ np.linalg.solve(
         among, cross
     )
-    # Each flight has a constant of its own: what is left of another one is rounding, or a gap.
+    # Each flight has a constant of its own: what a common one turns into on other axes is no
+    # measure of it.
     constants = [i for i in flights.offsets if i < k]
     left[:, constants] = left[:, :, constants] = 0.0
     unit = flights.scale[list(of)]

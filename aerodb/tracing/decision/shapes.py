@@ -271,16 +271,18 @@ class _Shapes:
 
     def _largest_level(self, axis: str, variables: Sequence[str], fall: float) -> float:
         """The level that an effect of these variables may have on an axis where it explains this
-        part of what varies: as much larger than its changes as a variable is than its own."""
-        levels = [0.0]
+        part of what varies: as much larger than its changes as a variable is than its own;
+        infinite where that is not known."""
+        levels = []
         for flight in self.flights:
             good = flight.evidence.usable[axis]
             varies = float(np.sqrt(fall) * np.std(flight.evidence.residual[axis][good]))
             for name in set(map(present, variables)) & flight.variables.keys():
                 values = flight.variables[name][good]
                 spread = float(np.std(values))
-                levels.append(varies * float(np.abs(values).max()) / spread if spread else np.inf)
-        return max(levels)
+                known = np.isfinite(varies) and spread > 0.0
+                levels.append(varies * float(np.abs(values).max()) / spread if known else np.inf)
+        return max(levels, default=np.inf)
 
     def sensor(self, finding: Finding) -> Finding:
         """A freed sensor against functions on the one axis on which it gains most.
