@@ -196,8 +196,11 @@ def _fit(
         )
         x = solution.x
     pair = pair_of(x)
-    # The air of a pair is the same whichever way the aircraft flew.
-    pair = replace(pair, heading=float(np.mod(pair.heading, np.pi))) if heading is None else pair
+    # The air of a pair is the same whichever way the aircraft flew: what climbs ahead sinks behind.
+    if heading is None:
+        turns, within = np.divmod(pair.heading, np.pi)
+        slope = -pair.slope if turns % 2.0 else pair.slope
+        pair = replace(pair, heading=float(within), slope=slope)
     left = moved - pair.velocity(path)
     wind = air.mean(axis=1) + left.mean(axis=1)
     free = [k for k in range(_UNKNOWNS) if k != 5 or heading is None]

@@ -7,7 +7,7 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.identification import WakeEncounter, identify_wake
-from aerodb.physics import Turbulence, gust_series
+from aerodb.physics import Turbulence, VortexPair, gust_series
 
 STEP, SPEED, SPAN = 0.01, 60.0, 12.0
 G, RC, B = 200.0, 1.5, 17.0
@@ -102,6 +102,19 @@ def test_a_pair_that_is_followed_is_recovered(core: str) -> None:
     air, path = _flown(core, np.deg2rad(3.0), (0.0, 0.8), 8.0)
     for heading in (0.0, None):
         _recovered(identify_wake(_measured(air, 1, 0.1), path, heading=heading), core)
+
+
+def test_the_slope_of_an_axis_has_the_sign_of_its_heading() -> None:
+    """Seen from ahead, an axis that climbs sinks; a pair given with either heading is the same."""
+    time = STEP * np.arange(400)
+    path = np.stack([SPEED * (time - 2.0) * 0.9, SPEED * (time - 2.0) * 0.43, 1000.5 + 0.0 * time])
+    for heading, slope in ((np.deg2rad(3.0), 0.06), (np.deg2rad(177.0), -0.06)):
+        pair = VortexPair(G, RC, B, (0.0, 0.0, 1000.0), heading, slope)
+        found = identify_wake(_measured(pair.velocity(path), 3, 0.1), path).pair
+        turned = found.heading - heading
+        opposite = abs(turned) > 0.5 * np.pi
+        assert abs(np.sin(turned)) < 0.05
+        assert found.slope == pytest.approx(-slope if opposite else slope, abs=0.02)
 
 
 def test_far_from_the_cores_neither_model_is_named() -> None:
