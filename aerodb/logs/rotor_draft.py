@@ -21,8 +21,9 @@ _GRAVITY: Final = 9.80665
 _DENSITY: Final = 1.2
 #: Band [Hz] in which turns answer to rotors: below, wind and trim; above, noise of gyros.
 _BAND: Final = (0.3, 8.0)
-#: Rate [Hz] of the samples that are compared, and fewest seconds of them.
-_RATE, _LEAST = 100.0, 10.0
+#: Rate [Hz] of the samples that are compared, and fewest seconds of them. A held command comes half
+#: a sample late, which must be less than half a step of the lags.
+_RATE, _LEAST = 250.0, 10.0
 #: Lags [s] of rotors that are tried: none to the slowest of large propellers.
 _LAGS: Final = np.round(np.arange(0.0, 0.2001, 0.005), 4)
 #: Least correlation of turning with the rotors' moments for an inertia to be told from it.
