@@ -6,6 +6,7 @@ refuses it and names the nearest one.
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -158,6 +159,8 @@ POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
 _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
 _FUEL = re.compile(r"fuel_(flow|used)_([a-z][a-z0-9]*)")
 _COMMAND = re.compile(r"command_[a-z0-9][a-z0-9_]*")
+_HINGE_MOMENT = re.compile(r"hinge_moment_([a-z][a-z0-9_]*)")
+_HINGE_AXIS = re.compile(r"Ch_([a-z][a-z0-9_]*)")
 _SOLUTION = re.compile(rf"({'|'.join(NAVIGATION)})_([a-z][a-z0-9]*)")
 
 CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
@@ -215,7 +218,9 @@ STATES: Final[dict[str, Channel]] = {
 RESULT_COLUMNS: Final[dict[str, Channel]] = {
     c.name: c
     for c in (
-        Channel("axis", "", "which coefficient the row is about: CX CY CZ Cl Cm Cn"),
+        Channel(
+            "axis", "", "which coefficient the row is about: CX CY CZ Cl Cm Cn, or Ch_<surface>"
+        ),
         Channel("measured", "1", "total coefficient reconstructed from flight"),
         Channel("sigma", "1", "one standard deviation of `measured` from sensor noise"),
         Channel(
@@ -275,14 +280,44 @@ def axis_description(axis: str) -> str:
 
     Raises UnknownNameError with the nearest name.
     """
-    return f"{axis_quantity(axis)}, {_AXIS_TEXT[axis][1]}"
+    return ", ".join(_axis_text(axis))
 
 
 def axis_quantity(axis: str) -> str:
     """Return the quantity of such an axis without its sign; raises as `axis_description`."""
+    return _axis_text(axis)[0]
+
+
+def _axis_text(axis: str) -> tuple[str, str]:
+    """The quantity of an axis, and its sign."""
+    if hinge := _HINGE_AXIS.fullmatch(axis):
+        what = hinge[1].replace("_", " ")
+        return (
+            f"hinge moment of {what} over qbar S c of {what} behind the hinge line",
+            "positive where the air turns the trailing edge down (rudder: left)",
+        )
     if axis not in _AXIS_TEXT:
         raise UnknownNameError(f"unknown axis '{axis}'", remedy=nearest(axis, _AXIS_TEXT))
-    return _AXIS_TEXT[axis][0]
+    return _AXIS_TEXT[axis]
+
+
+def is_hinge_axis(axis: str) -> bool:
+    """Return whether an axis is the coefficient of a hinge moment, ``Ch_<surface>``."""
+    return _HINGE_AXIS.fullmatch(axis) is not None
+
+
+def in_order(axes: Iterable[str]) -> tuple[str, ...]:
+    """Return those of some axes that are coefficients on body axes or of hinge moments: first those
+    of `AXES` in their order, then hinge moments by name.
+
+    >>> in_order({"Ch_rudder", "C_lift", "Cm", "CZ", "Ch_elevator"})
+    ('CZ', 'Cm', 'Ch_elevator', 'Ch_rudder')
+    """
+    given = set(axes)
+    return (
+        *(axis for axis in AXES if axis in given),
+        *sorted(axis for axis in given if is_hinge_axis(axis)),
+    )
 
 
 def is_surface(name: str) -> bool:
@@ -303,7 +338,8 @@ def is_command(name: str) -> bool:
 def channel(name: str) -> Channel:
     """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad, and
     further navigation solutions ``<channel>_<source>``, such as ``velocity_north_dgps``, and an
-    engine's ``fuel_flow_<engine>`` and ``fuel_used_<engine>``, and a rotor's ``command_<rotor>``.
+    engine's ``fuel_flow_<engine>`` and ``fuel_used_<engine>``, a rotor's ``command_<rotor>``, and
+    a surface's ``hinge_moment_<surface>``.
 
     >>> channel("alpha").unit
     'rad'
@@ -328,11 +364,16 @@ def channel(name: str) -> Channel:
     if burnt := _FUEL.fullmatch(name):
         unit, what = ("kg/s", "flow of fuel to") if burnt[1] == "flow" else ("kg", "fuel used by")
         return Channel(name, unit, f"mass {what} engine {burnt[2]}")
+    if hinge := _HINGE_MOMENT.fullmatch(name):
+        what = hinge[1].replace("_", " ")
+        text = f"hinge moment of the air on {what}, trailing edge down positive (rudder: left)"
+        return Channel(name, "N m", text)
     if is_command(name):
         what = name.removeprefix("command_").replace("_", " ")
         return Channel(name, "1", f"command of rotor {what}: 0 to 1, or -1 to 1 if it turns back")
     inner = name.removeprefix("flags_")
     known = inner == "flight" or inner in CHANNELS or is_surface(inner) or is_command(inner)
-    if inner != name and (known or _SOLUTION.fullmatch(inner) or _FUEL.fullmatch(inner)):
+    families = (_SOLUTION, _FUEL, _HINGE_MOMENT)
+    if inner != name and (known or any(each.fullmatch(inner) for each in families)):
         return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")
     raise UnknownNameError(f"unknown channel '{name}'", remedy=nearest(name, CHANNELS))

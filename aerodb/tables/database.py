@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, in_order
 from aerodb.support import Array
 from aerodb.tables.definitions import (
     CONSTANTS,
@@ -68,8 +68,9 @@ class Variable:
 class Term:
     """One additive contribution to a coefficient or a load.
 
-    axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes; or a load, FX FY FZ
-        [N] or MX MY MZ [N m] on body axes about the moment reference (`aerodb.tables.loads`).
+    axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes; or Ch_<surface>,
+        a hinge moment; or a load, FX FY FZ [N] or MX MY MZ [N m] on body axes about the moment
+        reference (`aerodb.tables.loads`).
     part : as of a variable.
     """
 
@@ -232,6 +233,12 @@ class AeroDatabase:
         return frozenset(
             [term.axis for term in self.terms] + [increment.axis for increment in self.increments]
         )
+
+    @cached_property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that it predicts: the six body axes, then the hinge moments (``Ch_<surface>``) that
+        it has."""
+        return in_order({*AXES, *self._axes})
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
@@ -411,7 +418,7 @@ class AeroDatabase:
         return LIFT_INCREMENTS in self.needs
 
     def predict(self, channels: Mapping[str, Value]) -> Prediction:
-        """Predict the six coefficients; stateless.
+        """Predict the coefficients on `axes`; stateless.
 
         Parameters
         ----------
@@ -434,7 +441,7 @@ class AeroDatabase:
 
     def _predict_block(self, values: Mapping[str, Value], n: int) -> Prediction:
         run = self._program.run(values)
-        totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
+        totals = {axis: np.zeros(n) for axis in (*self.axes, *WIND_AXES)}
         for term, value in zip(self.coefficient_terms, run.values, strict=True):
             totals[term.axis] += value
         for increment in self.increments:

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.functions import Value
 
@@ -19,7 +18,7 @@ BLOCK: Final = 4000
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Predicted coefficients on the six body axes.
+    """Predicted coefficients on the six body axes, and of hinge moments.
 
     Parameters
     ----------
@@ -55,7 +54,8 @@ def blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str,
 def joined(parts: list[Prediction], n: int) -> Prediction:
     """Join the predictions of consecutive blocks into one of length n."""
     coefficients = {
-        axis: np.concatenate([block.coefficients[axis] for block in parts]) for axis in AXES
+        axis: np.concatenate([block.coefficients[axis] for block in parts])
+        for axis in parts[0].coefficients
     }
     beyond: dict[str, NDArray[np.bool_]] = {}
     for k, block in enumerate(parts):

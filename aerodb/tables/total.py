@@ -1,5 +1,6 @@
 """The six coefficients of a database as one program: terms, increments with their envelopes, rates
-and the rotation from wind axes, all as expressions.
+and the rotation from wind axes, all as expressions. Hinge moments, which move no aircraft, are left
+out.
 
 `AeroDatabase.predict` evaluates these parts one after the other, for many points at once; a
 simulation needs them together, with what it may vary as inputs of the program.
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Final
 
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, is_hinge_axis
 from aerodb.tables.algebra import plus, substituted, times
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import LIFT_INCREMENTS
@@ -86,7 +87,7 @@ def total_coefficients(
             variables[state.name] = state.expression()
     estimates: dict[str, float] = dict(database.parameters)
     sums: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES, *LOAD_AXES)}
-    for term in database.terms:
+    for term in (each for each in database.terms if not is_hinge_axis(each.axis)):
         factor = (factors or {}).get(term.name)
         sums[term.axis].append(
             term.expression if factor is None else times(Name(factor), term.expression)
@@ -94,7 +95,7 @@ def total_coefficients(
     loads = [summed(sums.pop(axis)) for axis in LOAD_AXES]
     lift: list[Expression] = []
     for k, increment in enumerate(database.increments):
-        if not increment.acts_as_layer:
+        if not increment.acts_as_layer or is_hinge_axis(increment.axis):
             continue
         parts = _layer(k, increment, estimates)
         sums[increment.axis] += parts

@@ -18,7 +18,7 @@ from aerodb.flows.library.views import (
     number,
     over_axes,
 )
-from aerodb.nomenclature import AXES, channel
+from aerodb.nomenclature import channel
 from aerodb.report import beyond_words
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
@@ -43,7 +43,7 @@ class EvaluatedPoints(Result):
     taken: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, axis: str) -> Array:
-        """Return the values (n,) on an axis: CX CY CZ Cl Cm Cn."""
+        """Return the values (n,) on an axis of the database, such as CX."""
         if axis not in self.evaluation.value:
             raise UnknownNameError(
                 f"no axis '{axis}'", self.database.name, nearest(axis, self.evaluation.value)
@@ -70,7 +70,7 @@ class EvaluatedPoints(Result):
     def summary(self) -> Summary:
         """Return the range of each axis (dimensionless) over the points (n,)."""
         rows = []
-        for axis in AXES:
+        for axis in self.database.axes:
             value, error = self[axis], self.evaluation.standard_error[axis]
             known = error[np.isfinite(error)]
             rows.append(
@@ -89,7 +89,7 @@ class EvaluatedPoints(Result):
             for name, value in self.taken.items()
         ]
         said += [f"edge values of table {name} are held" for name in outside]
-        zero = np.zeros(len(self[AXES[0]]))
+        zero = np.zeros(len(self["CX"]))
         channels = {
             **dict.fromkeys(self.assumed, zero),
             **{name: zero + value for name, value in self.taken.items()},
@@ -98,7 +98,7 @@ class EvaluatedPoints(Result):
         if beyond := outside_envelope(self.database, channels):
             said += beyond_words(self.database.increments, beyond)
         return Summary(
-            f"{self.database.name} at {counted(len(self[AXES[0]]), 'point')}",
+            f"{self.database.name} at {counted(len(zero), 'point')}",
             (),
             ("axis", "least [-]", "greatest [-]", "+- at most [-]", "place"),
             rows,
@@ -106,25 +106,25 @@ class EvaluatedPoints(Result):
         )
 
     def data(self) -> Data:
-        """Return value and standard error (dimensionless) and place over axis and point, (6, n)."""
-        found = self.evaluation
+        """Return value and standard error (dimensionless) and place over axis and point."""
+        found, axes = self.evaluation, self.database.axes
         varied = [name for name, values in self.inputs.items() if np.ptp(values) > 0.0]
         index = varied[0] if len(varied) == 1 else "point"
         coordinates = {
             name: Values((index,), values, _unit(name)) for name, values in self.inputs.items()
         }
         if index == "point":
-            count = len(found.value[AXES[0]])
+            count = len(self["CX"])
             coordinates["point"] = Values((index,), np.arange(count))
         parts = {
             "coefficient": found.value,
             "standard_error": found.standard_error,
-            "place": {axis: self.places(axis) for axis in AXES},
+            "place": {axis: self.places(axis) for axis in axes},
         }
         return Data(
             index,
-            {"axis": axis_coordinate(AXES), **coordinates},
-            over_axes(AXES, index, parts),
+            {"axis": axis_coordinate(axes), **coordinates},
+            over_axes(axes, index, parts),
             {"database": self.database.name},
         )
 

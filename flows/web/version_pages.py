@@ -29,7 +29,6 @@ from aerodb.flows.web.console import (
     version_at,
 )
 from aerodb.flows.web.models import answers
-from aerodb.nomenclature import AXES
 from aerodb.report import (
     beyond_data,
     beyond_words,
@@ -189,7 +188,7 @@ def version_page(
         fault=fault,
         table=_table(database, table) if table else None,
         lines=lines_of(database),
-        axes=AXES,
+        axes=database.axes,
         formats=sorted(FORMS),
     )
 

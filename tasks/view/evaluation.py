@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Place, evaluate_database, unstated_inputs
@@ -50,15 +49,15 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
         "at": point.given,
         "taken_as_zero": point.zero,
         "taken_as": point.taken,
-        "coefficients": {axis: float(evaluation.value[axis][0]) for axis in AXES},
+        "coefficients": {axis: float(value[0]) for axis, value in evaluation.value.items()},
         "standard_errors": {
-            axis: _known(float(evaluation.standard_error[axis][0])) for axis in AXES
+            axis: _known(float(error[0])) for axis, error in evaluation.standard_error.items()
         },
-        "places": {axis: Place(int(evaluation.place[axis][0])).label for axis in AXES},
+        "places": {axis: Place(int(code[0])).label for axis, code in evaluation.place.items()},
         "outside_tables": bool(evaluation.prediction.outside[0]),
         "outside_of": sorted(evaluation.prediction.outside_tables),
         "outside_envelope": outside,
-        "extrapolated": free and {axis: float(free[axis][0]) for axis in AXES},
+        "extrapolated": free and {axis: float(value[0]) for axis, value in free.items()},
     }
 
 
@@ -123,7 +122,7 @@ def sweep(
             "standard_error": [_known(value) for value in evaluation.standard_error[axis].tolist()],
             "place": [Place(int(code)).label for code in evaluation.place[axis]],
         }
-        for axis in AXES
+        for axis in database.axes
     }
     fixed = {name: value for name, value in point.given.items() if name != over}
     return {

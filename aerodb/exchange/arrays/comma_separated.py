@@ -32,6 +32,7 @@ from aerodb.exchange.arrays.contents import (
     Contents,
     IncrementNumbers,
     argument_units,
+    case_axes,
     check_size,
     from_contents,
     parse_manifest,
@@ -95,7 +96,7 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             ["variable", *ENVELOPE], ([name, *row] for name, row in bounds)
         )
     cases = np.hstack([contents.cases.inputs, contents.cases.coefficients]).tolist()
-    files["check_cases.csv"] = csv_text([*contents.cases.names, *AXES], cases)
+    files["check_cases.csv"] = csv_text([*contents.cases.names, *contents.cases.axes], cases)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
@@ -223,9 +224,7 @@ def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     place = f"{where}: check_cases.csv"
     header, rows = csv_rows(files["check_cases.csv"], place)
-    if header[-6:] != list(AXES):
-        raise InputError(
-            "the last columns are not CX CY CZ Cl Cm Cn", place, "export the database again"
-        )
+    first = header.index(AXES[0]) if AXES[0] in header else 0
+    axes = case_axes(header[first:], place, "the last columns")
     numbers = as_numbers(rows, len(header), place)
-    return CaseNumbers(tuple(header[:-6]), numbers[:, :-6], numbers[:, -6:])
+    return CaseNumbers(tuple(header[:first]), numbers[:, :first], numbers[:, first:], axes)

@@ -17,7 +17,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.native import from_document, to_document
-from aerodb.nomenclature import AXES, axis_description, channel
+from aerodb.nomenclature import AXES, axis_description, channel, in_order, is_hinge_axis
 from aerodb.support import Array
 from aerodb.tables import (
     AeroDatabase,
@@ -52,13 +52,14 @@ class IncrementNumbers:
 class CaseNumbers:
     """Numbers of the check cases.
 
-    inputs : (n, len(names)), in the order of `names`. coefficients : (n, 6), in the order CX CY CZ
-    Cl Cm Cn.
+    inputs : (n, len(names)), in the order of `names`. coefficients : (n, len(axes)), in the order
+    of `axes`: CX CY CZ Cl Cm Cn, then those of hinge moments.
     """
 
     names: tuple[str, ...]
     inputs: Array
     coefficients: Array
+    axes: tuple[str, ...] = AXES
 
 
 @dataclass(frozen=True)
@@ -212,7 +213,9 @@ def conventions(database: AeroDatabase) -> dict[str, Any]:
     point = ", ".join(f"{x:g}" for x in reference.moment_reference)
     return {
         "units": "SI and radians; coefficients have none",
-        "axes": {axis: axis_description(axis) for axis in (*AXES, "C_lift", "C_drag", "C_side")},
+        "axes": {
+            axis: axis_description(axis) for axis in (*database.axes, "C_lift", "C_drag", "C_side")
+        },
         "moments": (
             f"about ({point}) m from the vehicle's datum, body axes: x forward, y right, z down"
         ),
@@ -287,21 +290,38 @@ def _document(contents: Contents, kind: str, where: str) -> dict[str, Any]:
     return dict(document)
 
 
+def case_axes(given: Sequence[str], where: str, what: str = "the outputs") -> tuple[str, ...]:
+    """Return the axes of check cases (n, axes) as a file has them; InputError unless they are CX CY
+    CZ Cl Cm Cn and those of hinge moments. what : that has them, for the message."""
+    axes = tuple(given)
+    if axes[:6] != AXES or not all(map(is_hinge_axis, axes[6:])):
+        raise InputError(
+            f"{what} are not CX CY CZ Cl Cm Cn, then hinge moments (Ch_<surface>)",
+            where,
+            "export the database again",
+        )
+    return axes
+
+
 def _case_numbers(cases: Sequence[CheckCase]) -> CaseNumbers:
     names = tuple(sorted(cases[0].inputs)) if cases else ()
     inputs = np.array([[case.inputs[name] for name in names] for case in cases], dtype=np.float64)
+    axes = in_order(cases[0].coefficients) if cases else AXES
     values = np.array(
-        [[case.coefficients[axis] for axis in AXES] for case in cases], dtype=np.float64
+        [[case.coefficients[axis] for axis in axes] for case in cases], dtype=np.float64
     )
-    return CaseNumbers(names, inputs.reshape(len(cases), len(names)), values.reshape(len(cases), 6))
+    return CaseNumbers(
+        names, inputs.reshape(len(cases), len(names)), values.reshape(len(cases), len(axes)), axes
+    )
 
 
 def _cases(numbers: CaseNumbers, where: str) -> tuple[CheckCase, ...]:
     n = len(numbers.coefficients)
-    if numbers.inputs.shape != (n, len(numbers.names)) or numbers.coefficients.shape != (n, 6):
+    complete = (n, len(numbers.names)), (n, len(numbers.axes))
+    if (numbers.inputs.shape, numbers.coefficients.shape) != complete:
         raise InputError("the check cases are incomplete", where, "export the database again")
     return tuple(
-        CheckCase(_named(numbers.names, x), _named(AXES, c))
+        CheckCase(_named(numbers.names, x), _named(numbers.axes, c))
         for x, c in zip(numbers.inputs.tolist(), numbers.coefficients.tolist(), strict=True)
     )
 

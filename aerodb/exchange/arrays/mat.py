@@ -24,12 +24,12 @@ from aerodb.exchange.arrays.contents import (
     CaseNumbers,
     Contents,
     IncrementNumbers,
+    case_axes,
     check_size,
     from_contents,
     parse_manifest,
     to_contents,
 )
-from aerodb.nomenclature import AXES
 from aerodb.support import Array, MatClass, MatElements, is_mat5
 from aerodb.tables import AeroDatabase, CheckCase
 
@@ -93,7 +93,7 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
         "check_cases": {
             "inputs": _cell(cases.names),
             "input_values": cases.inputs,
-            "axes": _cell(AXES),
+            "axes": _cell(cases.axes),
             "coefficients": cases.coefficients,
         },
     }
@@ -242,7 +242,7 @@ def _case_numbers(content: Mapping[str, Any]) -> CaseNumbers:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     (entry,) = content["check_cases"]
     names = tuple(_string(name) for name in entry["inputs"])
-    coefficients = _numbers(entry["coefficients"]).reshape(-1, 6)
-    return CaseNumbers(
-        names, _numbers(entry["input_values"]).reshape(len(coefficients), len(names)), coefficients
-    )
+    axes = case_axes([_string(axis) for axis in entry["axes"]], _KIND)
+    coefficients = _numbers(entry["coefficients"]).reshape(-1, len(axes))
+    inputs = _numbers(entry["input_values"]).reshape(len(coefficients), len(names))
+    return CaseNumbers(names, inputs, coefficients, axes)

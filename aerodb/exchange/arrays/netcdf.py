@@ -23,11 +23,13 @@ from aerodb.exchange.arrays.contents import (
     Contents,
     IncrementNumbers,
     argument_units,
+    case_axes,
     check_size,
     from_contents,
     parse_manifest,
     to_contents,
 )
+from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
 
@@ -52,6 +54,8 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
     for texts in contents.variables:
         document["variables"][texts["name"]] |= {key: texts[key] for key in VARIABLE_TEXTS[1:]}
     contents.manifest["check_inputs"] = list(contents.cases.names)
+    if contents.cases.axes != AXES:
+        contents.manifest["check_axes"] = list(contents.cases.axes)
     written = io.BytesIO()
     file: Any = netcdf_file(written, "w", version=2)
     file.title = b"aerodynamic database"
@@ -78,7 +82,7 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
     _write(
         file,
         "check_coefficients",
-        ["check_case", "axis_CX_CY_CZ_Cl_Cm_Cn"],
+        ["check_case", f"axis_{'_'.join(contents.cases.axes)}"],
         contents.cases.coefficients,
     )
     file.flush()
@@ -111,14 +115,15 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
             for k, entry in enumerate(document["increments"], start=1)
         ]
         names = tuple(map(str, manifest.get("check_inputs", ())))
-        cases = arrays.get("check_coefficients", np.empty((0, 6)))
+        axes = case_axes(tuple(map(str, manifest.get("check_axes", AXES))), where)
+        cases = arrays.get("check_coefficients", np.empty((0, len(axes))))
         inputs = arrays.get("check_inputs", np.empty((len(cases), len(names))))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"the manifest does not match the variables ({error!r})", where, "export it again"
         ) from error
     contents = Contents(
-        manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases)
+        manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases, axes)
     )
     return from_contents(contents, _KIND, where)
 

@@ -30,12 +30,13 @@ from aerodb.exchange.arrays.contents import (
     Contents,
     IncrementNumbers,
     argument_units,
+    case_axes,
     from_contents,
     parse_manifest,
     to_contents,
 )
 from aerodb.exchange.arrays.csv_texts import as_numbers, csv_rows, csv_text, from_text, grid_of
-from aerodb.nomenclature import AXES, channel
+from aerodb.nomenclature import channel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
 
@@ -163,7 +164,7 @@ def _increment_rows(which: Row, entry: Row, numbers: IncrementNumbers) -> Iterab
 def _case_rows(cases: CaseNumbers) -> Iterable[Row]:
     for kind, names, table in (
         ("check input", cases.names, cases.inputs),
-        ("check output", AXES, cases.coefficients),
+        ("check output", cases.axes, cases.coefficients),
     ):
         for k, line in enumerate(table.tolist(), start=1):
             for name, value in zip(names, line, strict=True):
@@ -217,6 +218,4 @@ def _cases(by_kind: dict[str, list[Row]], where: str) -> CaseNumbers:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     if not names:
         inputs = np.empty((len(coefficients), 0))  # a database without inputs
-    if axes != AXES:
-        raise InputError("their outputs are not CX CY CZ Cl Cm Cn", place, "export it again")
-    return CaseNumbers(names, inputs, coefficients)
+    return CaseNumbers(names, inputs, coefficients, case_axes(axes, place))

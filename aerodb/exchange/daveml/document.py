@@ -17,10 +17,11 @@ from aerodb.exchange.daveml.names import (
     Declaration,
     described_unit,
     output_axis,
+    output_sign,
     write_unit,
 )
 from aerodb.exchange.daveml.writing import text_number, text_numbers, write_math
-from aerodb.nomenclature import CHANNELS, channel, is_command, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_surface
 from aerodb.tables import (
     AeroDatabase,
     Call,
@@ -177,10 +178,13 @@ class DavemlDocument:
         """
         identity = self._unused(re.sub(r"\W", "_", wanted), self._taken)
         self._taken.add(identity)
-        roles = ("isOutput", "isStdAIAA") if axis else ()
-        attributes = {"sign": STANDARD_SIGNS[axis], "axisSystem": "body"} if axis else {}
+        roles: tuple[str, ...] = ()
+        attributes: dict[str, str] = {}
         if axis:
             self.outputs[axis] = identity
+            roles, attributes = ("isOutput",), {"sign": output_sign(axis)}
+        if axis in AXES:
+            roles, attributes = (*roles, "isStdAIAA"), {**attributes, "axisSystem": "body"}
         self.add_variable(identity, name, unit, note, expression, roles, attributes)
         return identity
 

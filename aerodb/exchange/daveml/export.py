@@ -1,10 +1,10 @@
 """Write an AeroDatabase as DAVE-ML 2.0 (AIAA S-119) that its receiver can check.
 
 Inputs are channels in SI with this product's signs. Outputs are the six coefficients in body axes
-about the stated moment reference. Variables and tables keep the ids, names and units of their
-import. Increments become calculations that give the same values inside their envelope and beyond
-it; state models become their steady values. Covariance, flights and memory are not exported,
-because DAVE-ML cannot hold them.
+about the stated moment reference, and those of hinge moments. Variables and tables keep the ids,
+names and units of their import. Increments become calculations that give the same values inside
+their envelope and beyond it; state models become their steady values. Covariance, flights and
+memory are not exported, because DAVE-ML cannot hold them.
 """
 
 from functools import reduce
@@ -32,7 +32,7 @@ from aerodb.exchange.daveml.names import (
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.state_terms import without_states
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import FORCE_AXES
 from aerodb.tables import (
     CONSTANTS,
     HAT_RATES,
@@ -164,11 +164,13 @@ def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
 def _write_outputs(
     document: DavemlDocument, database: AeroDatabase, outputs: dict[str, str]
 ) -> None:
-    """Write a variable per term and the six body-axis coefficients.
+    """Write a variable per term and the coefficients on the axes of the database.
 
     Forces in wind axes are transformed to body axes; loads become their share of a coefficient.
     """
-    parts: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES, *LOAD_AXES)}
+    parts: dict[str, list[Expression]] = {
+        axis: [] for axis in (*database.axes, *WIND_AXES, *LOAD_AXES)
+    }
     for term in database.terms:
         if not outputs[term.axis]:
             parts[term.axis].append(_term(document, database, term))
@@ -187,11 +189,11 @@ def _write_outputs(
             total = summed(parts[axis])
             name = document.add_calculation(axis, "", unit, "sum of these loads", total)
             parts[coefficient_axis(axis)].append(as_coefficient(axis, Name(name)))
-    for axis in AXES:
+    for axis in database.axes:
         if outputs.get(axis):
             continue
         total = reduce(plus, parts[axis]) if parts[axis] else Number(0.0)
-        document.add_calculation(axis, STANDARD_OUTPUTS[axis], "nd", "", total, axis=axis)
+        document.add_calculation(axis, STANDARD_OUTPUTS.get(axis, axis), "nd", "", total, axis=axis)
 
 
 def _term(document: DavemlDocument, database: AeroDatabase, term: Term) -> Expression:
@@ -230,7 +232,7 @@ def _cases(
     for k, case in enumerate(make_check_cases(database, count), start=1):
         inputs = {document.identity(name): case.inputs.get(name, _FILL) for name in document.inputs}
         values = signals.at(inputs)
-        outputs = {document.outputs[axis]: case.coefficients[axis] for axis in AXES}
+        outputs = {document.outputs[axis]: case.coefficients[axis] for axis in database.axes}
         cases.append(
             StaticShot(
                 f"case {k}",

@@ -25,7 +25,7 @@ from aerodb.exchange.daveml.names import (
     signed_name,
     unit_conversion,
 )
-from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_hinge_axis, is_surface
 from aerodb.tables import (
     CONSTANTS,
     FUNCTIONS,
@@ -152,7 +152,7 @@ class Model:
         # Variables that only repeat a channel, a constant or a free input.
         repeated: dict[str, Expression] = {}
         variables: dict[str, Variable] = {}
-        used = set(self.bindings) & {*CONSTANTS, *AXES, *WIND_AXES}
+        used = set(self.bindings) & {*CONSTANTS, *self._axes}
         for identity, signal in self.signals.items():
             raw, extra = self._meaning(identity, signal, reference, free, used)
             name = self._identifiers[identity]
@@ -288,6 +288,11 @@ class Model:
         free[name] = described(signal.description or declared.name, declared)
         return name
 
+    @property
+    def _axes(self) -> tuple[str, ...]:
+        """Axes that may be bound: body and wind axes, and the hinge moments that are."""
+        return (*AXES, *WIND_AXES, *filter(is_hinge_axis, self.bindings))
+
     def _refuse_unused(self, used: set[str]) -> None:
         unused = sorted(set(self.bindings) - used)
         if unused:
@@ -368,7 +373,7 @@ class Model:
     def _terms(self, variables: Mapping[str, Variable]) -> list[Term]:
         """The outputs that are coefficients, as terms: one per addend of a sum."""
         axes: dict[str, Expression] = {}
-        for axis in (*AXES, *WIND_AXES):
+        for axis in self._axes:
             if axis in self.bindings:
                 names = {identity: Name(name) for identity, name in self._identifiers.items()}
                 axes[axis] = _renamed(self._parsed(axis), names)

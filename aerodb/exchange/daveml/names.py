@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from aerodb.errors import InputError, OpenQuestionsError, Question
-from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_surface
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_command, is_hinge_axis, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
 
@@ -59,7 +59,7 @@ POSITIONS: Final = ("vrsPositionOfMrc_X", "vrsPositionOfMrc_Y", "vrsPositionOfMr
 POSITION_SIGNS: Final = (("fwd", "aft"), ("rt right", "lt left"), ("down dn", "up"))
 
 _DEFLECTION = re.compile(r"([A-Za-z]\w*)Deflection")
-_SURFACE_SIGNS: Final = ("ted tel ext", "teu ter ret")
+_SURFACE_SIGNS: Final[tuple[str, str]] = ("ted tel ext", "teu ter ret")
 _FACTOR = re.compile(r"([A-Za-z%]+)\^?(-?\d*)")
 _UNITS: Final = {
     "f": "ft",
@@ -254,18 +254,21 @@ def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
     """Return the axis of an output and its sign; None if the output is not a coefficient.
 
     An output is identified by its standard name (AIAA S-119, `STANDARD_SIGNS`) or by the name of an
-    axis.
+    axis, such as Ch_elevator of a hinge moment.
 
-    Raises InputError for an unknown sign.
+    Raises InputError for an unknown sign; with one, a name like that of a hinge moment is none.
     """
     known = _OUTPUTS.get(declared.name)
     if known is None:
-        own = (name for name in (declared.name, declared.identity) if name in (*AXES, *WIND_AXES))
+        given = (declared.name, declared.identity)
+        own = (name for name in given if name in (*AXES, *WIND_AXES) or is_hinge_axis(name))
         axis = next(own, None)
         known = (axis, *_signs(axis)) if axis else None
     if known is None:
         return None
     sign = sign_factor(declared.sign, known[1], known[2])
+    if sign == 0 and is_hinge_axis(known[0]):
+        return None
     if sign == 0:
         raise InputError(
             f"output {declared.name} with sign '{declared.sign}'",
@@ -275,7 +278,20 @@ def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
     return known[0], sign
 
 
+def output_sign(axis: str) -> str:
+    """Return the sign that an output is written with; a hinge moment has that of its surface.
+
+    >>> output_sign("Cm"), output_sign("Ch_elevator"), output_sign("Ch_rudder")
+    ('anu', 'ted', 'tel')
+    """
+    if is_hinge_axis(axis):
+        return "tel" if "rudder" in axis else "ted"
+    return STANDARD_SIGNS[axis]
+
+
 def _signs(axis: str) -> tuple[str, str]:
+    if is_hinge_axis(axis):
+        return _SURFACE_SIGNS
     return next((same, opposite) for known, same, opposite in _OUTPUTS.values() if known == axis)
 
 

@@ -29,7 +29,7 @@ from aerodb.exchange.jsbsim.properties import (
 )
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
-from aerodb.nomenclature import CHANNELS, axis_description, channel
+from aerodb.nomenclature import CHANNELS, axis_description, channel, is_hinge_axis
 from aerodb.tables import (
     LOAD_AXES,
     WIND_AXES,
@@ -228,14 +228,20 @@ def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
     names = _Names()
     written: dict[str, list[Element]] = {axis: [] for axis in (*forces, *_MOMENTS)}
     totals: dict[str, list[Term]] = {axis: [] for axis in WIND_AXES}
+    hinges: dict[str, list[Term]] = {}
     for term in database.terms:
-        if (axis := coefficient_axis(term.axis)) in written:
+        if is_hinge_axis(term.axis):
+            hinges.setdefault(term.axis, []).append(term)
+        elif (axis := coefficient_axis(term.axis)) in written:
             written[axis].append(_term_function(term, writer, names))
         else:
             totals[term.axis].append(term)
     if mixed:
         for axis, element in _wind_as_body_axes(totals, writer, names):
             written[axis].append(element)
+    for axis, terms in hinges.items():  # on no axis of JSBSim: properties of their own
+        parts = [writer.write(term.expression) for term in terms]
+        writer.define(axis, names.unique(axis), total(parts), axis_description(axis))
     names_in_jsbsim = {**forces, **_MOMENTS}
     return [
         node("axis", *elements, name=names_in_jsbsim[axis])

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.analysis.nodes import table_grids
 from aerodb.tables.database import AeroDatabase
@@ -32,7 +31,7 @@ _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 6
 
 @dataclass(frozen=True)
 class CheckCase:
-    """Inputs (SI, rad) and the six coefficients there."""
+    """Inputs (SI, rad) and the coefficients there, on all axes of the database."""
 
     inputs: Mapping[str, float]
     coefficients: Mapping[str, float]
@@ -51,7 +50,7 @@ def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase
     cases = [
         CheckCase(
             {n: float(x[k]) for n, x in points.items()},
-            {axis: float(values[axis][k]) for axis in AXES},
+            {axis: float(values[axis][k]) for axis in database.axes},
         )
         for k in range(count)
     ]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import FORCE_AXES
 from aerodb.support import Array
 from aerodb.tables.algebra import plus, times
 from aerodb.tables.analysis.arguments import rebuilt
@@ -89,7 +89,7 @@ def declared_variance(
     Every uncertain table or variable is shifted by one standard deviation, and the squared changes
     of the coefficients are summed. Declared correlations between sources are not used.
     """
-    variance = {axis: np.zeros(n) for axis in AXES}
+    variance = {axis: np.zeros(n) for axis in database.axes}
     shifts = _shifts(database)
     nominal = _totals(database, _definitions(database), values, n) if shifts else {}
     for shifted in shifts.values():
@@ -174,7 +174,7 @@ def _totals(
 ) -> dict[str, Array]:
     """Sum of the terms on every body and wind axis, each (n,), without increments."""
     program = database.compiled(definitions.terms, definitions.variables, definitions.tables)
-    totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
+    totals = {axis: np.zeros(n) for axis in (*database.axes, *WIND_AXES)}
     for term, value in zip(database.coefficient_terms, program.run(values).values, strict=True):
         totals[term.axis] += value
     return totals
@@ -184,7 +184,7 @@ def _rotated(
     change: Mapping[str, Array], rotation: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Array]:
     """Rotate changes on body and wind axes to changes on the body axes."""
-    total = {axis: change[axis] for axis in AXES}
+    total = {axis: each for axis, each in change.items() if axis not in WIND_AXES}
     for axis in FORCE_AXES:
         for wind, parts in rotation.items():
             total[axis] = total[axis] + parts[axis] * change[wind]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, in_order
 from aerodb.support import Array
 from aerodb.tables.analysis.nodes import TableGrid, table_axes, table_grids, vary
 from aerodb.tables.analysis.part_changes import changed_parts
@@ -169,9 +169,7 @@ def _nodes(
     """
     channels = vary(point, grid.points())
     old, new = before[0].predict(channels).coefficients, after[0].predict(channels).coefficients
-    body = {axis for axis in axes if axis in AXES} | (
-        {"CX", "CY", "CZ"} if axes & set(WIND_AXES) else set()
-    )
+    body = in_order(axes | ({"CX", "CY", "CZ"} if axes & set(WIND_AXES) else set()))
     owned = [
         (increment, database)
         for database, increments in (before, after)
@@ -183,11 +181,13 @@ def _nodes(
         else set[str]()
     )
     changes = []
-    for axis in (axis for axis in AXES if axis in body):
-        change = new[axis] - old[axis]
-        scale = np.nanmax(np.abs([old[axis], new[axis]]), initial=1e-12)
+    nothing = np.zeros(len(new["CX"]))
+    for axis in body:
+        old_values, new_values = (each.get(axis, nothing) for each in (old, new))
+        change = new_values - old_values
+        scale = np.nanmax(np.abs([old_values, new_values]), initial=1e-12)
         if not np.any(np.abs(change) > _ROUNDING * scale) and np.array_equal(
-            np.isnan(old[axis]), np.isnan(new[axis])
+            np.isnan(old_values), np.isnan(new_values)
         ):
             continue
         effects = [
@@ -350,11 +350,11 @@ def _largest_coefficients(
     for each in increments:
         for name, interval in each.envelope.items():
             flown.setdefault(name, []).extend((interval.low, interval.high))
-    sizes = dict.fromkeys(AXES, 0.0)
+    sizes = dict.fromkeys(database.axes, 0.0)
     for name, ends in flown.items():
         over = {name: np.linspace(min(ends), max(ends), _ALONG)}
         found = database.predict(vary(point, over)).coefficients
-        for axis in AXES:
+        for axis in sizes:
             sizes[axis] = max(sizes[axis], float(np.nanmax(np.abs(found[axis]), initial=0.0)))
     return sizes | {"C_drag": sizes["CX"], "C_side": sizes["CY"], "C_lift": sizes["CZ"]}
 

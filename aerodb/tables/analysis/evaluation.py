@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.nomenclature import FORCE_AXES
 from aerodb.support import Array
 from aerodb.tables.analysis.declared_uncertainty import declared_variance
 from aerodb.tables.analysis.linear_terms import depends_on
@@ -47,7 +47,7 @@ class Place(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Coefficients with standard error and place; mappings from body axis CX CY CZ Cl Cm Cn.
+    """Coefficients with standard error and place; mappings from axis (`AeroDatabase.axes`).
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Evaluation:
 
 
 def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> Evaluation:
-    """Evaluate the six coefficients with standard error and place.
+    """Evaluate the coefficients with standard error and place.
 
     Parameters
     ----------
@@ -78,10 +78,11 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
     n = prediction.outside.size
     values = database.resolved(database.needs, channels)
     rotation = _rotation_to_body(values, n) if database.on_wind_axes else {}
-    own = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
+    axes = database.axes
+    own = {axis: np.zeros(n) for axis in (*axes, *WIND_AXES)}
     weight, inside = (
-        {axis: np.zeros(n) for axis in AXES},
-        {axis: np.zeros(n, dtype=np.bool_) for axis in AXES},
+        {axis: np.zeros(n) for axis in axes},
+        {axis: np.zeros(n, dtype=np.bool_) for axis in axes},
     )
     known: set[str] = set()
     for increment in database.increments:
@@ -101,11 +102,11 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
         a: np.where(
             beyond[a], Place.OUTSIDE, np.where(inside[a], Place.INSIDE_DATA, Place.INSIDE_TABLES)
         )
-        for a in AXES
+        for a in axes
     }
     return Evaluation(
-        {axis: prediction.coefficients[axis] for axis in AXES},
-        {axis: np.sqrt(variance[axis]) if axis in known else np.full(n, np.nan) for axis in AXES},
+        {axis: prediction.coefficients[axis] for axis in axes},
+        {axis: np.sqrt(variance[axis]) if axis in known else np.full(n, np.nan) for axis in axes},
         {axis: codes.astype(np.int8) for axis, codes in place.items()},
         prediction,
     )
@@ -128,7 +129,7 @@ def _in_body_axes(
 ) -> dict[str, Array]:
     """Variances on the body axes from independent contributions on body and wind axes, each
     (n,)."""
-    total = {axis: np.array(own[axis]) for axis in AXES}
+    total = {axis: np.array(own[axis]) for axis in own if axis not in WIND_AXES}
     for wind, parts in rotation.items():
         for axis, part in parts.items():
             total[axis] += part**2 * own[wind]
@@ -139,7 +140,7 @@ def _outside(
     database: AeroDatabase, prediction: Prediction, n: int
 ) -> dict[str, NDArray[np.bool_]]:
     """Per body axis (n,), where a table that it depends on is evaluated beyond its breakpoints."""
-    beyond = {axis: np.zeros(n, dtype=np.bool_) for axis in AXES}
+    beyond = {axis: np.zeros(n, dtype=np.bool_) for axis in database.axes}
     for term in database.coefficient_terms if prediction.outside_tables else ():
         for table in depends_on(term.expression, database) & prediction.outside_tables.keys():
             for axis in BODY_AXES_OF.get(term.axis, (term.axis,)):

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, in_order
 from aerodb.support import Array
 from aerodb.tables.analysis.arguments import scattered_over
 from aerodb.tables.analysis.nodes import table_grids
@@ -81,7 +81,7 @@ def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
     changes, the variables over which it changes most. Each axis has an equal share of them."""
     increments = _new(before, after)
     by_axis: dict[str, list[Slice]] = {}
-    for axis in AXES:
+    for axis in in_order({*before.axes, *after.axes}):
         for variable, reach in _ranges(before, after, increments).items():
             for _ in range(2):  # over all that is known, then closer where something changes
                 cut = _cut(before, after, axis, variable, np.linspace(*reach, _POINTS))
@@ -116,7 +116,10 @@ def _cut(before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at
         point |= {n: 0.5 * sum(ends) for n, ends in flown.items() if n in _NEVER_NEGATIVE}
     held = {name: value for name, value in point.items() if name != variable}
     channels = {**{name: np.full(len(at), value) for name, value in held.items()}, variable: at}
-    old, new = (database.predict(channels).coefficients[axis] for database in (before, after))
+    nothing = np.zeros(len(at))
+    old, new = (
+        database.predict(channels).coefficients.get(axis, nothing) for database in (before, after)
+    )
     variance = np.zeros(len(at))
     inside = np.full(len(at), bool(increments or flown))
     if variable in flown:

@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.algebra import times
 from aerodb.tables.analysis.linear_terms import depends_on
@@ -135,7 +134,7 @@ class _Maker:
     def coefficients(self, points: Mapping[str, Array], **hats: Any) -> dict[str, Array]:
         n = len(next(iter(points.values())))
         found = self.part.predict(self.channels(points, hats)).coefficients
-        return {axis: np.broadcast_to(found[axis], (n,)) for axis in AXES}
+        return {axis: np.broadcast_to(value, (n,)) for axis, value in found.items()}
 
 
 def _untouched(database: AeroDatabase, over: Mapping[str, Array]) -> tuple[Term, ...]:
@@ -185,8 +184,8 @@ def _tables(
         else:
             size = RATE_SIZES[hat]
             above, below = (maker.coefficients(points, **{hat: x}) for x in (size, -size))
-            values = {axis: (above[axis] - below[axis]) / (2.0 * size) for axis in AXES}
-        for axis in AXES:
+            values = {axis: (above[axis] - below[axis]) / (2.0 * size) for axis in above}
+        for axis in values:
             if not np.all(np.isfinite(values[axis])):
                 raise InputError(
                     f"{axis} is not finite at a node", where, "choose ranges inside its validity"
@@ -276,13 +275,13 @@ def _errors(
         gathered.append(
             (
                 {**points, **hats},
-                {axis: given[axis] - true[axis] for axis in AXES},
+                {axis: given.get(axis, 0.0) - value for axis, value in true.items()},
                 true,
             )
         )
     places = {name: np.concatenate([each[0][name] for each in gathered]) for name in gathered[0][0]}
     found = {}
-    for axis in AXES:
+    for axis in maker.part.axes:
         wrong, right = (np.concatenate([each[k][axis] for each in gathered]) for k in (1, 2))
         worst = int(np.argmax(np.abs(wrong)))
         found[axis] = TabulationError(
