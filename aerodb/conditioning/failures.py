@@ -19,7 +19,7 @@ from aerodb.conditioning.channel_rates import (
     beta_rate,
     with_accelerations,
 )
-from aerodb.conditioning.frozen import frozen
+from aerodb.conditioning.frozen import frozen, torn
 from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, channel, is_command
@@ -125,13 +125,13 @@ def flag_failed(flight: Flight) -> Flight:
     """Return the flight with ``failed`` flagged where a sensor does not follow the motion; values
     (n,) stay, in SI units.
 
-    All fail where the whole record stands still. Airspeed fails where the speed over ground goes
-    on, or where it falls within a second and no force slows the aircraft. Other sensors fail where
-    they stand still while what they measure changes.
+    All fail where the whole record stands still, or jumps. Airspeed fails where the speed over
+    ground goes on, or where it falls within a second and no force slows the aircraft. Other sensors
+    fail where they stand still while what they measure changes.
     """
     for name, where in _airspeed_failures(flight).items():
         flight = flight.with_flag(name, "failed", where)
-    for first, last in frozen(flight):
+    for first, last in (*frozen(flight), *torn(flight)):
         where = np.zeros(len(flight.time), dtype=bool)
         where[first : last + 1] = True
         for name in flight.channels:
@@ -371,8 +371,8 @@ class Failure:
     """A sensor that fails in flight, from `start` to `end` [s], as the flags of its channel say.
 
     kind : ``behind`` (airspeed without the speed over ground), ``fallen`` (without a force that
-    slows the aircraft), ``still`` (it does not follow the motion), ``silent`` (no samples more) or
-    ``frozen`` (all channels stand still; one of them is named).
+    slows the aircraft), ``still`` (it does not follow the motion), ``silent`` (no samples more),
+    ``frozen`` or ``torn`` (all channels stand still, or jump; one of them is named).
     value : median that it shows [unit of the channel]; beside : speed over ground [m/s] meanwhile;
     nan where there is none.
     """
@@ -390,10 +390,13 @@ class Failure:
         shown = f"{self.value:.3g} {channel(self.channel).unit}".removesuffix(" 1")
         if self.kind == "frozen":
             return "every channel repeats its value, and then the motion has gone on"
+        if self.kind == "torn":
+            return "all channels jump at once there: samples are repeated, or in another order"
         if self.kind == "silent":
             return "its samples end, those of the rates go on"
         if self.kind == "still":
-            return f"it stands at {shown} while the motion changes it"
+            listed = ", ".join(_FOLLOWERS[self.channel].needs)
+            return f"it stands at {shown} while {listed} say that it changes"
         if self.kind == "behind":
             return f"it shows {shown} at {self.beside:.3g} m/s over ground"
         return f"it falls to {shown} and no force slows the aircraft"
@@ -401,7 +404,7 @@ class Failure:
     @property
     def sensor(self) -> str:
         """Name of what was measured: the channel, the airspeed for all that its tube gives."""
-        if self.kind == "frozen":
+        if self.kind in ("frozen", "torn"):
             return "the record"
         return "airspeed" if self.channel in AIR else self.channel
 
@@ -410,8 +413,9 @@ def failures(flight: Flight) -> tuple[Failure, ...]:
     """Return the failures that a flight's flags tell (`flag_failed`), and sensors that fall silent
     while rates go on; times [s]. Of one pitot tube, the first channel is named."""
     stand = [
-        Failure("p", "frozen", float(flight.time[a]), float(flight.time[b]), np.nan, np.nan)
-        for a, b in frozen(flight)
+        Failure("p", kind, float(flight.time[a]), float(flight.time[b]), np.nan, np.nan)
+        for kind, listed in (("frozen", frozen(flight)), ("torn", torn(flight)))
+        for a, b in listed
     ]
     found: list[Failure] = []
     ground = speed_over_ground(flight)

@@ -1,14 +1,29 @@
-"""Stretches in which a whole record stands still: every channel repeats its value."""
+"""Stretches in which a whole record stands still, or jumps: its recorder failed, not a sensor."""
 
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import binom
 
 from aerodb.flight import Flight
 from aerodb.signals import runs
+from aerodb.support import CLAIM, HINT, standard_errors
 
 #: Shortest such stretch that is told [s]: recorders that log slower than others repeat less.
 SHORTEST_FROZEN: Final = 1.0
+#: What an aircraft in flight cannot change within a sample.
+_STEADY: Final = ("phi", "theta", "psi", "p", "q", "r", "alpha", "beta", "V")
+#: Share of these that jump at once where a recorder does; gusts and contact with the ground move
+#: half of them.
+AT_ONCE: Final = 0.6
+#: How many times the rms of a channel's changes within `NEAR` [s] a jump is.
+JUMP: Final = standard_errors(HINT)
+#: Time over which a motion keeps its size, and a recorder its fault [s].
+NEAR: Final = 10.0
+#: Part of a channel's range below which a change is rounding: what is logged slower is held, or
+#: lies on a straight line.
+ROUNDING: Final = 1e-9
 #: What an aircraft in flight changes with every sample.
 _MOTION: Final = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ax", "ay", "az")
 
@@ -34,3 +49,32 @@ def frozen(flight: Flight) -> list[tuple[int, int]]:
         for first, last in runs(same, least)
         if first > 0 and last + 2 < len(flight.time)
     ]
+
+
+def torn(flight: Flight) -> list[tuple[int, int]]:
+    """Return the first and the last sample of each stretch in which most angles, rates and the
+    airspeed jump at once, and again within `NEAR`: samples are repeated, or in another order.
+
+    Channels are (n,) in any unit. Each sample's change is compared with those beside it that are
+    not zero: a channel may be logged slower than others. Next to samples that are not usable
+    nothing is told, nor where so few channels move that noise makes two such jumps by chance.
+    """
+    moving = [name for name in _STEADY if name in flight and np.ptp(flight[name]) > 0.0]
+    votes, width = np.zeros(max(len(flight.time) - 3, 0)), max(1, round(NEAR / flight.step))
+    # Two jumps within `NEAR` are made by chance as often as a claim may be wrong.
+    rare = np.sqrt(CLAIM / (max(len(votes), 1) * width))
+    least = max(int(AT_ONCE * len(moving)) + 1, int(binom.isf(rare, len(moving), HINT)) + 1)
+    if least > len(moving) or not len(votes):
+        return []
+    for name in moving:
+        change = np.nan_to_num(np.diff(flight[name]))
+        jump = np.abs(change[1:-1] - 0.5 * (change[:-2] + change[2:]))
+        jump[np.minimum(np.abs(change[1:-1]), jump) < ROUNDING * np.ptp(flight[name])] = 0.0
+        squares, there = uniform_filter1d(np.array([jump**2, jump > 0.0]), width)
+        votes += jump**2 * there > JUMP**2 * np.maximum(squares, 0.0)
+    good = flight.usable(moving, despite=("on_ground", "hover", "stuck", "failed"))
+    good = good[:-3] & good[1:-2] & good[2:-1] & good[3:]
+    at = np.flatnonzero(good & (votes >= least)) + 2
+    chains = np.split(at, np.flatnonzero(np.diff(at) > width) + 1)
+    apart = SHORTEST_FROZEN / flight.step
+    return [(int(c[0]), int(c[-1])) for c in chains if c.size and c[-1] - c[0] > apart]

@@ -5,7 +5,8 @@ ingest, said by the comparison with the vehicle's database, refused there (the l
 database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
 the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
 every value is believable, faults during a flight (``during``: a silent one counts where the verdict
-of the reconstruction stays and an axis has twice the clean residual), right flights beside
+of the reconstruction stays and an axis has twice the clean residual; misnamed is a fault of which
+no suspicion names what is wrong), right flights beside
 databases that lack an effect, or right flights under other conditions (``right``).
 """
 
@@ -36,7 +37,7 @@ from aerodb.suspicions.plausibility import suspicions
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of
-from tests.campaigns.during_flight import SENSORS, SURFACES
+from tests.campaigns.during_flight import SENSORS, SURFACES, is_named
 from tests.campaigns.fleet import CONDITIONS, NO_BODIES, airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, noise_of, shown
 from tests.campaigns.planted import PLANTED, NotThere
@@ -210,16 +211,14 @@ def is_material(right: Pair, wrong: Pair) -> bool:
     )
 
 
-def unsaid(right: Pair, wrong: Pair) -> bool:
-    """Whether a fault passes in silence: no suspicion, and the verdict of the reconstruction stays;
-    for a right and a wrong flight."""
-    if failed_suspicions(wrong.flight) or noticed(wrong):
-        return False
-    try:
-        if noticed_beside(wrong):
-            return False
-    except InputError:
-        return False
+def said_during(wrong: Pair) -> list[Suspicion]:
+    """What is said of a fault during a flight: at ingest, or else beside the database."""
+    found = [*failed_suspicions(wrong.flight), *noticed(wrong)]
+    return found or list(noticed_beside(wrong))
+
+
+def keeps_verdict(right: Pair, wrong: Pair) -> bool:
+    """Whether the verdict of the reconstruction stays, for a right and a wrong flight."""
     word, other = (
         make_consistent(each.flight, each.vehicle, None).document["verdict"]
         for each in (right, wrong)
@@ -229,15 +228,19 @@ def unsaid(right: Pair, wrong: Pair) -> bool:
 
 @dataclass
 class During:
-    """Faults during a flight: how many, how many of them matter, and which of these are silent."""
+    """Faults during a flight: how many, how many of them matter, which of these are silent, how
+    many said, and of which of these no suspicion names what is wrong."""
 
     cases: int = 0
     material: int = 0
     silent: list[str] = field(default_factory=list)
+    said: int = 0
+    misnamed: list[str] = field(default_factory=list)
 
 
-def during(pairs: Sequence[Pair], corrupt: Corruption, most: int) -> During:
+def during(pairs: Sequence[Pair], kind: str, most: int) -> During:
     """One kind, in at most so many flights."""
+    corrupt = {**SURFACES, **SENSORS}[kind]
     found = During()
     for pair in pairs:
         with np.errstate(all="ignore"):
@@ -245,9 +248,19 @@ def during(pairs: Sequence[Pair], corrupt: Corruption, most: int) -> During:
             if made is None:
                 continue
             found.cases += 1
-            if is_material(pair, made):
-                found.material += 1
-                found.silent += [pair.name] if unsaid(pair, made) else []
+            if not is_material(pair, made):
+                continue
+            found.material += 1
+            try:
+                said = said_during(made)
+            except InputError:  # the comparison refuses
+                continue
+            if said:
+                found.said += 1
+                right = any(is_named(pair, made, f"{s.channel} {s.sentence}") for s in said)
+                found.misnamed += [] if right else [pair.name]
+            elif keeps_verdict(pair, made):
+                found.silent += [pair.name]
     return found
 
 
@@ -354,21 +367,22 @@ def main() -> None:
             f" {len(count.suspected)}: {', '.join(stopped + count.suspected)}"
         )
     if asked.only in (None, "during"):
-        kinds_during = {**SURFACES, **SENSORS}
         rng = np.random.default_rng(1)
-        tables = {}
-        for kind, corrupt in kinds_during.items():
+        tables: list[During] = []
+        for kind in {**SURFACES, **SENSORS}:
             mixed = [pairs[k] for k in rng.permutation(len(pairs))]
-            tables[kind] = each = during(mixed, corrupt, asked.most)
-            numbers = f"{each.cases:4} {each.material:4} {len(each.silent):4}"
-            print(f"  {kind:36} {numbers}  {', '.join(each.silent)}", flush=True)
-        cases, mattering, silent = (
-            sum(numbers)
-            for numbers in zip(
-                *((e.cases, e.material, len(e.silent)) for e in tables.values()), strict=True
-            )
+            counted = during(mixed, kind, asked.most)
+            tables.append(counted)
+            shown_numbers = f"{counted.cases:4} {counted.material:4} {len(counted.silent):4}"
+            misnamed = f"; misnamed {', '.join(counted.misnamed)}" if counted.misnamed else ""
+            print(f"  {kind:36} {shown_numbers}  {', '.join(counted.silent)}{misnamed}", flush=True)
+        print(
+            f"during a flight: {sum(e.cases for e in tables)},"
+            f" material {sum(e.material for e in tables)},"
+            f" of these silent {sum(len(e.silent) for e in tables)},"
+            f" said {sum(e.said for e in tables)},"
+            f" of these misnamed {sum(len(e.misnamed) for e in tables)}"
         )
-        print(f"during a flight: {cases}, material {mattering}, of these silent {silent}")
     titles: dict[str, tuple[str, Mapping[str, Corruption]]] = {
         "flights": ("corrupted flights", FLIGHTS),
         "files": ("wrong vehicle files", FILES),

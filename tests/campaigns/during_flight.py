@@ -2,6 +2,7 @@
 converters and of clocks. Each is made in the channels of a right flight, which is conditioned anew.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -297,3 +298,16 @@ SENSORS: dict[str, Corruption] = {
     "alpha held 3 s": sensor(("alpha",), held(3.0)),
     "q held 3 s": sensor(("q",), held(3.0)),
 }
+
+
+def is_named(right: Pair, wrong: Pair, sentence: str) -> bool:
+    """Whether a suspicion names a channel that differs between two flights, alone or in a group,
+    or the record where most channels do."""
+    before, after = right.flight.channels, wrong.flight.channels
+    names = [n for n in before if not np.array_equal(before[n], after[n], equal_nan=True)]
+    if 2 * len(names) > len(before):
+        names = ["the record"]
+    names += [name.removesuffix("_imu") for name in names]
+    names += ["airspeed"] if set(AIR) & set(names) else []
+    names += ["angle of attack"] if "alpha" in names else []
+    return any(re.search(rf"\b{name}\b", sentence) for name in names)
