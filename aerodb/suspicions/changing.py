@@ -93,7 +93,7 @@ def _changes(flight: Flight, axis: EquationError, name: str) -> Suspicion | None
     words = (
         f"{name} gives {before:.3g} per rad about the {axis.role} axis until about {since:.1f} s."
         f" From then on its effect {how}: the surface, its channel or its calibration changed,"
-        f" or that of {RATE_OF[axis.role]}"
+        f" or that of {' or '.join((RATE_OF[axis.role], *list(axis.motion)[:1]))}"
     )
     evidence = {"before": before, "ratio": ratio, "margin": margin, "from": since}
     return Suspicion(name, CHANGED, words, evidence)

@@ -240,7 +240,8 @@ def _exchanged(
                 and crossed[1][0] > 2.0 * sizes[other, "yaw"][0]
             ):
                 words = (
-                    f"{one} yaws the aircraft and {other} rolls it: the two channels are swapped"
+                    f"{one} yaws the aircraft and {other} rolls it: the two channels are swapped,"
+                    " or p and r are"
                 )
                 return Suspicion(one, "swapped", words, {"ratio": crossed[0][0]})
     return None

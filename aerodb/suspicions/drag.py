@@ -56,6 +56,6 @@ def drag_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:
     words = (
         f"without the thrust of {middle(thrust, where):.3g} N per kg the air would push the"
         f" aircraft forward by {-drag:.3g} N per kg. Sign, unit or direction of the thrust is"
-        " wrong, or the mass"
+        " wrong, or the mass, or alpha"
     )
     return (Suspicion("thrust", "sign", words, {"drag": drag, "margin": margin}),)

@@ -64,6 +64,6 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     words = (
         f"alpha changes by {ratio:.3g} +- {error:.2g} times what rates and accelerations make it"
         " change. [air_data] upwash of the vehicle file is missing or inverted, or the vane's"
-        " scale is another"
+        " scale is another, or that of q"
     )
     return (Suspicion("alpha", "size", words, {"ratio": ratio, "standard_error": error}),)
