@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 8,
-    "conditioning": 19,
+    "conditioning": 20,
     "consistency": 24,
     "coefficients": 5,
     "compare": 10,

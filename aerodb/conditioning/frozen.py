@@ -3,7 +3,7 @@
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.stats import binom
 
 from aerodb.flight import Flight
@@ -13,7 +13,9 @@ from aerodb.support import CLAIM, HINT, standard_errors
 #: Shortest such stretch that is told [s]: recorders that log slower than others repeat less.
 SHORTEST_FROZEN: Final = 1.0
 #: What an aircraft in flight cannot change within a sample.
-_STEADY: Final = ("phi", "theta", "psi", "p", "q", "r", "alpha", "beta", "V")
+_ANGLES: Final = ("phi", "theta", "psi")
+_RATES: Final = ("p", "q", "r")
+_STEADY: Final = (*_ANGLES, *_RATES, "alpha", "beta", "V")
 #: Share of these that jump at once where a recorder does; gusts and contact with the ground move
 #: half of them.
 AT_ONCE: Final = 0.6
@@ -55,25 +57,33 @@ def torn(flight: Flight) -> list[tuple[int, int]]:
     """Return the first and the last sample of each stretch in which most angles, rates and the
     airspeed jump at once, and again within `NEAR`: samples are repeated, or in another order.
 
-    Channels are (n,) in any unit. Each sample's change is compared with those beside it that are
-    not zero: a channel may be logged slower than others. Next to samples that are not usable
-    nothing is told, nor where so few channels move that noise makes two such jumps by chance.
+    Angles are (n,) [rad], rates (n,) [rad/s], other channels in any unit. Each sample's change is
+    compared with those beside it that are not zero: a channel may be logged slower than others. An
+    aircraft that is pushed jumps in all channels too, but turns no farther than its rates say.
+    Next to samples that are not usable nothing is told, nor without rates and angles, nor where so
+    few channels move that noise makes two such jumps by chance.
     """
     moving = [name for name in _STEADY if name in flight and np.ptp(flight[name]) > 0.0]
     votes, width = np.zeros(max(len(flight.time) - 3, 0)), max(1, round(NEAR / flight.step))
     # Two jumps within `NEAR` are made by chance as often as a claim may be wrong.
     rare = np.sqrt(CLAIM / (max(len(votes), 1) * width))
     least = max(int(AT_ONCE * len(moving)) + 1, int(binom.isf(rare, len(moving), HINT)) + 1)
-    if least > len(moving) or not len(votes):
+    if least > len(moving) or not len(votes) or not {"theta", *_RATES} <= set(moving):
         return []
+    rate = np.sqrt(sum(np.nan_to_num(flight[name]) ** 2 for name in _RATES))
+    fastest = maximum_filter1d(rate, width)[1:-2]
+    turned = np.zeros(len(votes), dtype=bool)
     for name in moving:
         change = np.nan_to_num(np.diff(flight[name]))
         jump = np.abs(change[1:-1] - 0.5 * (change[:-2] + change[2:]))
         jump[np.minimum(np.abs(change[1:-1]), jump) < ROUNDING * np.ptp(flight[name])] = 0.0
         squares, there = uniform_filter1d(np.array([jump**2, jump > 0.0]), width)
         votes += jump**2 * there > JUMP**2 * np.maximum(squares, 0.0)
+        if name in _ANGLES:  # one that is logged slower catches up at each of its samples
+            turn = np.abs(np.sin(0.5 * change[1:-1])) * np.cos(np.nan_to_num(flight["theta"][1:-2]))
+            turned |= 2.0 * turn * np.mean(jump > 0.0) > fastest * flight.step
     good = flight.usable(moving, despite=("on_ground", "hover", "stuck", "failed"))
-    good = good[:-3] & good[1:-2] & good[2:-1] & good[3:]
+    good = good[:-3] & good[1:-2] & good[2:-1] & good[3:] & turned
     at = np.flatnonzero(good & (votes >= least)) + 2
     chains = np.split(at, np.flatnonzero(np.diff(at) > width) + 1)
     apart = SHORTEST_FROZEN / flight.step

@@ -192,6 +192,22 @@ def test_noise_tears_no_record(flights: list[Pair], moving: int) -> None:
         assert torn(flight.with_channels(made)) == []
 
 
+def test_an_aircraft_that_is_pushed_twice_tears_no_record(flights: list[Pair]) -> None:
+    """All channels jump at once there, but angles turn as the rates say."""
+    flight = max((pair.flight for pair in flights), key=lambda each: len(each.time))
+    rng, n = np.random.default_rng(0), len(flight.time)
+    made = {name: 1e-3 * rng.standard_normal(n) for name in ("p", "q", "r", "alpha", "beta", "V")}
+    for at in (n // 2, n // 2 + round(3.0 / flight.step)):
+        for values in made.values():
+            values[at : at + 3] += 0.5
+    angles = zip(("phi", "theta", "psi"), ("p", "q", "r"), strict=True)
+    made |= {angle: np.cumsum(made[rate]) * flight.step for angle, rate in angles}
+    assert torn(flight.with_channels(made)) == []
+    late = {name: np.roll(values, 1) for name, values in made.items()}
+    late |= {angle: 20.0 * late[angle] for angle in ("phi", "theta", "psi")}
+    assert len(torn(flight.with_channels(late))) == 1
+
+
 @pytest.mark.campaign
 def test_few_faults_during_a_flight_are_silent(measured_folder: Path, tmp_path: Path) -> None:
     pairs = [*fleet(tmp_path), *simulated(), *measured_pairs(measured_folder)]
