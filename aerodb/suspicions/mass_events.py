@@ -88,7 +88,7 @@ def mass_event_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, 
     since, first, last = (float(stretch.time[k]) for k in (jump.at, jump.first, jump.last))
     words = (
         f"all forces change at {since:.2f} s ({first:.2f} to {last:.2f} s, 95 %) as if"
-        f" {_moved(stretch, jump)}, and nothing else is seen to change; a gain of az or alpha that"
+        f" {_moved(stretch, jump)}, and nothing else is seen to change. A gain of az or alpha that"
         " changes looks alike. State it as [[mass.event]]"
         f' of the vehicle file, with flight = "{flight.id[:12]}"'
     )
