@@ -306,6 +306,25 @@ def is_hinge_axis(axis: str) -> bool:
     return _HINGE_AXIS.fullmatch(axis) is not None
 
 
+def hinge_moment_of(surface: str) -> tuple[str, str]:
+    """Return the channel of a surface's hinge moment [N m], and the axis of its coefficient.
+
+    >>> hinge_moment_of("elevator")
+    ('hinge_moment_elevator', 'Ch_elevator')
+    """
+    return f"hinge_moment_{surface}", f"Ch_{surface}"
+
+
+def hinge_surface(name: str) -> str:
+    """Return the surface of a hinge moment's channel or axis; empty for any other name.
+
+    >>> hinge_surface("hinge_moment_elevator"), hinge_surface("Ch_rudder"), hinge_surface("alpha")
+    ('elevator', 'rudder', '')
+    """
+    found = _HINGE_MOMENT.fullmatch(name) or _HINGE_AXIS.fullmatch(name)
+    return found[1] if found else ""
+
+
 def in_order(axes: Iterable[str]) -> tuple[str, ...]:
     """Return those of some axes that are coefficients on body axes or of hinge moments: first those
     of `AXES` in their order, then hinge moments by name.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, Coefficients
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES, in_order, is_hinge_axis
 from aerodb.signals import low_passed, rms, smooth
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase, Prediction, body_to_wind, transfer_moments
@@ -55,8 +55,8 @@ class Comparison:
     Parameters
     ----------
     time : (n,) s.
-    measured, sigma, predicted, usable : axis -> (n,). The axes are the body axes that the flight
-        gives, and C_lift, C_drag, C_side where all three forces are available.
+    measured, sigma, predicted, usable : axis -> (n,). The axes are the body axes and hinge moments
+        that the flight gives, and C_lift, C_drag, C_side where all three forces are available.
     outside : (n,) true where a table argument lies outside its breakpoints and the table's edge
         value is held.
     bandwidth : Hz, to which moments are band-limited on both sides; None: not limited.
@@ -147,7 +147,8 @@ def compare(
     measured = {axis: values for axis, values in measured.items() if axis not in left_out}
     if any(axis in FORCE_AXES for axis in left_out):
         left_out += WIND_AXES
-    predicted = {axis: prediction.coefficients[axis] for axis in AXES if axis in measured}
+    nothing = np.zeros(len(flight.time))  # of a hinge moment that the database does not know
+    predicted = {axis: prediction.coefficients.get(axis, nothing) for axis in in_order(measured)}
     if all(axis in measured for axis in AXES[:3]) and "alpha" in flight:
         beta = flight["beta"] if "beta" in flight else np.zeros_like(flight["alpha"])
         all_forces = usable["CX"] & usable["CY"] & usable["CZ"] & flight.usable(["alpha"])
@@ -274,6 +275,8 @@ def _in_geometry_of(
     """Measured values and standard deviations referred to the database's area and lengths, moments
     about its moment reference."""
     factor = _factors(database, reference)
+    for axis in filter(is_hinge_axis, coefficients.values):  # over lengths of their own
+        factor[axis] = _pressure_ratio(database, reference)
     measured = {axis: values * factor[axis] for axis, values in coefficients.values.items()}
     sigma = {axis: values * factor[axis] for axis, values in coefficients.sigma.items()}
     target = np.asarray(database.reference.moment_reference)
@@ -288,12 +291,21 @@ def _in_geometry_of(
         )
         measured = {axis: moved[axis] for axis in measured}
     elif not np.allclose(coefficients.moment_reference, target):
-        measured = {axis: values for axis, values in measured.items() if axis in AXES[:3]}
+        measured = {axis: each for axis, each in measured.items() if axis not in MOMENT_AXES}
     return measured, sigma
 
 
 def _factors(database: AeroDatabase, reference: Reference) -> dict[str, float]:
     """Axis -> factor from coefficients of the geometry `reference` to those of the database's."""
+    pressure = _pressure_ratio(database, reference)
+    ratio = reference.area / database.reference.area * pressure
+    span = ratio * reference.span / database.reference.span
+    chord = ratio * reference.chord / database.reference.chord
+    return {"CX": ratio, "CY": ratio, "CZ": ratio, "Cl": span, "Cm": chord, "Cn": span}
+
+
+def _pressure_ratio(database: AeroDatabase, reference: Reference) -> float:
+    """Constant pressure of a vehicle over that of the database; 1 without."""
     given, own = reference.pressure, database.reference.pressure
     if (given is None) != (own is None):
         raise InputError(
@@ -302,10 +314,7 @@ def _factors(database: AeroDatabase, reference: Reference) -> dict[str, float]:
             f"database {database.name}",
             "state the same [reference] pressure in the vehicle file and the database",
         )
-    ratio = reference.area / database.reference.area * ((given or 1.0) / (own or 1.0))
-    span = ratio * reference.span / database.reference.span
-    chord = ratio * reference.chord / database.reference.chord
-    return {"CX": ratio, "CY": ratio, "CZ": ratio, "Cl": span, "Cm": chord, "Cn": span}
+    return (given or 1.0) / (own or 1.0)
 
 
 def _with_known_thrust(

@@ -23,7 +23,14 @@ from aerodb.coefficients.thrust import (
 )
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.nomenclature import (
+    FORCE_AXES,
+    MOMENT_AXES,
+    hinge_moment_of,
+    hinge_surface,
+    in_order,
+    is_hinge_axis,
+)
 from aerodb.physics import inertial_moment, specific_force_at_cg
 from aerodb.signals import FEWEST_SAMPLES, bridge, smooth
 from aerodb.support import Array
@@ -86,7 +93,8 @@ def total_coefficients(
     angular_acceleration: RateSource = "differentiated",
 ) -> Coefficients:
     """Total coefficients CX CY CZ Cl Cm Cn of a flight, about the vehicle's moment reference, over
-    the dynamic pressure or the vehicle's constant reference pressure.
+    the dynamic pressure or the vehicle's constant reference pressure; and Ch_<surface> of the hinge
+    moments that it logs, over the area and chord of each surface behind its hinge line.
 
     Parameters
     ----------
@@ -162,6 +170,9 @@ def total_coefficients(
                 " moment reference"
             )
             reference = cg
+    hinges = _hinge_moments(flight, vehicle, scale * area, qbar_fraction, notes)
+    values |= {axis: value for axis, (value, _) in hinges.items()}
+    sigma |= {axis: error for axis, (_, error) in hinges.items()}
     if not values:
         raise InputError(
             "no axis can be computed",
@@ -170,8 +181,7 @@ def total_coefficients(
         )
     usable = {
         axis: _usable(flight, axis, constant is None) & np.isfinite(values[axis])
-        for axis in AXES
-        if axis in values
+        for axis in in_order(values)
     }
     share = thrust_share(flight, vehicle, np.asarray(reference))
     left_out: tuple[str, ...] = ()
@@ -287,8 +297,41 @@ def _force_at_cg(
     return moved, np.hypot(noise, lever)
 
 
+def _hinge_moments(
+    flight: Flight, vehicle: Vehicle, over_qbar: Array, qbar_fraction: Array, notes: list[str]
+) -> dict[str, tuple[Array, Array]]:
+    """Axis -> coefficient of the hinge moment (n,) and its standard deviation (n,).
+
+    over_qbar : (n,) [1/Pa], one over the pressure that coefficients are over. qbar_fraction : (n,)
+    noise of that pressure as a share.
+    """
+    found = {}
+    for channel_name in filter(hinge_surface, flight.channels):
+        surface = hinge_surface(channel_name)
+        hinge = vehicle.surfaces[surface].hinge if surface in vehicle.surfaces else None
+        if hinge is None:
+            notes.append(
+                f"{channel_name} is logged and not used: state area and chord behind the hinge line"
+                f" in [surfaces.{surface}.hinge] of the vehicle file"
+            )
+            continue
+        axis, scale = hinge_moment_of(surface)[1], over_qbar / (hinge.area * hinge.chord)
+        value = bridge(flight[channel_name]) * scale
+        noise = _noise(flight, vehicle, channel_name, 0.25 / flight.step)
+        found[axis] = value, np.hypot(noise * scale, value * qbar_fraction)
+        notes.append(
+            f"{axis} is of the moment as logged: friction of the control, and weight and inertia of"
+            " the surface, are part of it"
+        )
+    return found
+
+
 def _usable(flight: Flight, axis: str, over_qbar: bool) -> NDArray[np.bool_]:
     """(n,) where all channels that an axis is computed from are usable."""
+    if is_hinge_axis(axis):
+        return flight.usable(
+            [*(("qbar",) if over_qbar else ()), hinge_moment_of(hinge_surface(axis))[0]]
+        )
     wanted = [*(("qbar",) if over_qbar else ()), "p", "q", "r"]
     if axis in FORCE_AXES:
         letter = axis[1].lower()

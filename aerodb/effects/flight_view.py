@@ -103,7 +103,7 @@ class FlightView:
         """Body axis -> dC/d`variable` (n,) of the current model; empty where it does not depend on
         it. `LIFT_INCREMENTS`: by an increment on C_lift, where more than the lift depends on it."""
         if variable not in self._slopes:
-            self._slopes[variable] = (
+            self._slopes[variable] = _on_body(
                 slopes_by_lift(self.database, self.channels)
                 if variable == LIFT_INCREMENTS
                 else slopes_by(self.database, variable, self.channels)
@@ -115,7 +115,8 @@ class FlightView:
         where no term uses it."""
         key = f"parameter {parameter}"
         if key not in self._slopes:
-            self._slopes[key] = slopes_by_parameter(self.database, parameter, self.channels)
+            slopes = slopes_by_parameter(self.database, parameter, self.channels)
+            self._slopes[key] = _on_body(slopes)
         return self._slopes[key]
 
     @cached_property
@@ -178,6 +179,11 @@ class FlightView:
         """(n, 3) [N]: mass times specific force as the current model gives it, thrust included."""
         scale = (self.pressure * self.reference.area)[:, None]
         return np.column_stack([self.predicted[axis] for axis in AXES[:3]]) * scale + self.thrust
+
+
+def _on_body(slopes: Mapping[str, Array]) -> dict[str, Array]:
+    """Slopes (n,) on the body axes: effects are sought on no hinge moment."""
+    return {axis: slopes[axis] for axis in AXES if axis in slopes}
 
 
 def view_of(

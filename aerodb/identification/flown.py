@@ -23,7 +23,7 @@ from aerodb.increments import (
     expand,
     with_chosen_knots,
 )
-from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES, is_hinge_axis
 from aerodb.simulation import FlightModel, FlightStretch, stretch_model, stretch_of
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Increment, depends_on, with_parameters
@@ -71,6 +71,12 @@ def flown_problem(
     Raises InputError naming what the flights lack, where no stretch can be flown.
     """
     logs, comparisons = [f.flight for f in flights], [f.comparison for f in flights]
+    if hinges := [each.axis for each in model.increment if is_hinge_axis(each.axis)]:
+        raise InputError(
+            f"{', '.join(hinges)}: a hinge moment moves no aircraft, so no motion tells of it",
+            "model file",
+            "use a method of equation error",
+        )
     check_parameters_of(model.parameters, database)
     model = with_chosen_knots(logs, comparisons, model, database)
     declared = _declared_axes(model) | _reached(model.parameters, database)

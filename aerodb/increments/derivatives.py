@@ -14,7 +14,6 @@ import numpy as np
 from aerodb.coefficients import as_inputs
 from aerodb.flight import Flight
 from aerodb.increments.gate import GateCheck, Measure
-from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, slopes_by
 
@@ -107,7 +106,7 @@ def derivative_changes(
         for name in variables
     }
     changes: list[tuple[float, DerivativeChange]] = []
-    for axis in AXES:
+    for axis in candidate.axes:
         products = {name: means[name][0].get(axis, 0.0) * spread[name] for name in variables}
         total = float(np.sqrt(sum(each**2 for each in products.values())))
         for name in variables:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.nomenclature import AXES, ROLL_OUTPUTS
+from aerodb.nomenclature import ROLL_OUTPUTS, in_order
 
 #: An error that changed by less than this fraction counts as unchanged.
 UNCHANGED: Final = 0.01
@@ -45,11 +45,11 @@ def held_out_error(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def validated(axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return the body axes, or outputs of rolls, that flights which were held out measure: those
+    """Return the axes, or outputs of rolls, that flights which were held out measure: those
     with `excess_before`, an rms error in the unit of the axis."""
     return {
         axis: axes[axis]
-        for axis in (*AXES, *ROLL_OUTPUTS)
+        for axis in (*in_order(axes), *ROLL_OUTPUTS)
         if axis in axes and axes[axis].get("excess_before") is not None
     }
 

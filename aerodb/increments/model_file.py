@@ -45,6 +45,7 @@ from aerodb.increments.spline_terms import (
     spline_expressions,
     split_key,
 )
+from aerodb.nomenclature import is_hinge_axis
 from aerodb.support import Strict, parsed_toml, validated
 from aerodb.tables import INCREMENT_AXES, Expression, parse
 from aerodb.units import quantity
@@ -76,7 +77,7 @@ class DeclaredIncrement(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> "DeclaredIncrement":
-        if self.axis not in INCREMENT_AXES:
+        if self.axis not in INCREMENT_AXES and not is_hinge_axis(self.axis):
             raise ValueError(f"unknown axis '{self.axis}'; {nearest(self.axis, INCREMENT_AXES)}")
         if len(set(self.terms)) != len(self.terms):
             raise ValueError("a term is listed twice")

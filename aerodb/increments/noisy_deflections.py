@@ -18,7 +18,7 @@ from aerodb.coefficients import Comparison
 from aerodb.estimation import Regression
 from aerodb.increments.model_file import Regressor
 from aerodb.increments.samples import AxisSamples, as_compared, columns_of
-from aerodb.nomenclature import AXES, is_surface
+from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
@@ -99,14 +99,14 @@ def with_noise_of(
     moved = {name: values for name, values in side.channels.items() if is_surface(name)}
     channels = {**samples.channels, **moved}
     now, before = side.database.predict(side.channels), side.prediction
-    change = {name: now.coefficients[name] - before.coefficients[name] for name in AXES}
-    if axis not in AXES:
+    change = {name: each - before.coefficients[name] for name, each in now.coefficients.items()}
+    if axis in WIND_AXES:
         alpha, beta = channels["alpha"], channels.get("beta", np.zeros(len(noisier.time)))
         wind = body_to_wind(change["CX"], change["CY"], change["CZ"], alpha, beta)
         change = dict(zip(WIND_AXES, wind, strict=True))
     return (
         columns_of(axis, regressors, channels, noisier)[samples.good],
-        as_compared(axis, change[axis], noisier)[samples.good],
+        as_compared(axis, change.get(axis, np.zeros(len(noisier.time))), noisier)[samples.good],
     )
 
 

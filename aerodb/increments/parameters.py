@@ -20,7 +20,7 @@ from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
 from aerodb.increments.noisy_deflections import without_deflection_noise
 from aerodb.increments.samples import as_compared
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import in_order
 from aerodb.signals import rms
 from aerodb.support import Array, Mask
 from aerodb.tables import (
@@ -191,13 +191,13 @@ def parameter_samples(
         time, channels = comparison.time, side.channels
         now = present.predict(with_own_states(present, time, channels)).coefficients
         slopes = [slopes_along(present, name, time, channels) for name in names]
-        for axis in AXES:
-            if axis not in comparison.usable or not any(axis in each for each in slopes):
+        for axis in in_order(comparison.usable):
+            if not any(axis in each for each in slopes):
                 continue
             still = np.zeros(len(comparison.time))
             columns = [as_compared(axis, each.get(axis, still), comparison) for each in slopes]
             residual = comparison.measured[axis] - as_compared(
-                axis, np.broadcast_to(now[axis], still.shape), comparison
+                axis, np.broadcast_to(now.get(axis, 0.0), still.shape), comparison
             )
             good = comparison.usable[axis] & np.isfinite(residual)
             if good.any():

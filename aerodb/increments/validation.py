@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments.held_out import NEAR_FLOOR, UNCHANGED
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import AXES, in_order
 from aerodb.signals import Theil, rms, theil
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES
@@ -216,8 +216,8 @@ def validate_by_leaving_one_out(
 
 
 def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
-    """Body axes on which the error over the usable samples of all flights grew by more than the
-    fraction `UNCHANGED`.
+    """Body axes and hinge moments on which the error over the usable samples of all flights grew by
+    more than the fraction `UNCHANGED`.
 
     The error is the rms, once about each flight's mean and once as it is. What grew only as it is
     is excused if a part of the flights is flown where what was added is nil, and the error about
@@ -235,7 +235,8 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
     its components it is small against each flight's constant, and a small growth there is chance.
     """
-    body, wind = (_grown(axes, before, after) for axes in (AXES, WIND_AXES))
+    given = in_order({*AXES, *(axis for each in before.values() for axis in each.usable)})
+    body, wind = (_grown(axes, before, after) for axes in (given, WIND_AXES))
     if wind is None or body is None or wind & {"C_lift", "C_drag"}:
         return body or frozenset()
     return body - {"CX", "CZ"}
@@ -394,4 +395,4 @@ def _excess(value: float | None, floor: float) -> float | None:
 
 def _order(axis: str) -> tuple[int, str]:
     known = ("CX", "CY", "CZ", "Cl", "Cm", "Cn", "C_lift", "C_drag", "C_side")
-    return known.index(axis), axis
+    return known.index(axis) if axis in known else len(known), axis

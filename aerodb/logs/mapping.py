@@ -17,10 +17,11 @@ from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
 from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
 from aerodb.logs.time_grid import LoggedSignal, common_grid, on_grid
-from aerodb.nomenclature import POSITIONS, WHEELS, channel, is_command
+from aerodb.nomenclature import POSITIONS, WHEELS, channel, hinge_moment_of, is_command
 from aerodb.recording import Recording
 from aerodb.support import Array
 from aerodb.vehicle import (
+    Hinge,
     LogSource,
     Vehicle,
     add_combinations,
@@ -133,6 +134,12 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
         place = Source(topic=rotor.log.topic, field=rotor.log.field, unit="1")
         entries[f"command_{name}"] = ChannelMapping(name=f"command_{name}", sources=(place,))
         calibrated[f"command_{name}"] = rotor.calibration
+    for name, surface in vehicle.surfaces.items():
+        if surface.hinge is not None and surface.hinge.log is not None:
+            channel_name, _ = hinge_moment_of(name)
+            entries[channel_name] = ChannelMapping(
+                name=channel_name, sources=(_hinge_source(surface.hinge.log, surface.hinge),)
+            )
     for name, logged in _named_by_vehicle(vehicle).items():
         sources = (Source(topic=logged.topic, field=logged.field, unit=logged.unit or None),)
         entries[name] = ChannelMapping(name=name, sources=sources)
@@ -160,6 +167,14 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
         if not any(name in signals for name in derived.channels):
             signals.update({signal.name: signal for signal in _derive(log, derived)})
     return signals, notes
+
+
+def _hinge_source(logged: LogSource, hinge: Hinge) -> Source:
+    """Where a hinge moment [N m] is logged, or a force that is one by its gearing [m]."""
+    place = Source(topic=logged.topic, field=logged.field, unit=logged.unit or None)
+    if hinge.gearing is None:
+        return place
+    return place.model_copy(update={"scale": hinge.gearing, "unit": f"{logged.unit} m"})
 
 
 def _named_by_vehicle(vehicle: Vehicle) -> dict[str, LogSource]:
@@ -243,6 +258,7 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
         *(name for derived in mapping.derived for name in derived.channels),
         *(f"delta_{name}" for name in vehicle.surfaces),
         *(f"command_{name}" for name in vehicle.rotors),
+        *(hinge_moment_of(name)[0] for name, each in vehicle.surfaces.items() if each.hinge),
         *_named_by_vehicle(vehicle),
         *EXPECTED,
     ]

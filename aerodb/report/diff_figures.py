@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import in_order
 from aerodb.report.labels import channel_scale, in_figure
 from aerodb.report.numbers import display_unit, number
 from aerodb.report.reach import Reach, reach_of
@@ -111,11 +111,14 @@ def _without_slices(
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     channels = {name: np.array([value]) for name, value in point.items()}
     old, new = (database.predict(channels).coefficients for database in (before, after))
+    pairs = {
+        axis: tuple(float(each[axis][0]) if axis in each else 0.0 for each in (old, new))
+        for axis in in_order({*old, *new})
+    }
     changed = [
-        f"{axis}: {number(float(old[axis][0]), 4)} in {names[0]}, {number(float(new[axis][0]), 4)}"
-        f" in {names[1]}"
-        for axis in AXES
-        if abs(float(new[axis][0] - old[axis][0])) > _SAME
+        f"{axis}: {number(first, 4)} in {names[0]}, {number(second, 4)} in {names[1]}"
+        for axis, (first, second) in pairs.items()
+        if abs(second - first) > _SAME
     ]
     return "\n".join(changed) or f"{names[0]} and {names[1]} give the same coefficients"
 

@@ -55,7 +55,7 @@ def changed_axes(document: Mapping[str, Any]) -> set[str]:
         changed |= {
             axis
             for axis, error in document["axes"].items()
-            if axis in (*AXES, *ROLL_OUTPUTS) and error["rms_before"] != error["rms_after"]
+            if axis not in WIND_AXES and error["rms_before"] != error["rms_after"]
         }
     return changed
 
@@ -80,9 +80,14 @@ def shown_axes(document: Mapping[str, Any]) -> list[str]:
     other |= {own for own, same in _SAME if same in changed and own not in changed}
     return [
         axis
-        for axis in _ORDER
-        if axis in document["axes"] and (axis in changed or axis not in other)
+        for axis in sorted(document["axes"], key=_place)
+        if axis in changed or axis not in other
     ]
+
+
+def _place(axis: str) -> tuple[int, str]:
+    """Key that sorts axes in the usual order, hinge moments last."""
+    return _ORDER.index(axis) if axis in _ORDER else len(_ORDER), axis
 
 
 def written_on(finding: Mapping[str, Any]) -> list[str]:
@@ -135,7 +140,7 @@ def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     error in parts of what the axis varied in flight, the outcome and Theil's fit.
     """
     rows = []
-    for axis in sorted(document["axes"], key=_ORDER.index):
+    for axis in sorted(document["axes"], key=_place):
         entry = document["axes"][axis]
         held = "held_out_" if entry["held_out_rms_after"] is not None else ""
         factor, unit = for_people(entry["unit"]) if "unit" in entry else (1.0, "")

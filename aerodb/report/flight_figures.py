@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import STATES, Segment
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, axis_description, is_surface
+from aerodb.nomenclature import axis_description, in_order, is_surface
 from aerodb.report.decimation import decimated, extremes, flagged_stretches
 from aerodb.report.labels import channel_scale
 from aerodb.report.numbers import display_unit
@@ -105,7 +105,7 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
     The angle is alpha on longitudinal and beta on lateral axes. Arrays are those of the comparison,
     (n,) per axis.
     """
-    axes = [axis for axis in AXES if axis in comparison.usable]
+    axes = in_order(comparison.usable)
     rows = max(1, len(axes))
     figure, panels = panel_grid(
         (PAGE_WIDTH, 0.6 + 1.43 * rows),

@@ -9,7 +9,7 @@ from typing import Any, Final
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment, Suspicion
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES, axis_description
+from aerodb.nomenclature import axis_description, in_order
 from aerodb.remarks import SUSPECTED, Remark
 from aerodb.report.flight_figures import (
     channel_figure,
@@ -225,7 +225,7 @@ def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
 
 def _errors(comparison: Comparison | None) -> list[dict[str, Any]]:
     rows = []
-    for axis in (axis for axis in AXES if comparison is not None and axis in comparison.usable):
+    for axis in in_order(comparison.usable) if comparison is not None else ():
         assert comparison is not None
         good = comparison.usable[axis]
         if good.any():

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from aerodb.increments import AxisValidation, Beyond, HoldOut
 from aerodb.loop import SensorRival, StallWindow, UnexplainedLevel
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import in_order, is_hinge_axis
 from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
 from aerodb.report.glossary import capital, hypothesis_words, listed
@@ -196,9 +196,17 @@ def _without_a_name(
     remarks = []
     for entry in proof:
         error = entry.held_out_shape_after
-        if error is None or entry.axis in said or entry.axis not in AXES:
+        if error is None or entry.axis in said or not in_order([entry.axis]):
             continue
-        if error > _FAR_ABOVE_FLOOR * entry.noise_floor > 0.0:
+        if not error > _FAR_ABOVE_FLOOR * entry.noise_floor > 0.0:
+            continue
+        if is_hinge_axis(entry.axis):
+            remarks.append(
+                f"{entry.axis} stays at {error / entry.noise_floor:.0f} times its noise floor. A"
+                " closed loop seeks no effect on hinge moments. Declare an increment on it in a"
+                " model file: aerodb update --model FILE."
+            )
+        else:
             remarks.append(
                 f"{entry.axis} stays at {error / entry.noise_floor:.0f} times its noise floor, each"
                 " flight's constant apart. Nothing in these flights names the reason. More flights"

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .description import (
         Accuracy,
         AirData,
+        Hinge,
         LoggedRotor,
         LogSource,
         Reference,

@@ -84,8 +84,31 @@ class LogSource(Strict):
     unit: str = ""
 
 
+class Hinge(Strict):
+    """What makes the moment of the air about a surface's hinge a coefficient, and where it is
+    logged.
+
+    area [m2], chord [m] : of the surface behind its hinge line. log : place of the hinge moment, or
+    of the force on the control; without it, the mapping's channel ``hinge_moment_<name>`` is used.
+    gearing [m] : hinge moment of the air over that force, with its sign; None: `log` is the moment.
+    """
+
+    area: Annotated[float, in_unit("m^2"), Field(gt=0)]
+    chord: Annotated[float, in_unit("m"), Field(gt=0)]
+    log: LogSource | None = None
+    gearing: Metres | None = None
+
+    @model_validator(mode="after")
+    def _geared(self) -> Self:
+        if self.gearing is not None and (self.log is None or not self.log.unit):
+            raise ValueError("gearing needs the place and the unit of the force in log")
+        if self.gearing == 0.0:
+            raise ValueError("gearing is 0: no force tells of the moment")
+        return self
+
+
 class Surface(Strict):
-    """A control surface: its deflection limits and the calibration of logged commands.
+    """A control surface: its deflection limits, the calibration of logged commands, and its hinge.
 
     ``deflection = offset + scale * command``, then a first-order lag with time constant `lag` [s].
     `log` names the field in the log; without it, the mapping's channel ``delta_<name>`` is used.
@@ -97,6 +120,7 @@ class Surface(Strict):
     lag: Seconds = 0.0
     log: LogSource | None = None
     convention: str = "trailing edge down positive"
+    hinge: Hinge | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

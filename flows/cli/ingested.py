@@ -12,7 +12,7 @@ import typer
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_damage, say_repeats, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, percent, visible
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import in_order
 from aerodb.remarks import WIDE_LIMITS, from_document
 
 #: A residual below so many noise floors is mostly noise of the sensors.
@@ -92,7 +92,7 @@ def erring_axes(taken: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """
     compared = [axes for each in taken if (axes := _axes(each))]
     found = {}
-    for axis in AXES:
+    for axis in in_order(axis for axes in compared for axis in axes):
         entries = [axes[axis] for axes in compared if axis in axes]
         flown = math.fsum(entry["samples"] * entry["variation"] ** 2 for entry in entries)
         left = math.fsum(entry["samples"] * entry["rms_residual"] ** 2 for entry in entries)
@@ -155,15 +155,17 @@ def say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
 
     taken : documents of `aerodb.flows.flight.flight_flow` that have a flight.
     """
-    shown = [axis for axis in AXES if any(axis in _axes(each) for each in taken)]
+    shown = in_order(axis for each in taken for axis in _axes(each))
     names = [_short(visible(Path(each["log"]).name)) for each in taken]
     wide = max(len("file"), *map(len, names))
     if shown:
         session.say("flight - database, per cent of what was flown:")
-    session.say(f"{'file':<{wide}}  {'verdict':<9}{''.join(f'{axis:>7}' for axis in shown)}")
+    widths = [max(7, len(axis) + 2) for axis in shown]
+    heads = "".join(f"{axis:>{width}}" for axis, width in zip(shown, widths, strict=True))
+    session.say(f"{'file':<{wide}}  {'verdict':<9}{heads}")
     for name, each in zip(names, taken, strict=True):
         shares = (percent(_axes(each).get(axis, {}).get("of_flown")) for axis in shown)
-        cells = "".join(f"{share:>7}" for share in shares)
+        cells = "".join(f"{share:>{width}}" for share, width in zip(shares, widths, strict=True))
         session.say(f"{name:<{wide}}  {judged(each):<9}{cells}".rstrip())
         if why := _why(each):
             more = f" (and {len(why) - 1} more: -v)" if len(why) > 1 else ""

@@ -11,7 +11,7 @@ from aerodb.conditioning import Suspicion, suspicion_documents, suspicions_from
 from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
-from aerodb.nomenclature import AXES
+from aerodb.nomenclature import in_order
 from aerodb.remarks import CONTRADICTS, SUSPECTED, Remark
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
@@ -75,7 +75,7 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     access = access_workspace(workspace)
     loaded = load_comparison(access, flight, version, run)
     comparison = loaded.comparison
-    axes = {axis: comparison.summary(axis) for axis in AXES if axis in comparison.usable}
+    axes = {axis: comparison.summary(axis) for axis in in_order(comparison.usable)}
     row = access.catalogue.flight(flight)
     _judge(access, row, version, loaded.suspicions, run)
     return {
@@ -191,7 +191,7 @@ def compare_loaded(
 
 
 def _long(comparison: Comparison) -> dict[str, np.ndarray]:
-    axes, n = [axis for axis in AXES if axis in comparison.usable], len(comparison.time)
+    axes, n = in_order(comparison.usable), len(comparison.time)
 
     def stacked(values: Any) -> np.ndarray:
         return np.concatenate([values[axis] for axis in axes])
