@@ -5,11 +5,14 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.consistency import air_data_of_sensors, air_velocity, probe_path
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.identification import identify_wake
+from aerodb.physics import quaternion_from_euler, to_earth
+from aerodb.support import Array
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
 from aerodb.tasks.steps.ingest import flight_as_measured
 from aerodb.tasks.workspace_access import access_workspace
@@ -19,6 +22,12 @@ from aerodb.vehicle import Vehicle
 LONGEST: Final = 60.0
 #: Flags of air data that count here: crossing a core takes a few samples, like a wild point.
 _CORES: Final = ("wild_point",)
+#: Least angle between path and axis at which one vane tells a wake's sizes [rad]: below it a pair
+#: is crossed in as much time as a long gust, 100 m for a spacing of 17 m.
+_CROSSED: Final = float(np.deg2rad(10.0))
+#: Velocity of the air that a flow angle shows, and its body axis.
+_ACROSS: Final = {"alpha": "up and down", "beta": "to the sides"}
+_AXIS: Final = {"alpha": 2, "beta": 1}
 
 
 def encounters(
@@ -117,14 +126,22 @@ def _encounter(
         document["notes"].append(
             f"samples like wild points that are used: {doubted}; a vortex core looks like them"
         )
-    if lacking:
+    if len(lacking) == len(_ACROSS):
         document["notes"].append(
             f"{' and '.join(lacking)} not measured: the velocity of the air across the path is not"
             " known, and no wake is sought"
         )
         return document
+    axes = None
+    if lacking:
+        (vane,) = _ACROSS.keys() - set(lacking)
+        document["notes"].append(
+            f"{lacking[0]} not measured: the wake is sought in the velocity of the air"
+            f" {_ACROSS[vane]} alone"
+        )
+        axes = _body_axes(flight, inside)[[_AXIS[vane]]][:, :, whole]
     path = probe_path(flight, vehicle, inside)[:, whole]
-    found = identify_wake(air, path, heading=heading)
+    found = identify_wake(air, path, axes=axes, heading=heading)
     pair = found.pair
     if not found.found:
         document["notes"].append(
@@ -132,11 +149,25 @@ def _encounter(
             " needed; the air is that of turbulence, or the path stayed outside of the wake"
         )
         return document
+    if lacking and (heading is None or _angle(path, heading) < _CROSSED):
+        document["notes"].append(
+            f"the air is that of a wake: likelihood grows by {found.gain:.1f}, {found.needed:.1f}"
+            " are needed; "
+            + (
+                "one vane tells its sizes where --heading states its axis"
+                if heading is None
+                else "one vane does not tell its sizes from a path along its axis"
+            )
+        )
+        return document
     if not found.core:
         document["notes"].append(
             f"the path comes within {found.nearest / pair.core_radius:.1f} core radii: the models"
             " lamb_oseen and burnham_hallock are not told apart"
         )
+    if "beta" in lacking:
+        document["notes"].append("alpha alone does not tell whether the wake is above or below")
+        found.errors["below"] = np.nan
     right, below = pair.across(path[:, :1])
     values = {
         "circulation": pair.circulation,
@@ -159,6 +190,22 @@ def _encounter(
         },
     }
     return document
+
+
+def _body_axes(flight: Flight, inside: NDArray[np.bool_]) -> Array:
+    """Body axes (3, 3, m) forward, right, down, each in north, east, down, over some samples."""
+    attitude = quaternion_from_euler(
+        *(np.nan_to_num(flight[name][inside]) for name in ("phi", "theta", "psi"))
+    )
+    ones = np.ones(attitude.shape[1])
+    return np.stack([to_earth(attitude, np.outer(axis, ones)) for axis in np.eye(3)])
+
+
+def _angle(path: Array, heading: float) -> float:
+    """Angle [rad] from 0 to 90 deg between a path (3, m) and an axis."""
+    north, east = path[:2, -1] - path[:2, 0]
+    turned = np.arctan2(east, north) - heading
+    return float(abs(np.arcsin(np.sin(turned))))
 
 
 def _finite(value: float) -> float | None:

@@ -2,7 +2,9 @@
 vortex pair."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,6 +106,42 @@ def test_circulation_and_core_of_each_encounter_and_their_trend(
         assert wake["heading"]["value"] == pytest.approx(np.deg2rad(60.0), abs=0.05)
     assert found["circulation_falls"]
     assert found["core_grows"]
+
+
+def test_a_flight_with_one_vane_tells_of_the_wake(
+    flights: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    """Without beta: that the air is that of a wake, and its sizes where the heading is stated, not
+    for a path along it. None is sought without both vanes."""
+    workspace, _ = flights
+    channels = crossing(*MET[0], seed=8)
+    given = ("--vehicle", "light-aircraft", "--mapping", "canonical", "--direct")
+
+    def met(*gone: str) -> Callable[..., dict[str, Any]]:
+        left = {name: values for name, values in channels.items() if name not in gone}
+        file = write_csv(tmp_path / f"without-{'-'.join(gone)}.csv", left)
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace("throttle [1]", "throttle [-]"), encoding="utf-8")
+        (outcome,) = asked(workspace, "flight", "ingest", str(file), *given)
+
+        def encounter(*words: str) -> dict[str, Any]:
+            (one,) = asked(workspace, "flight", "wake", outcome["flight"], *words)["encounters"]
+            return dict(one)
+
+        return encounter
+
+    alpha_only = met("beta")
+    one = alpha_only()
+    assert one["wake"] is None
+    assert any("the air is that of a wake" in note for note in one["notes"])
+    assert alpha_only("--heading", "5 deg")["wake"] is None
+    pair = alpha_only("--heading", "60 deg")["wake"]
+    for name, true in (("circulation", 220.0), ("core_radius", 1.2), ("spacing", 17.0)):
+        assert pair[name]["value"] == pytest.approx(true, rel=0.1)
+    assert pair["below"]["standard_error"] is None
+    blind = met("alpha", "beta")()
+    assert blind["wake"] is None
+    assert any("no wake is sought" in note for note in blind["notes"])
 
 
 def test_turbulence_alone_is_no_wake(flights: tuple[Path, list[str]]) -> None:

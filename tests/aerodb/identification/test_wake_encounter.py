@@ -104,6 +104,34 @@ def test_a_pair_that_is_followed_is_recovered(core: str) -> None:
         _recovered(identify_wake(_measured(air, 1, 0.1), path, heading=heading), core)
 
 
+def _body(angle: float, n: int) -> np.ndarray:
+    """Body axes forward, right, down of a level flight that banks from side to side."""
+    bank = 0.3 * np.sin(1.5 * STEP * np.arange(n))
+    zero = 0.0 * bank
+    forward = np.stack([np.cos(angle) + zero, np.sin(angle) + zero, zero])
+    flat = np.stack([-np.sin(angle) + zero, np.cos(angle) + zero, zero])
+    below = np.stack([zero, zero, 1.0 + zero])
+    right = np.cos(bank) * flat + np.sin(bank) * below
+    return np.stack([forward, right, np.cos(bank) * below - np.sin(bank) * flat])
+
+
+@pytest.mark.parametrize("core", ["lamb_oseen", "burnham_hallock"])
+@pytest.mark.parametrize("seen", [2, 1])
+@pytest.mark.parametrize(("angle", "seconds"), [(60.0, 4.0), (15.0, 8.0)])
+def test_one_vane_tells_of_a_pair_whose_heading_is_known(
+    core: str, seen: int, angle: float, seconds: float, trials: Callable[[int, int], int]
+) -> None:
+    """Alpha alone, or beta, of an aircraft that banks: within 10 % and four standard errors."""
+    air, path = _flown(core, np.deg2rad(angle), (0.0, 0.6), seconds)
+    for seed in range(trials(2, 10)):
+        moved = _measured(air, seed)
+        axes = _body(np.deg2rad(angle), moved.shape[1])[[seen]]
+        found = identify_wake(moved, path, axes=axes, heading=0.0)
+        _recovered(found, core)
+        for name, true in (("circulation", G), ("core_radius", RC), ("spacing", B)):
+            assert abs(getattr(found.pair, name) - true) < 4.0 * found.errors[name]
+
+
 def test_the_slope_of_an_axis_has_the_sign_of_its_heading() -> None:
     """Seen from ahead, an axis that climbs sinks; a pair given with either heading is the same."""
     time = STEP * np.arange(400)
@@ -126,7 +154,7 @@ def test_far_from_the_cores_neither_model_is_named() -> None:
     assert found.core == ""
 
 
-def _claims(seeds: range) -> int:
+def _claims(seeds: range, vane: int | None = None) -> int:
     time = np.arange(500) * 0.02
     path = np.stack([SPEED * time, 0 * time, 0 * time + 1000.0])
     count = 0
@@ -135,17 +163,20 @@ def _claims(seeds: range) -> int:
         gusts = gust_series(air, time, SPEED, SPAN, seed)
         noise = 0.05 * np.random.default_rng([seed, 1]).standard_normal((3, 500))
         moved = np.stack([gusts[f"gust_{name}"] for name in "uvw"]) + noise
-        count += identify_wake(moved, path).found
+        axes = None if vane is None else _body(0.0, 500)[[vane]]
+        count += identify_wake(moved, path, axes=axes).found
     return count
 
 
 def test_turbulence_alone_is_no_wake() -> None:
     assert _claims(range(4)) == 0
+    assert _claims(range(2), 2) == 0
 
 
 @pytest.mark.campaign
 def test_of_100_flights_in_turbulence_5_at_most_show_a_wake() -> None:
     assert _claims(range(100)) <= 5
+    assert _claims(range(100), 2) <= 5
 
 
 def test_too_short_an_encounter_is_refused() -> None:
