@@ -17,10 +17,12 @@ from aerodb.logs.rotors import FoundRotors, rotors_of
 from aerodb.recording import Recording
 from aerodb.signals import runs
 
+#: Kind whose rotors that lift it and that pull it are different ones, all fixed.
+STANDARD_VTOL: Final = "standard VTOL"
 _AIRFRAMES: Final = {
     0: "multicopter",
     1: "fixed wing",
-    2: "standard VTOL",
+    2: STANDARD_VTOL,
     3: "tiltrotor VTOL",
     4: "tailsitter VTOL",
     5: "rover",
@@ -107,7 +109,8 @@ class LoggedAircraft:
 
     kind : in words; '' where it does not say. airspeeds : STALL, MIN, TRIM, MAX [m/s].
     combinations : name, kind, right and left surface. points : imu and gps -> position from the CG
-    [m], body axes. notes : further parameters, one sentence each. rotors : of one without a wing.
+    [m], body axes. notes : further parameters, one sentence each. rotors : of one without a wing,
+    and of one with a wing whose log only hovers.
     """
 
     kind: str
@@ -179,16 +182,30 @@ def stretches_of(
 _Times = tuple[tuple[float, float], ...]
 #: vehicle_vtol_state of PX4: transition to and from the wing, and rotors alone.
 _HOVER_STATES: Final = (1, 2, 3)
+#: The same: transition to and from the wing, and the wing alone.
+_WING_STATES: Final = (1, 2, 4)
+_STATUS: Final = "vtol_vehicle_status"
+_FORMER_STATUS: Final = ("vtol_in_rw_mode", "in_rw_mode")
 
 
 def px4_hover(recording: Recording) -> tuple[tuple[float, float], ...]:
     """Return from when to when [s] rotors carry a VTOL of PX4, transitions included and what stands
     on the ground not."""
-    status, former = "vtol_vehicle_status", ("vtol_in_rw_mode", "in_rw_mode")
-    hover = stretches_of(recording, status, ("vehicle_vtol_state",), _HOVER_STATES)
-    hover = hover or stretches_of(recording, status, former, (1,))
+    hover = stretches_of(recording, _STATUS, ("vehicle_vtol_state",), _HOVER_STATES)
+    hover = hover or stretches_of(recording, _STATUS, _FORMER_STATUS, (1,))
     landed = stretches_of(recording, "vehicle_land_detected", ("landed",), (1,))
     return _without(hover, landed)
+
+
+def only_hovers(recording: Recording) -> bool:
+    """Return whether a log is of a VTOL of PX4 with fixed rotors that carry it whenever it flies,
+    by its modes."""
+    known = _known(recording)
+    if _AIRFRAMES.get(int(known.get("CA_AIRFRAME", -1))) != STANDARD_VTOL:
+        return False
+    winged = stretches_of(recording, _STATUS, ("vehicle_vtol_state",), _WING_STATES)
+    winged = winged or stretches_of(recording, _STATUS, _FORMER_STATUS, (0,))
+    return bool(px4_hover(recording)) and not winged
 
 
 def _without(stretches: _Times, others: _Times) -> _Times:
@@ -212,11 +229,8 @@ def read_px4(recording: Recording) -> LoggedAircraft:
 
     Speeds [m/s], points (3,) [m].
     """
-    known = {
-        key.removeprefix("param:"): value
-        for key, value in recording.metadata.items()
-        if key.startswith("param:")
-    }
+    known = _known(recording)
+    carried = _kind(known) in _CARRIED or only_hovers(recording)
     surfaces = _allocated(known, recording) or _controls(recording, _kind(known))
     return LoggedAircraft(
         kind=_kind(known),
@@ -229,8 +243,17 @@ def read_px4(recording: Recording) -> LoggedAircraft:
         },
         points=_points(known),
         notes=_notes(known),
-        rotors=rotors_of(recording, known) if _kind(known) in _CARRIED else FoundRotors(),
+        rotors=rotors_of(recording, known) if carried else FoundRotors(),
     )
+
+
+def _known(recording: Recording) -> dict[str, Any]:
+    """Parameters by name."""
+    return {
+        key.removeprefix("param:"): value
+        for key, value in recording.metadata.items()
+        if key.startswith("param:")
+    }
 
 
 def _kind(known: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.air_data import complete_air_data
-from aerodb.logs.autopilots import flag_hover
+from aerodb.logs.autopilots import with_hover
 from aerodb.logs.captive import flag_captive
 from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.derivations import METHODS
@@ -115,7 +115,7 @@ def map_recording(
         mapping=mapping.name,
         estimated=frozenset(signal.name for signal in signals.values() if signal.estimated),
     )
-    return _completed(flag_hover(flight, recording), mapping, vehicle)
+    return _completed(with_hover(flight, recording, vehicle), mapping, vehicle)
 
 
 def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal], list[str]]:

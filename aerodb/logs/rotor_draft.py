@@ -1,4 +1,4 @@
-"""Drafts of a vehicle file and a database for a multicopter, from its log.
+"""Drafts of a vehicle file and a database for what rotors carry, from its log.
 
 Mass, diameter and speed of rotors are in few logs. What is not known is one with what it cannot be
 told from: with a mass of 1 kg all loads are per kg, with a diameter of 1 m and commands in place of
@@ -10,7 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from aerodb.logs.autopilot import LoggedAircraft
 from aerodb.logs.rotors import FoundRotor, FoundRotors
+from aerodb.logs.vehicle_draft import surface_blocks
 from aerodb.recording import Recording, Topic
 from aerodb.signals import band_passed, first_order_lag, smooth, uniform_grid
 from aerodb.support import Array
@@ -28,6 +30,16 @@ _RATE, _LEAST = 250.0, 10.0
 _LAGS: Final = np.round(np.arange(0.0, 0.2001, 0.005), 4)
 #: Least correlation of turning with the rotors' moments for an inertia to be told from it.
 _FOLLOWS: Final = 0.7
+#: Airspeed [m/s] at which a wing carries its aircraft, where no parameter states it: PX4's default
+#: of FW_AIRSPD_TRIM.
+_TRIM: Final = 15.0
+#: Angle of attack [rad] of a wing that carries its aircraft at this airspeed: 5 deg above that of
+#: zero lift, a placeholder.
+_CARRIES: Final = 0.09
+#: Largest value over the first: of a rotor, of a wing that carries its aircraft at 2 deg.
+_ROTOR_MOST, _WING_MOST = 5.0, 2.5
+#: Moment of a control over the wing's slope and the span of the rotors, per rad: a placeholder.
+_CONTROL: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -65,12 +77,13 @@ def learnt_inertia(recording: Recording, found: FoundRotors) -> LearntInertia:
     if not end - start > _LEAST:
         return nothing
     grid = uniform_grid(float(start), float(end), 1.0 / _RATE)
-    speeds = np.array([_share(recording.topics[r.topic], r, grid) for r in found.rotors])
+    lifting = found.lifting
+    speeds = np.array([_share(recording.topics[r.topic], r, grid) for r in lifting])
     flying = speeds.mean(axis=0) > 0.5 * np.quantile(speeds.mean(axis=0), 0.95)
     if flying.sum() < _LEAST * _RATE:
         return nothing
-    strength = np.array([rotor.strength for rotor in found.rotors])
-    places = np.array([rotor.position for rotor in found.rotors])
+    strength = np.array([rotor.strength for rotor in lifting])
+    places = np.array([rotor.position for rotor in lifting])
     p, q = (_on(rates[0], rates[1].format(_named(rates[1], axis)), grid) for axis in range(2))
     az = _on(force[0], force[1].format(_named(force[1], 2)), grid)
     damped = [band_passed(rate, 1.0 / _RATE, *_BAND)[flying] for rate in (p, q)]
@@ -128,20 +141,22 @@ def _share(topic: Topic, rotor: FoundRotor, grid: Array) -> Array:
     return np.clip(values[good][np.maximum(held, 0)], 0.0, 1.0)
 
 
-def draft_rotorcraft(name: str, recording: Recording, found: FoundRotors) -> tuple[str, str]:
-    """Return the text of a vehicle file and of a database for the multicopter of a log.
+def draft_rotorcraft(name: str, recording: Recording, autopilot: LoggedAircraft) -> tuple[str, str]:
+    """Return the text of a vehicle file and of a database for what the rotors of a log carry.
 
-    Names that start with `rotor_` and `frame_` are parameters; lengths [m], loads [N, N m] over the
-    mass that the vehicle file states. found : rotors whose commands or speeds are logged.
+    Names that start with `rotor_`, `pusher_`, `frame_` and `wing_`, and those of controls, are
+    parameters; lengths [m], loads [N, N m] over the mass that the vehicle file states. autopilot :
+    with rotors whose commands or speeds are logged.
     """
-    places = np.array([rotor.position for rotor in found.rotors])
+    found = autopilot.rotors
+    places = np.array([rotor.position for rotor in found.lifting])
     span = 2.0 * float(np.max(np.hypot(places[:, 0], places[:, 1])))
     span = max(round(span, 3), 0.01)
     pressure = float(f"{_GRAVITY / span**2:.3g}")
     learnt = learnt_inertia(recording, found)
     return (
-        _vehicle(name, found, span, pressure, learnt),
-        _database(name, found, span, pressure),
+        _vehicle(name, autopilot, span, pressure, learnt),
+        _database(name, autopilot, span, pressure),
     )
 
 
@@ -174,7 +189,7 @@ Ixz = 0.0
 
 
 def _vehicle(
-    name: str, found: FoundRotors, span: float, pressure: float, learnt: LearntInertia
+    name: str, autopilot: LoggedAircraft, span: float, pressure: float, learnt: LearntInertia
 ) -> str:
     x, y, z = UNKNOWN_INERTIA
     why = "a placeholder"
@@ -184,7 +199,7 @@ def _vehicle(
     text = _VEHICLE.format(
         name=name, reference=_reference(span, pressure), Ixx=x, Iyy=y, Izz=z, why=why
     )
-    for rotor in found.rotors:
+    for rotor in autopilot.rotors.rotors:
         text += (
             f'[rotors.{rotor.name}]\nlog = {{ topic = "{rotor.topic}", field = "{rotor.field}" }}\n'
         )
@@ -192,7 +207,7 @@ def _vehicle(
             text += f"range = [{rotor.low:g}, {rotor.high:g}]\n"
         if learnt.known and learnt.lag:
             text += f'lag = "{learnt.lag:g} s"\n'
-    return text
+    return text + ("\n" + surface_blocks(autopilot) if autopilot.surfaces else "")
 
 
 _DATABASE: Final = """\
@@ -205,36 +220,75 @@ name = "{name}"
 """
 
 
-def _database(name: str, found: FoundRotors, span: float, pressure: float) -> str:
+def _database(name: str, autopilot: LoggedAircraft, span: float, pressure: float) -> str:
+    found = autopilot.rotors
     speeds = all(rotor.fastest for rotor in found.rotors)
     once, twice = ("", "") if speeds else (" n_max", " n_max^2")
-    usual = float(np.mean([r.usual * (r.fastest or 1.0) for r in found.rotors]))
-    thrust = _GRAVITY / (len(found.rotors) * _DENSITY * usual**2)
-    drag = thrust * float(np.mean([rotor.moment_ratio for rotor in found.rotors]))
+    usual = float(np.mean([r.usual * (r.fastest or 1.0) for r in found.lifting]))
+    thrust = _GRAVITY / (len(found.lifting) * _DENSITY * usual**2)
+    drag = thrust * float(np.mean([rotor.moment_ratio for rotor in found.lifting]))
+    pushed = len(found.lifting) < len(found.rotors)
     text = _DATABASE.format(
         name=name,
         reference=_reference(span, pressure),
         speed="" if speeds else ", n_max its speed at full command in rev/s",
     )
     for key, value, what in (
-        ("rotor_cT0", thrust, f"thrust: c_T0 D^4{twice}"),
-        ("rotor_cT1", 0.0, f"loss of thrust by the flow along the axis: c_T1 D^3{once}"),
-        ("rotor_cQ", drag, f"drag moment: c_Q D^5{twice}"),
-        ("rotor_drag", 0.0, f"drag across the axis: c_D{once}"),
+        *(
+            row
+            for kind in ("rotor", *(("pusher",) if pushed else ()))
+            for row in (
+                (f"{kind}_cT0", thrust, f"thrust: c_T0 D^4{twice}"),
+                (f"{kind}_cT1", 0.0, f"loss of thrust by the flow along the axis: c_T1 D^3{once}"),
+                (f"{kind}_cQ", drag, f"drag moment: c_Q D^5{twice}"),
+                (f"{kind}_drag", 0.0, f"drag across the axis: c_D{once}"),
+            )
+        ),
         ("frame_x", 0.0, "drag area of the frame along x"),
         ("frame_y", 0.0, "drag area of the frame along y"),
         ("frame_z", 0.0, "drag area of the frame along z"),
     ):
-        bounds = f", bounds = [0.0, {5.0 * value:.3g}]" if value else ""
-        text += f'{key} = {{ value = {value:.4g}{bounds}, description = "{what}" }}\n'
-    for rotor in found.rotors:
+        text += _parameter(key, value, what)
+    wing, parts = _wing(autopilot, span) if autopilot.has_wing else ("", "")
+    text += wing
+    for rotor in found.lifting:
         text += (
             f"strength_{rotor.name} = {{ value = {rotor.strength:g}, bounds = [0.0, 2.0],"
             f' description = "thrust of rotor {rotor.name} over that of a sound one" }}\n'
         )
     if not found.placed:
         text += f"\n# Places and turning are those of a {found.frame}: measure them.\n"
-    return text + "\n" + "".join(_part(rotor, found) for rotor in found.rotors) + _FRAME
+    return text + "\n" + "".join(_part(rotor, found) for rotor in found.rotors) + _FRAME + parts
+
+
+def _parameter(name: str, value: float, what: str, most: float = _ROTOR_MOST) -> str:
+    """Line of a parameter: one that does not begin with zero keeps its sign, up to `most` times."""
+    low, high = sorted((0.0, most * value))
+    bounds = f", bounds = [{low:.3g}, {high:.3g}]" if value else ""
+    return f'{name} = {{ value = {value:.4g}{bounds}, description = "{what}" }}\n'
+
+
+def _wing(autopilot: LoggedAircraft, span: float) -> tuple[str, str]:
+    """Parameters and parts of a wing and its controls, of which a hover tells nothing: all sizes
+    are placeholders."""
+    trim = autopilot.airspeeds.get("TRIM", _TRIM)
+    slope = _GRAVITY / (0.5 * _DENSITY * trim**2 * _CARRIES)
+    logged = {each.name for each in autopilot.surfaces} | {
+        name for name, *_ in autopilot.combinations
+    }
+    moved = [name for name in _CONTROLS if name in logged]
+    what = "of the wing: area times lift slope, a placeholder; hover does not tell it"
+    text = _parameter("wing_slope", slope, what, _WING_MOST)
+    for name in moved:
+        what = "moment by it: area, arm and lift slope, a placeholder; hover does not tell it"
+        text += _parameter(f"{name}_moment", -_CONTROL * slope * span, what, _WING_MOST)
+    loads = "".join(
+        f'[[parts.controls.load]]\naxis = "{_CONTROLS[name]}"\n'
+        f'expression = "0.5*rho*u*abs(u)*{name}_moment*delta_{name}"\n'
+        for name in moved
+    )
+    parts = '\n[parts.controls]\nkind = "body"\nposition = [0.0, 0.0, 0.0]\n' + loads
+    return text, _SECTION + (parts if moved else "")
 
 
 def _part(rotor: FoundRotor, found: FoundRotors) -> str:
@@ -243,14 +297,15 @@ def _part(rotor: FoundRotor, found: FoundRotors) -> str:
         f = found.thrust_factor
         a = (1.0 - f) / (2.0 * f)
         command = f"sqrt({a * a:g} + {command}/{f:g}) - {a:g}"
+    kind, strength = ("rotor", f"strength_{rotor.name}*") if rotor.lifts else ("pusher", "")
     speed = f"{rotor.fastest:g}*{command}" if rotor.fastest else command
     x, y, z = rotor.position
     axis = "" if rotor.axis == (0.0, 0.0, -1.0) else f"axis = {list(rotor.axis)}\n"
     return (
         f'[parts.rotor_{rotor.name}]\nkind = "rotor"\nposition = [{x:g}, {y:g}, {z:g}]\n{axis}'
         f'turns = {rotor.turns}\ndiameter = 1.0\nspeed = "{speed}"\n'
-        f'thrust = ["strength_{rotor.name}*rotor_cT0", "rotor_cT1"]\n'
-        f'torque = "rotor_cQ"\ndrag = "rotor_drag"\n\n'
+        f'thrust = ["{strength}{kind}_cT0", "{kind}_cT1"]\n'
+        f'torque = "{kind}_cQ"\ndrag = "{kind}_drag"\n\n'
     )
 
 
@@ -259,3 +314,15 @@ _FRAME = '[parts.frame]\nkind = "body"\nposition = [0.0, 0.0, 0.0]\n' + "".join(
     f'expression = "-0.5*rho*frame_{axis}*{own}*abs({own})"\n'
     for axis, own in zip("xyz", "uvw", strict=True)
 )
+
+#: Control -> axis of its moment.
+_CONTROLS: Final = {"aileron": "MX", "elevator": "MY", "rudder": "MZ"}
+#: Of 1 m2, so that its parameters hold its area. What it is beyond its stall is the frame's.
+_SECTION = """
+[parts.wing]
+kind = "section"
+position = [0.0, 0.0, 0.0]
+area = 1.0
+lift = "wing_slope*alpha"
+separated = { angle = "15 deg", sharpness = 30.0, lift = 0.0, drag = [0.0, 0.0] }
+"""

@@ -46,6 +46,10 @@ _MOTOR_PX4, _MOTOR_ARDUPILOT = 101, 33
 _PULSES: Final = (1000.0, 2000.0)
 #: Outputs of PX4 by the prefix of their parameters.
 _OUTPUTS: Final = ("PWM_MAIN", "PWM_AUX", "SIM_GZ_EC", "UAVCAN_EC")
+#: CA_AIRFRAME whose rotors are fixed: multicopter, standard VTOL.
+_FIXED: Final = (0, 2)
+#: Least share of its thrust that a rotor which lifts has upwards: within 60 deg.
+_UPWARDS: Final = 0.5
 #: Revolutions per minute to which the fastest logged speed is rounded up.
 _ROUND: Final = 100.0
 
@@ -75,6 +79,11 @@ class FoundRotor:
     fastest: float = 0.0
     usual: float = 0.5
     largest: float = 1.0
+
+    @property
+    def lifts(self) -> bool:
+        """Whether it lifts; another pulls or pushes."""
+        return -self.axis[2] > _UPWARDS * float(np.linalg.norm(self.axis))
 
     @property
     def reached(self) -> str:
@@ -107,15 +116,21 @@ class FoundRotors:
         return bool(self.rotors) and all(each.topic for each in self.rotors)
 
     @property
+    def lifting(self) -> tuple[FoundRotor, ...]:
+        """Rotors that lift."""
+        return tuple(each for each in self.rotors if each.lifts)
+
+    @property
     def beyond(self) -> tuple[FoundRotor, ...]:
         """Rotors whose logged commands leave the range that parameters state."""
         return tuple(each for each in self.rotors if each.largest > FULL)
 
 
 def rotors_of(recording: Recording, known: Mapping[str, Any]) -> FoundRotors:
-    """Return the rotors of a PX4 log; none for a vehicle without. known : its parameters."""
+    """Return the rotors of a PX4 log; none for a vehicle without. One that does not lift and
+    stands still is left out. known : its parameters."""
     count = int(known.get("CA_ROTOR_COUNT", 0))
-    if count and int(known.get("CA_AIRFRAME", 0)) == 0:
+    if count and int(known.get("CA_AIRFRAME", 0)) in _FIXED:
         told = tuple(_allocated(known, number) for number in range(count))
         placed = len({each.position for each in told}) == len(told)
         found = FoundRotors(told) if placed else FoundRotors()
@@ -137,7 +152,7 @@ def rotors_of(recording: Recording, known: Mapping[str, Any]) -> FoundRotors:
             each = _told(rotor, "actuator_motors", f"control[{number}]", (0.0, 1.0), told_)
         else:
             each = _pulsed(recording, known, rotor, number)
-        made.append(each)
+        made += [each] if each.topic or each.lifts else []
     return FoundRotors(tuple(made), found.placed, found.frame, factor)
 
 

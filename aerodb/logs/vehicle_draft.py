@@ -24,7 +24,7 @@ def draft_vehicle(name: str, recording: Recording, autopilot: LoggedAircraft) ->
     text = vehicle_template(name)
     before, rest = text.split(_FIRST, 1)
     after = rest[rest.index(_END) :]
-    middle = _surfaces(autopilot) if autopilot.surfaces else _FIRST + rest[: rest.index(_END)]
+    middle = surface_blocks(autopilot) if autopilot.surfaces else _FIRST + rest[: rest.index(_END)]
     said = "".join(f"# {line}\n" for line in _said(recording, autopilot))
     return said + _with_points(before, autopilot) + middle + after
 
@@ -55,7 +55,8 @@ def _with_points(text: str, autopilot: LoggedAircraft) -> str:
     return text
 
 
-def _surfaces(autopilot: LoggedAircraft) -> str:
+def surface_blocks(autopilot: LoggedAircraft) -> str:
+    """Return the text of the surfaces and combinations of a log; travel [deg] is a placeholder."""
     head = (
         "# Surfaces as the autopilot commands them: deflection = offset + scale * command, then a\n"
         "# first-order lag. Measure limits and scale: 25 deg is a placeholder. Trailing edge down\n"

@@ -39,7 +39,7 @@ from aerodb.suspicions.evidence import (
 )
 from aerodb.suspicions.sides import side_suspicions
 from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
-from aerodb.vehicle import Vehicle
+from aerodb.vehicle import Vehicle, lacks_airspeed
 
 #: Least and largest effect per rad of a whole control of this role: dCm/d delta of tailed aircraft
 #: is .5 to 3, dCl .03 to .4, dCn .03 to .3 (Roskam, Airplane Flight Dynamics, 1979, appendix C).
@@ -58,11 +58,14 @@ def control_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...
 
     Signs are those of the conventions (trailing edge down positive, rudder left), for surfaces that
     the vehicle file declares so: elevators, ailerons and rudders by their names, and combinations.
+    Where rotors carry the vehicle and no airspeed is measured, only sizes and copies are looked at.
 
     Deflections (n,) [rad], effects per rad. Source: `docs/method/consistency.md`, section "Against
     the vehicle".
     """
     listed = [*size_suspicions(flight, vehicle), *copied_suspicions(flight, vehicle)]
+    if lacks_airspeed(flight, vehicle):  # rotors turn it, and surfaces that follow get their effect
+        return tuple(listed)
     unusable = {suspicion.channel for suspicion in listed}
     controls = by_role(flight, vehicle, unusable)
     axes = equation_errors(flight, vehicle, controls)

@@ -50,7 +50,8 @@ def init(
     if database:
         second.write_text(database, encoding="utf-8")
         filled["database"] = str(second)
-        session.say(f"{filled['airframe']}: {filled['rotors']} rotors")
+        also = "".join(f", {each}" for each in filled["surfaces"])
+        session.say(f"{filled['airframe']}: {filled['rotors']} rotors{also}")
         for each in filled["beyond"]:
             session.say(f"WARNING: {each}")
     elif filled:
@@ -94,9 +95,9 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict
             "surfaces": [surface.name for surface in autopilot.surfaces],
             "airspeeds": dict(autopilot.airspeeds),
         }
-        if autopilot.has_wing:
+        if not autopilot.rotors.logged:
             return draft_vehicle(name, parsed.recording, autopilot), "", filled
-        vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot.rotors)
+        vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot)
         beyond = [
             f"{each.reached}: correct [rotors.{each.name}] range in {name}.toml"
             for each in autopilot.rotors.beyond

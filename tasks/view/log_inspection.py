@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 #: Largest number of suspicions, and of kinds of manoeuvres, that are named in words.
 _FEW: Final = 2
+#: What is said of a log of an aircraft with wings that only hovers.
+_HOVERS: Final = "it only hovers: rotors are learnt, wing and control surfaces are not"
 _KINDS: Final = 6
 #: Most samples of a line of a plot.
 _POINTS: Final = 1000
@@ -172,7 +174,9 @@ def _summary(recording: Recording, chosen: LogMapping, findings: dict[str, Any])
         "channels": present,
         "airframe": autopilot.kind or None,
         "rotors": _rotors(autopilot.rotors),
-        "hover": hover_sentence(autopilot.kind, hover_times(recording)),
+        "hover": _HOVERS
+        if autopilot.has_wing and autopilot.rotors.logged
+        else hover_sentence(autopilot.kind, hover_times(recording)),
         "sensors": list(sensor_choices(recording, chosen)),
         "missing": missing,
         "zero": list(zero),

@@ -27,6 +27,8 @@ ROTORS: Final = ((0.16, 0.17, -0.02, 1), (-0.16, -0.17, -0.02, 1),
 #: Standard deviations of the sensors: gyros [rad/s], accelerometers [m/s2], velocity [m/s],
 #: attitude [rad].
 GYRO, ACCELEROMETER, VELOCITY, ATTITUDE = 0.01, 0.15, 0.03, 0.002
+#: Moment of the elevator over the area of the wing [m/rad], its travel [rad].
+ELEVATOR, TRAVEL = -0.3, np.deg2rad(20.0)
 RATE = 250.0
 NO_BIASES: Final = np.zeros(6)
 
@@ -58,12 +60,14 @@ def fly(
     sag: float = 0.0,
     busy: float = 1.0,
     offset: Sequence[float] = (0.0, 0.0, 0.0),
+    wing: float = 0.0,
 ) -> Flown:
     """Fly one flight per seed.
 
     strength : share of the thrust of each rotor. wind : north and east [m/s]; gusts : their
     standard deviation [m/s]. sag : share of the voltage lost by the end; the motors lose as much
-    speed. busy : size of the manoeuvres; 0 only hovers. offset : of the CG (3,) [m].
+    speed. busy : size of the manoeuvres; 0 only hovers. offset : of the CG (3,) [m]. wing : area
+    [m2] of a flat plate at the CG, with an elevator behind it that follows the pitch rate.
     """
     draws = [np.random.default_rng(seed) for seed in seeds]
     k, step = len(seeds), 1.0 / RATE
@@ -88,12 +92,13 @@ def fly(
         wanted = busy * legs[:, number // 500].T
         commands = _controlled(state, wanted, mixer)
         blown = steady + air
-        rates = _derivative(state, commands, blown, arms, rotors[:, 3], strength, share)
+        rates = _derivative(state, commands, blown, arms, rotors[:, 3], strength, share, wing)
         rows.append((state.copy(), commands, rates[1].copy()))
         middle = state + 0.5 * step * rates[0]
         state = (
             state
-            + step * _derivative(middle, commands, blown, arms, rotors[:, 3], strength, share)[0]
+            + step
+            * _derivative(middle, commands, blown, arms, rotors[:, 3], strength, share, wing)[0]
         )
         state[6:10] /= np.linalg.norm(state[6:10], axis=0)
         air = decay * air + gusts * np.sqrt(1 - decay**2) * blow[:, number].T
@@ -118,7 +123,7 @@ def _turn(q: Array) -> Array:
 
 def _derivative(
     state: Array, commands: Array, air: Array, arms: Array, turns: Array,
-    strength: Sequence[float], share: float,
+    strength: Sequence[float], share: float, wing: float,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Rates of the state (17, k) and the specific force (3, k)."""
     turn = _turn(state[6:10])
@@ -139,6 +144,8 @@ def _derivative(
         (z * fx + x * thrust).sum(axis=0),
         (x * fy - y * fx + turns[:, None] * RHO * n**2 * DIAMETER**5 * CQ).sum(axis=0),
     ])  # fmt: skip
+    force[2] -= RHO * wing * w * np.hypot(u, w)
+    moment[1] += 0.5 * RHO * u * np.abs(u) * wing * ELEVATOR * elevator(q)
     specific = force / MASS
     made = np.empty_like(state)
     made[0:3] = state[3:6]
@@ -155,6 +162,11 @@ def _derivative(
     ) / INERTIA[:, None]
     made[13:17] = (FASTEST * share * commands - state[13:17]) / MOTOR
     return made, specific
+
+
+def elevator(q: Array) -> Array:
+    """Deflection [rad] (n,) for a pitch rate (n,) [rad/s]."""
+    return np.asarray(TRAVEL * np.clip(2.0 * q, -1.0, 1.0))
 
 
 def _controlled(state: Array, wanted: Array, mixer: Array) -> Array:
@@ -200,11 +212,14 @@ def write_px4(
     pulses: tuple[float, float] | None = None,
     biases: Array = NO_BIASES,
     servos: Array | None = None,
+    more: Sequence[Topic] = (),
+    pusher: Array | None = None,
 ) -> None:
     """One of the flights as PX4 logs it, with noise of the sensors.
 
-    servos : (n,) command of the first servo, where there is one. known : parameters. pulses [us] of commands 0 and 1, as former releases log them. biases : of
-    the three gyros [rad/s] and accelerometers [m/s2].
+    servos : (n,) command of the first servo, where there is one. more : further topics. pusher :
+    (n,) command of a fifth motor, which turns nothing here. known : parameters. pulses [us] of commands 0 and 1, as former releases log them. biases : of the three
+    gyros [rad/s] and accelerometers [m/s2].
     """
     draw = np.random.default_rng(10_000 + flown.seeds[column])
     time = 100.0 + flown.time
@@ -230,6 +245,8 @@ def write_px4(
     }
     commands = np.zeros((len(time), 12))
     commands[:, :4] = flown.commands[:, :, column]
+    if pusher is not None:
+        commands[:, 4] = pusher
     topics = [
         Topic("vehicle_angular_velocity", time, fields("xyz", noisy(flown.rates[:, :, column] + biases[:3], GYRO))),
         Topic("vehicle_acceleration", time, fields("xyz", noisy(flown.force[:, :, column] + biases[3:], ACCELEROMETER))),
@@ -244,6 +261,7 @@ def write_px4(
     ]  # fmt: skip
     if servos is not None:
         topics.append(Topic("actuator_servos", time, fields("control", servos[:, None])))
+    topics += more
     if pulses is not None:
         told = pulses[0] + (pulses[1] - pulses[0]) * flown.commands[:, :, column]
         topics = [each for each in topics if each.name != "actuator_motors"]

@@ -21,7 +21,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Vehicle, Flight]:
     log = tmp_path_factory.mktemp("commands") / "sound.ulg"
     write_px4(log, fly([31], 12.0))
     recording = read_ulog(log)
-    text, _ = draft_rotorcraft("quad", recording, read_autopilot(recording).rotors)
+    text, _ = draft_rotorcraft("quad", recording, read_autopilot(recording))
     vehicle = parse_vehicle(text)
     return vehicle, map_recording(recording, load_mapping("px4"), vehicle)
 

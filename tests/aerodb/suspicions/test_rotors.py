@@ -50,9 +50,9 @@ def drafted(log: Path, turning: int = 1) -> tuple[Vehicle, AeroDatabase]:
     """The drafts of a flight, with the true values; `turning` -1 turns all rotors the other way."""
     write_px4(log, fly([7], 30.0))
     recording = read_ulog(log)
-    found = read_autopilot(recording).rotors
-    turned = tuple(replace(each, turns=turning * each.turns) for each in found.rotors)
-    found = replace(found, rotors=turned)
+    found = read_autopilot(recording)
+    turned = tuple(replace(each, turns=turning * each.turns) for each in found.rotors.rotors)
+    found = replace(found, rotors=replace(found.rotors, rotors=turned))
     vehicle, database = draft_rotorcraft("quad", recording, found)
     return parse_vehicle(vehicle), with_parameters(read_native(database), TRUE)
 
