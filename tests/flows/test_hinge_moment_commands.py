@@ -105,6 +105,9 @@ def test_a_planted_error_is_found_added_proved_and_exported(place: Path, tmp_pat
 
     file = tmp_path / "glider.dml"
     asked(place, "version", "export", version, "--format", "daveml", "--output", str(file))
+    other = ("--format", "sitl", "--output", str(tmp_path / "sitl.json"))
+    held = asked(place, "version", "export", version, *other)["differences"]
+    assert held["Ch_elevator"] > 0.02  # what that form cannot hold
     again = asked(
         place, "database", "import", str(file), "--vehicle", NAME, "--replace", "--reason", "back"
     )

@@ -160,7 +160,7 @@ def inputs_of(database: AeroDatabase) -> tuple[str, ...]:
 
 
 def _at(database: AeroDatabase, given: Mapping[str, Array]) -> dict[str, Array]:
-    """Lift and drag in the plane of symmetry, CY and moments, at airspeed 1 m/s."""
+    """Lift and drag in the plane of symmetry, CY, moments and hinge moments, at airspeed 1 m/s."""
     size = len(next(iter(given.values())))
     point = {n: np.full(size, x) for n, x in neutral_point(database).items()}
     point |= {n: np.zeros(size) for n in ("alpha", "beta")}
@@ -181,7 +181,7 @@ def _at(database: AeroDatabase, given: Mapping[str, Array]) -> dict[str, Array]:
     return {
         "C_lift": values["CX"] * sa - values["CZ"] * ca,
         "C_drag": -values["CX"] * ca - values["CZ"] * sa,
-        **{axis: values[axis] for axis in ("CY", "Cl", "Cm", "Cn")},
+        **{axis: values[axis] for axis in database.axes if axis not in ("CX", "CZ")},
     }
 
 
@@ -205,7 +205,7 @@ def differences(database: AeroDatabase, model: AeroDatabase) -> dict[str, float]
     sideslip up to `_SIDESLIP`, everything else zero."""
     alpha, beta = (x.ravel() for x in np.meshgrid(_ALPHAS, (-_SIDESLIP, 0.0, _SIDESLIP)))
     before, after = (_at(each, {"alpha": alpha, "beta": beta}) for each in (database, model))
-    return {axis: float(np.max(np.abs(before[axis] - after[axis]))) for axis in before}
+    return {axis: float(np.max(np.abs(x - after.get(axis, 0.0)))) for axis, x in before.items()}
 
 
 def efficiency(factor: float, aspect: float) -> float:
