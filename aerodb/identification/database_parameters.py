@@ -89,8 +89,8 @@ def beside_theory(fit: Fit, database: AeroDatabase) -> tuple[str, ...]:
         low, high = fit.interval(each.name)
         if not low <= known.theory <= high:
             found.append(
-                f"{each.name} is {each.value:.3g} +- {each.standard_error:.2g}, and theory has"
-                f" {known.theory:.3g}: a good fit does not prove the name"
+                f"{each.name} is {low:.3g} to {high:.3g} (95 %), and theory has {known.theory:.3g}:"
+                " a good fit does not prove the name"
             )
     return tuple(found)
 

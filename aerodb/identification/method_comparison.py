@@ -137,8 +137,8 @@ def _beside_sensors(
         {e.name: e for fit in fits[name] for e in fit.estimates} for name in (method, other)
     )
     apart = [
-        f"{name} {own[name].value:.3g} +- {own[name].standard_error:.2g} by {method} and"
-        f" {e.value:.3g} +- {e.standard_error:.2g} by {other}"
+        f"{name} {own[name].value:.3g} (standard error {own[name].standard_error:.2g}) by {method}"
+        f" and {e.value:.3g} ({e.standard_error:.2g}) by {other}"
         for name, e in others.items()
         if name in own and _agreement(name, {method: own[name], other: e}).spread > _AGREE
     ]

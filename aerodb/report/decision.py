@@ -16,7 +16,7 @@ from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.levels import followed
 from aerodb.report.next_command import next_steps
-from aerodb.report.numbers import for_people, number
+from aerodb.report.numbers import for_people, half_interval, number
 from aerodb.report.terms import as_constant, term_name
 from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
@@ -147,7 +147,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
         shown = [
             f"{entry['axis']} {'' if as_constant(term['term']) else 'with '}"
             f"{term_name(term['term'])} {number(term['value'])} +-"
-            f" {number(2.0 * term['standard_error'], 2)}"
+            f" {number(half_interval(term['standard_error']), 2)}"
             for *_, entry, term in terms[:_MOST]
         ]
         return [*shown, *_more(len(terms), rest)]
@@ -180,10 +180,10 @@ def _more(n: int, rest: str) -> list[str]:
 
 
 def _from_to(parameter: Mapping[str, Any], verdict: str = "") -> str:
-    """Name of a parameter, value before and after with twice its standard error; in brackets the
+    """Name of a parameter, value before and after +- half of its 95 % interval; in brackets the
     change in per cent and the verdict."""
     before, after, error = (parameter[key] for key in ("before", "after", "standard_error"))
-    known = "" if error is None else f" +- {number(2.0 * error, 2)}"
+    known = "" if error is None else f" +- {number(half_interval(error), 2)}"
     unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
     share = f"{100.0 * (after / before - 1.0):+.0f} %" if before else ""
     notes = ", ".join(filter(None, (share, verdict)))

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.report.numbers import display_unit
+from aerodb.report.numbers import display_unit, half_interval
 from aerodb.report.terms import as_constant, term_name, term_unit
 from aerodb.tables import (
     HAT_RATES,
@@ -70,14 +70,14 @@ def parameter_changes(before: AeroDatabase, after: AeroDatabase) -> list[dict[st
 
 
 def parameter_row(name: str, variable: Variable) -> list[str]:
-    """Return a parameter as a row of text: name, value and one standard deviation of what is known,
-    in its unit, the unit, bounds, and the number of flights that estimated it."""
+    """Return a parameter as a row of text: name, value and half of the 95 % interval of what is
+    known, in its unit, the unit, bounds, and the number of flights that estimated it."""
     known, sigma = variable.parameter or Parameter(), sigma_of(variable.uncertainty)
     low, high = (f"{bound:g}" if np.isfinite(bound) else "" for bound in known.bounds)
     return [
         name,
         f"{value_of(variable.expression):.5g}",
-        "" if sigma is None else f"{sigma:.2g}",
+        "" if sigma is None else f"{half_interval(sigma):.2g}",
         "" if variable.unit == "1" else variable.unit,
         f"{low} to {high}" if low or high else "",
         str(len(known.flights) or ""),

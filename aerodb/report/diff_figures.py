@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import in_order
 from aerodb.report.labels import channel_scale, in_figure
-from aerodb.report.numbers import display_unit, number
+from aerodb.report.numbers import display_unit, half_interval, number
 from aerodb.report.reach import Reach, reach_of
 from aerodb.report.style import (
     DATABASE,
@@ -52,7 +52,7 @@ def diff_figure(
     """Draw the coefficients [-] of two databases before and after, all other inputs neutral.
 
     There is one panel per axis that changes and variable over which it changes; if nothing changes,
-    one empty panel says so. The band is two standard errors of the increments in one database only;
+    one empty panel says so. The band is the 95 % interval of the increments in one database only;
     the shaded range is their envelope, dotted lines are where the data end. Above a panel stand the
     flown range, where the change has faded (`Reach`), and the largest change with its two standard
     errors and its place, since the change may be thinner than a line.
@@ -177,7 +177,12 @@ def draw_slice(
     panel.plot(scale * at, old, color=DATABASE, lw=1.3, ls=DATABASE_LINE, label=in_figure(names[0]))
     panel.plot(scale * at, new, color=UPDATED, lw=1.2, label=in_figure(names[1]))
     panel.fill_between(
-        scale * at, new - 2.0 * error, new + 2.0 * error, color=UPDATED, alpha=0.25, lw=0
+        scale * at,
+        new - half_interval(error),
+        new + half_interval(error),
+        color=UPDATED,
+        alpha=0.25,
+        lw=0,
     )
     reach = reach_of(increments, variable)
     if not increments and cut.inside.any() and not cut.inside.all():  # flights of parameters
@@ -188,11 +193,8 @@ def draw_slice(
         draw_ends(panel, reach)
     plain_panel(panel)
     most = int(np.argmax(np.abs(new - old)))
-    change = (
-        f"{new[most] - old[most]:+.2g} ± {2.0 * error[most]:.1g} at {scale * at[most]:.3g}".replace(
-            "-", "−"
-        )
-    )
+    size = f"{new[most] - old[most]:+.2g} ± {half_interval(error[most]):.1g}"
+    change = f"{size} at {scale * at[most]:.3g}".replace("-", "−")
     panel.set_title(
         f"largest change: {change} {display_unit(variable)[1] or ''}".rstrip(),
         loc="right",

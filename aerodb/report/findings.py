@@ -29,8 +29,6 @@ _FLIGHT: Final = re.compile(r"\b([0-9a-f]{12}(?:@[\d.]+-[\d.]*\d)?)(?: s\b)?")
 _WITH_VOTES: Final = 2
 #: An estimate this share of its interval away from the mean of the flights is not that mean.
 _SAME: Final = 0.05
-#: 95 % of a normal distribution lie within this many standard errors.
-_TWO_SIDED: Final = 1.96
 
 
 def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
@@ -76,7 +74,7 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
         "shown_unit": unit,
         "effect_words": effect_words(finding),
         "says": _says(finding, labels),
-        "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / (2.0 * _TWO_SIDED),
+        "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / 2.0,
         "mean": _mean_test(finding, factor),
         "rivals": list(finding["explanation_set"][1:]),
         "fallen": rejected(finding),

@@ -63,7 +63,7 @@ def _estimates(fit: Fit) -> Iterator[str]:
         text = f"    {e.name:<{width}}  {e.value: .6g}"
         if np.isfinite(e.standard_error) and e.standard_error > 0:
             low, high = fit.interval(e.name)
-            text += f" +- {e.standard_error:.3g}"
+            text += f"  standard error {e.standard_error:.3g}"
             if e.value:
                 text += f" ({abs(e.standard_error / e.value):.1%})"
             text += f"  95 % [{low:.4g}, {high:.4g}]"

@@ -26,7 +26,7 @@ from aerodb.report.glossary import (
 )
 from aerodb.report.head import Head
 from aerodb.report.labels import visible
-from aerodb.report.numbers import number
+from aerodb.report.numbers import half_interval, number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED
 from aerodb.report.terms import term_name, term_unit
 from aerodb.units import shown_units
@@ -47,6 +47,7 @@ def filters() -> dict[str, Callable[..., Any]]:
     return {
         "name": name,
         "number": number,
+        "half_interval": half_interval,
         "quantity": quantity,
         "share": share,
         "words": words,

@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.errors import AeroError
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.report.glossary import effect_words, listed
-from aerodb.report.numbers import for_people
+from aerodb.report.numbers import TWO_SIDED, for_people
 from aerodb.tables import WIND_AXES, AeroDatabase, Increment, new_increments, parse
 
 #: Longest expression that is shown as it is; a longer one is named by its variables.
@@ -18,8 +18,6 @@ _LONGEST: Final = 40
 #: Most terms whose correlations are shown as a matrix; of more, the large ones are listed.
 _MATRIX: Final = 9
 _LARGE: Final = 0.5
-#: 95 % of a normal distribution lie within this many standard errors.
-_TWO_SIDED: Final = 1.96
 #: A correlation that is shown as zero.
 _NONE: Final = 0.005
 _CONSTANT: Final = "constant"
@@ -248,7 +246,7 @@ def estimates_added(
                     "unit": for_people(finding["unit"])[1] if finding else unit,
                     "value": said,
                     "standard_error": sigma,
-                    "ci95": [said + side * _TWO_SIDED * sigma for side in (-1.0, 1.0)],
+                    "ci95": [said + side * TWO_SIDED * sigma for side in (-1.0, 1.0)],
                 }
             )
         scale = np.where(error > 0.0, error, 1.0)

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from aerodb.coefficients import Comparison
 from aerodb.report.labels import channel_scale, in_figure, parameter_scale
-from aerodb.report.numbers import number
+from aerodb.report.numbers import half_interval, number
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -25,8 +25,6 @@ from aerodb.report.style import (
 from aerodb.support import Array
 from aerodb.tracing import SamplingUnit
 
-#: 95 % of a normal distribution lie within this many standard errors.
-_TWO_SIDED: Final = 1.96
 #: Most bins of a variable.
 _BINS: Final = 24
 #: Fewest bins that are drawn.
@@ -139,7 +137,7 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     panel = figure.subplots()
     factor, label = parameter_scale(finding["parameter"], finding["unit"])
     for k, vote in enumerate(votes):
-        half = factor * _TWO_SIDED * vote["se"]
+        half = factor * half_interval(vote["se"])
         panel.errorbar(
             factor * vote["value"], k, xerr=half, fmt="o", color=FLIGHT, ms=4, lw=1.0, capsize=2
         )

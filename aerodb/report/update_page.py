@@ -290,8 +290,8 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
             picture(
                 figure,
                 f"Slices through {both} on the axes that change.",
-                "Band: two standard errors of the increments. Above: the largest change ± two"
-                " standard errors, and where. Shaded: flown by the identification flights. Grey"
+                "Band: 95 % interval of the increments. Above: the largest change ± half of its"
+                " 95 % interval, and where. Shaded: flown by the identification flights. Grey"
                 " bars along the lower edge: distribution of this report's flights.",
             )
             for figure in diff_figures(

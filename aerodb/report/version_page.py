@@ -100,8 +100,8 @@ def version_report(story: VersionStory) -> str:
             picture(
                 figure,
                 f"Slices through {label} and {story.label} on the axes that change.",
-                "Band: two standard errors of the increments. Above: the largest change ± two"
-                " standard errors, and where. Grey, between dotted lines: envelope of the"
+                "Band: 95 % interval of the increments. Above: the largest change ± half of its"
+                " 95 % interval, and where. Grey, between dotted lines: envelope of the"
                 f" identification flights. {_not_drawn(changes)}",
             )
             for figure in diff_figures(before, story.database, names)

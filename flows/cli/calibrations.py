@@ -12,7 +12,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import say_consistency, scale_of
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.ingested import say_flights
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Direct, Vehicle, Verbose
 
 if TYPE_CHECKING:
@@ -212,10 +212,10 @@ def _significance(entry: Mapping[str, float]) -> float:
 
 
 def _error(name: str, entry: Mapping[str, float], units: "UnitSystem") -> str:
-    """Return a parameter with twice its standard error, as `aerodb.report.decision`."""
+    """Return a parameter +- half of its 95 % interval."""
     factor, unit = scale_of(name, units)
-    error = f"{2.0 * factor * entry['standard_error']:.2g} {unit}".rstrip()
-    return f"{name} {factor * entry['value']:.3g} +- {error}"
+    size = plus_minus(entry["value"], entry["standard_error"], 3, factor)
+    return f"{name} {size} {unit}".rstrip()
 
 
 def _skipped(skipped: Sequence[Mapping[str, str]], names: Mapping[str, str]) -> str:

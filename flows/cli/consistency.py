@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
-from aerodb.flows.cli.output import Session, visible
+from aerodb.flows.cli.output import Session, plus_minus, visible
 from aerodb.nomenclature import CHANNELS
 
 if TYPE_CHECKING:
@@ -94,7 +94,5 @@ def _channel(entry: Mapping[str, Any], used: Mapping[str, str], units: "UnitSyst
 
 def _estimate(entry: Mapping[str, Any], units: "UnitSystem") -> str:
     factor, unit = scale_of(entry["parameter"], units)
-    return (
-        f"{entry['parameter']} {factor * entry['value']:.3g} +-"
-        f" {factor * entry['standard_error']:.2g} {unit}".rstrip()
-    )
+    size = plus_minus(entry["value"], entry["standard_error"], 3, factor)
+    return f"{entry['parameter']} {size} {unit}".rstrip()

@@ -104,11 +104,14 @@ def _say_edits(
 
 
 def _edit(term: Mapping[str, Any]) -> str:
-    """Return an edit in a few words, with twice its standard error as `aerodb.report.decision`."""
+    """Return an edit in a few words, +- half of its 95 % interval."""
+    from aerodb.report import half_interval
+
     if term["kind"] != "increment":
         return f"{term['axis']} {_what(term)}".strip()
     unit = "" if term["unit"] in ("-", _NO_SLOPE) else f" {term['unit']}"
-    return f"{term['axis']} {_what(term)} {term['change']:+.3g} +- {2.0 * term['sigma']:.2g}{unit}"
+    size = f"{term['change']:+.3g} +- {half_interval(term['sigma']):.2g}{unit}"
+    return f"{term['axis']} {_what(term)} {size}"
 
 
 def _what(term: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.mode_tables import print_modes
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
 from aerodb.flows.cli.references import Select, Verbose
 from aerodb.flows.cli.vehicles import read_text
 
@@ -214,7 +214,7 @@ def _print(
     for entry in given:
         if entry.get("modes"):
             session.say()
-            session.say(f"modes by {entry['method']}, with standard errors of the estimates")
+            session.say(f"modes by {entry['method']}")
             print_modes(session, entry["modes"])
     if not verbose:
         session.say("assumptions, and what speaks against single estimates: -v; p-values: --report")
@@ -259,7 +259,7 @@ def _verdict(document: dict[str, Any], names: list[str], count: int) -> str:
 
 def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:
     """Return the estimate that is the most of its standard errors from zero, of the method that is
-    believed, with twice its standard error as `aerodb.report.decision`; empty where none is."""
+    believed, +- half of its 95 % interval; empty where none is."""
     known = [
         each
         for entry in given
@@ -269,7 +269,7 @@ def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:
     if not known:
         return ""
     best = max(known, key=lambda each: abs(float(each["value"])) / float(each["standard_error"]))
-    return f"{best['name']} {best['value']:.4g} +- {2.0 * best['standard_error']:.2g}"
+    return f"{best['name']} {plus_minus(best['value'], best['standard_error'])}"
 
 
 def _print_estimates(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
@@ -291,7 +291,7 @@ def _print_estimates(session: Session, rows: list[dict[str, Any]], names: list[s
             numbers=tuple(range(1, len(names) + 1 + several)),
         )
     spread = "; spread: largest difference in standard errors" if several else ""
-    session.say(f"value +- standard error{spread}")
+    session.say(f"{HALF_INTERVAL}{spread}")
 
 
 def _print_long(session: Session, rows: list[dict[str, Any]], names: list[str]) -> None:
@@ -309,9 +309,7 @@ def _cell(entry: dict[str, Any] | None) -> str:
         return "-"
     if entry["value"] is None:
         return str(entry["standing"])
-    text = f"{entry['value']:.4g}"
-    if entry["standard_error"]:
-        text += f" +- {entry['standard_error']:.2g}"
+    text = plus_minus(entry["value"], entry["standard_error"])
     return text if entry["standing"] == "estimated" else f"{text} ({entry['standing']})"
 
 

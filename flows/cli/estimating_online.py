@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError, nearest
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.vehicles import read_text
 
@@ -87,7 +87,7 @@ def estimate_online(
 
 def _say_line(session: Session, document: dict[str, Any]) -> None:
     told = [
-        f"{row['parameter']} {row['value']:.4g} +- {row['standard_error'] or 0.0:.2g}"
+        f"{row['parameter']} {plus_minus(row['value'], row['standard_error'])}"
         if row["value"] is not None
         else f"{row['parameter']} {row['standing']}"
         for row in document["parameters"]

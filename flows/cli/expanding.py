@@ -7,7 +7,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.next_flight import Flights, counted_flights, limit_of
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.trimming import (
     Altitude,
@@ -105,7 +105,7 @@ def expand(
         session.table(
             ["parameter", "known"],
             [
-                [each["parameter"], f"{each['value']:.4g} +- {each['standard_error']:.2g}"]
+                [each["parameter"], plus_minus(each["value"], each["standard_error"])]
                 for each in document["known"]
             ],
             numbers=(1,),

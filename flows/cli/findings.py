@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 
 if TYPE_CHECKING:
     from aerodb.recording import Damage
@@ -67,8 +67,8 @@ def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
     known = [d for d in delays if d["observable"]]
     for d in known:
         session.say(
-            f"{d['channel']} is {1000 * d['seconds']:.0f} +- {1000 * d['standard_error']:.0f} ms"
-            " late according to the kinematics"
+            f"{d['channel']} is {plus_minus(d['seconds'], d['standard_error'], 3, 1000.0)} ms late"
+            " according to the kinematics"
         )
 
 

@@ -34,9 +34,17 @@ def verify(
     workspace = session.workspace()
     with session.waiting("verifying"), session.catalogue() as catalogue:
         report = upkeep.verify(workspace, catalogue, fetch, chain)
-    for line in upkeep.report_lines(report):
+    counted, words = upkeep.counted(report), upkeep.problem_words(report)
+    n = len(words)
+    told = f"{n} problem{'' if n == 1 else 's'}" if words else "no problems"
+    session.headlines(
+        f"{session.root.name}: {told}",
+        [("first", words[0] if words else ""), ("checked", counted)],
+        "" if words else "aerodb backup FOLDER",
+        [("chain", report.chain)],
+    )
+    for line in words[1:]:
         session.say(line)
-    session.say("no problems" if not report.problems else f"{len(report.problems)} problems")
     problems = [asdict(problem) for problem in report.problems]
     session.answer(
         {
@@ -71,13 +79,19 @@ def backup(
     workspace = session.workspace()
     with session.waiting("copying"):
         outcome = back_up(workspace, target)
+    n = len(outcome.problems)
+    session.headlines(
+        f"{target.name} is {f'INCOMPLETE: {n} not copied' if n else 'a complete backup'}:"
+        f" {outcome.files} files, {outcome.bytes / 1e6:.1f} MB",
+        [
+            ("copied", f"{outcome.copied} files that were not in it yet"),
+            ("hash", outcome.sha256),
+        ],
+        f"aerodb restore {target} --workspace restored --sha256 HASH",
+        [("note", "keep the hash elsewhere: it tells this backup from another")],
+    )
     for problem in outcome.problems:
         session.say(f"not copied: {problem.where}: {problem.what}; {problem.remedy}")
-    session.say(
-        f"{target} holds {outcome.files} files, {outcome.bytes / 1e6:.1f} MB; {outcome.copied} were"
-        " copied now"
-    )
-    session.say(f"note its hash elsewhere, to give it to `aerodb restore`: {outcome.sha256}")
     session.answer({"target": str(target), **asdict(outcome)})
     if outcome.problems:
         raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 
 if TYPE_CHECKING:
@@ -123,8 +123,9 @@ def _origins(
         )
     for origin in origins:
         session.say(
-            f"{what}: increment on {origin['axis']} of {origin['value']:.5g} +-"
-            f" {origin['standard_error']:.2g} ({', '.join(origin['regressors'])}), made by"
+            f"{what}: increment on {origin['axis']} of"
+            f" {plus_minus(origin['value'], origin['standard_error'], 5)}"
+            f" ({', '.join(origin['regressors'])}), made by"
             f" {origin['label']} in run {str(origin['run'])[:12]}, code {origin['code_version']},"
             f" steps {_steps(origin['step_versions'])}"
         )
@@ -139,16 +140,13 @@ def _origins(
 
 
 def _parameter(session: Session, row: "VersionRow", name: str, origin: dict[str, Any]) -> None:
-    error = origin["standard_error"]
-    known = "" if error is None else f" +- {error:.2g}"
+    known = plus_minus(origin["value"], origin["standard_error"], 6)
     unit = "" if origin["unit"] == "1" else f" {origin['unit']}"
     if not origin["flights"]:
-        session.say(
-            f"{name} = {origin['value']:.6g}{known}{unit}: from {row.label}'s imported database"
-        )
+        session.say(f"{name} = {known}{unit}: from {row.label}'s imported database")
         return
     session.say(
-        f"{name} = {origin['value']:.6g}{known}{unit}, made by {origin['label']} in run"
+        f"{name} = {known}{unit}, made by {origin['label']} in run"
         f" {str(origin['run'])[:12]}, code {origin['code_version']}"
     )
     session.table(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
 
 #: Figures of a mode and their headings.
 _FIGURES: Final = {
@@ -17,29 +17,30 @@ _FIGURES: Final = {
 
 
 def print_modes(session: Session, found: Sequence[Mapping[str, Any]]) -> None:
-    """Print the modes of a document, figures with their standard errors."""
+    """Print the modes of a document, figures +- half of their 95 % intervals."""
     session.table(
         ["mode", *_FIGURES.values(), ""],
         [
             [
                 mode["name"],
-                *(with_error(mode["figures"], mode["standard_errors"], name) for name in _FIGURES),
+                *(_with_error(mode["figures"], mode["standard_errors"], name) for name in _FIGURES),
                 mode["note"],
             ]
             for mode in found
         ],
         numbers=tuple(range(1, 1 + len(_FIGURES))),
     )
+    if any(mode["standard_errors"] for mode in found):
+        session.say(HALF_INTERVAL)
 
 
-def with_error(
+def _with_error(
     figures: Mapping[str, float | None], errors: Mapping[str, float] | None, name: str
 ) -> str:
-    """A figure with its standard error, as far as both are known."""
+    """A figure +- half of its 95 % interval, as far as both are known."""
     if name not in figures:
         return ""
     value = figures[name]
     if value is None:
         return "infinite"
-    error = (errors or {}).get(name)
-    return f"{value:.4g}" if error is None else f"{value:.4g} ± {error:.2g}"
+    return plus_minus(value, (errors or {}).get(name))

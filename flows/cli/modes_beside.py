@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -87,11 +87,10 @@ def print_beside(session: Session, found: Mapping[str, Any]) -> None:
         ],
         numbers=tuple(range(2, 3 + len(headings))),
     )
+    session.say(HALF_INTERVAL)
     for sentence in found["said"]:
         session.say(sentence)
 
 
 def _cell(value: float | None, error: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.4g}" if error is None else f"{value:.4g} ± {error:.2g}"
+    return "-" if value is None else plus_minus(value, error)

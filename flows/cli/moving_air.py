@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 from aerodb.units import quantity
 
@@ -177,10 +177,7 @@ def _wake_as_stated(pair: Mapping[str, Any]) -> dict[str, str]:
 
 def _measured(estimate: dict[str, Any], name: str) -> str:
     scale = 180.0 / pi if name == "heading" else 1.0
-    error = estimate["standard_error"]
-    digits = 2 if name == "core_radius" else 1
-    value = f"{scale * estimate['value']:.{digits}f}"
-    return value if error is None else f"{value} +- {scale * error:.{digits}f}"
+    return plus_minus(estimate["value"], estimate["standard_error"], 3, scale)
 
 
 def _value(limits: dict[str, Any], form: str) -> str:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 #: Environment variable of the units in which a user is shown quantities.
 UNITS_VARIABLE: Final = "AERODB_UNITS"
 
+#: What is said below a table of such values.
+HALF_INTERVAL: Final = "+-: half of the 95 % interval"
 #: A name or number is never divided between two lines.
 _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}
 
@@ -75,6 +77,19 @@ def complaint(what: str, where: str, remedy: str) -> str:
     remedy."""
     lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
     return "\n".join(visible(line) for line in lines if line)
+
+
+def plus_minus(value: float, error: float | None, digits: int = 4, factor: float = 1.0) -> str:
+    """Return a value +- half of its 95 % interval; the value alone where `error`, its standard
+    error, is None or zero. factor : to the unit that is shown.
+
+    >>> plus_minus(0.25, 0.01), plus_minus(1.0, None), plus_minus(1.0, 0.0)
+    ('0.25 +- 0.02', '1', '1')
+    """
+    from aerodb.report import half_interval
+
+    shown = f"{factor * value:.{digits}g}"
+    return f"{shown} +- {factor * half_interval(error):.2g}" if error else shown
 
 
 def percent(share: float | None) -> str:
@@ -316,8 +331,14 @@ class Session:
             yield
 
     def write_page(self, output: Path, page: str, as_pdf: bool = False) -> tuple[Path, int]:
-        """Write a page (HTML), as PDF where asked for or where the file ends so, and say so; return
-        the file and its size [bytes]."""
+        """Save a page (`save_page`) and say so."""
+        written, size = self.save_page(output, page, as_pdf)
+        self.say(f"wrote {written} ({size / 1e3:.0f} kB)")
+        return written, size
+
+    def save_page(self, output: Path, page: str, as_pdf: bool = False) -> tuple[Path, int]:
+        """Write a page (HTML), as PDF where asked for or where the file ends so; return the file
+        and its size [bytes]."""
         from aerodb.storage.workspace import write_for_user
 
         data = page.encode("utf-8")
@@ -326,7 +347,6 @@ class Session:
 
             data = pdf(page)
         written = write_for_user(self.workspace(), output, data)
-        self.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")
         return written, len(data)
 
     def answer(self, document: Any) -> None:

@@ -229,40 +229,48 @@ def export(
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
     document = export_version(workspace, catalogue, row, format, output, into)
-    session.say(
-        f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}, {document['checked']}"
-    )
-    if format == "jsbsim":
-        _say_mass_and_merge(session, document)
-    for note in document["notes"]:
-        session.say(note)
+    notes = _mass_and_merge(session, document) if format == "jsbsim" else []
+    notes += [("note", note) for note in document["notes"]]
     largest = document["differences"]
     if largest and not document["notes"]:
         said = ", ".join(f"{axis} {value:.2g}" for axis, value in largest.items())
-        session.say(f"what this form cannot hold, -4 to 8 deg, sideslip to 3 deg: {said}")
+        notes.append(("lost", f"over -4 to 8 deg, sideslip to 3 deg, this form is off by {said}"))
+    session.headlines(
+        f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}",
+        [("proved", document["checked"]), *notes],
+    )
     session.answer(document)
 
 
-def _say_mass_and_merge(session: Session, document: dict[str, Any]) -> None:
+def _mass_and_merge(session: Session, document: dict[str, Any]) -> list[tuple[str, str]]:
+    """What a JSBSim file holds beside the aerodynamics: labels and texts."""
     mass, into = document["mass"], document["into"]
+    if into is None and mass is None:
+        return [
+            ("WARNING", "its mass is a placeholder: the vehicle's is logged, no flight is stored")
+        ]
     if into is None:
-        session.say(
-            "WARNING: its mass is a placeholder: the vehicle's is logged, and no flight is stored"
-            if mass is None
-            else f"mass {mass['mass']:g} kg, CG and inertia: {mass['source']}"
-        )
-        return
-    session.say(f"everything but the aerodynamics is that of {into['file']}, mass and CG included")
+        told = session.units.shown(mass["mass"], "kg")
+        return [("mass", f"{told}, CG and inertia: {mass['source']}")]
+    notes = [("kept", f"all but the aerodynamics is that of {into['file']}, mass and CG included")]
     if (into["moved"] or 0.0) > 1e-3:
-        session.say(
-            f"WARNING: its moment reference AERORP moved by {into['moved']:.3g} m; its origin must"
-            " be the datum of the vehicle file"
+        moved = session.units.shown(into["moved"], "m", 3)
+        notes.append(
+            (
+                "WARNING",
+                f"its moment reference AERORP moved by {moved}; its origin must be the datum of"
+                " the vehicle file",
+            )
         )
     if into["lost"]:
-        session.say(
-            f"WARNING: other parts of it read {', '.join(into['lost'])}, which only the former"
-            " aerodynamics defined"
+        notes.append(
+            (
+                "WARNING",
+                f"other parts of it read {', '.join(into['lost'])}, which only the former"
+                " aerodynamics defined",
+            )
         )
+    return notes
 
 
 def _say_move(session: Session, document: dict[str, Any], then: str) -> None:

@@ -1,8 +1,9 @@
 """``aerodb report``: reports as HTML or PDF."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +12,9 @@ from aerodb.flows.cli.modes_beside import Beside, Flown, Method, beside_flights
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.trimming import Thrust, steady_flight
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import VersionRow
 
 app = typer.Typer(
     name="report",
@@ -23,6 +27,8 @@ Output = Annotated[Path, typer.Option(help="The file to write: HTML, or PDF wher
 Pdf = Annotated[
     bool, typer.Option("--pdf", help="As PDF whatever the file is called; needs the extra `pdf`.")
 ]
+#: Lines of a version's report that are printed.
+_SAID = 2
 _KEY = re.compile(r"[0-9a-f]{64}")
 
 
@@ -44,7 +50,15 @@ def flight(
     row = catalogue.flight(flight, vehicle)
     nothing_yet = against == "released" and catalogue.named(row.vehicle, against) is None
     version = "" if nothing_yet else catalogue.version(row.vehicle, against).id
-    _write(session, {"kind": "flight", "about": row.id, "version": version}, output, pdf)
+    name = catalogue.flight_labels([row.id])[row.id]
+    _write(
+        session,
+        {"kind": "flight", "about": row.id, "version": version},
+        output,
+        pdf,
+        f"{row.vehicle}: report of {name}",
+        f"aerodb flight show {name} --vehicle {row.vehicle}",
+    )
 
 
 @app.command()
@@ -66,9 +80,12 @@ def update(
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    result = catalogue.result(version) if _KEY.fullmatch(version) else None
-    about = version if result is not None else version_of(catalogue, version, vehicle).id
-    _write(session, {"kind": "update", "about": about}, output, pdf)
+    if _KEY.fullmatch(version) and catalogue.result(version) is not None:
+        parameters = {"kind": "update", "about": version}
+        _write(session, parameters, output, pdf, f"report of the closed loop {version[:12]}", "")
+        return
+    row = version_of(catalogue, version, vehicle)
+    _write_of_version(session, row, {"kind": "update", "about": row.id}, output, pdf)
 
 
 @app.command()
@@ -107,14 +124,50 @@ def version(
             )
         flight = steady_flight(session, row, speed, altitude, None, False, None, None, thrust)
         parameters["modes"] = beside_flights(session, row, flight, flown, method, beside)
-    _write(session, parameters, output, pdf)
+    _write_of_version(session, row, parameters, output, pdf)
 
 
-def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
+def _write_of_version(
+    session: Session,
+    row: "VersionRow",
+    parameters: dict[str, Any],
+    output: Path,
+    as_pdf: bool,
+) -> None:
+    """Write a report about a version; above it stands what the report says first."""
+    from aerodb.report import version_lines
+    from aerodb.tasks.view import version_details, waiting
+
+    catalogue = session.catalogue()
+    report = version_details(catalogue, row)["report"]
+    told = [
+        (label, texts[0].replace("\u2212", "-"))
+        for label, texts in version_lines(report, row.label, session.units)[:_SAID]
+    ]
+    candidate = waiting(catalogue, row.vehicle)
+    then = "gate" if candidate is not None and candidate.id == row.id else "show"
+    title = f"{row.vehicle}: report of {row.label}"
+    next_one = f"aerodb version {then} {row.label} --vehicle {row.vehicle}"
+    _write(session, parameters, output, as_pdf, title, next_one, told)
+
+
+def _write(
+    session: Session,
+    parameters: dict[str, Any],
+    output: Path,
+    as_pdf: bool,
+    title: str,
+    then: str,
+    told: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Write a report and print what it is about, its first lines, and the command `then`."""
     from aerodb.flows.report import report_flow
 
     page: str = session.run(report_flow, parameters, direct=True)
-    written, size = session.write_page(output, page, as_pdf)
+    written, size = session.save_page(output, page, as_pdf)
+    session.headlines(
+        f"{title}: wrote {written.name} ({size / 1e3:.0f} kB)", told, then, [("file", str(written))]
+    )
     session.answer(
         {
             "file": str(written),

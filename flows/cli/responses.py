@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 
 Tolerances = Annotated[
@@ -234,8 +234,8 @@ def _say_stretches(session: Session, document: dict[str, Any]) -> None:
         )
         for name, swing in stretch["oscillations"].items():
             told = [
-                f"{who} period {each['period']:.2f} s, zeta {each['zeta']:.3f} +-"
-                f" {each['sigma_zeta']:.3f}"
+                f"{who} period {each['period']:.2f} s,"
+                f" zeta {plus_minus(each['zeta'], each['sigma_zeta'], 3)}"
                 for who, each in (("flight", swing["flown"]), ("version", swing["simulated"]))
                 if each is not None
             ]
@@ -262,7 +262,7 @@ def _row(session: Session, response: dict[str, Any], *more: str) -> list[str]:
 def _swing(found: dict[str, float] | None) -> tuple[str, str]:
     if found is None:
         return "", ""
-    return f"{found['period']:.2f} s", f"zeta {found['zeta']:.3f} +- {found['sigma_zeta']:.3f}"
+    return f"{found['period']:.2f} s", f"zeta {plus_minus(found['zeta'], found['sigma_zeta'], 3)}"
 
 
 def _count(n: int, what: str) -> str:

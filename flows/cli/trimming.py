@@ -1,17 +1,18 @@
 """``aerodb version trim``, ``modes`` and ``sweep``: steady flights of a version and their modes."""
 
 import inspect
+import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import wraps
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from aerodb.errors import UnknownNameError
-from aerodb.flows.cli.mode_tables import print_modes, with_error
+from aerodb.flows.cli.mode_tables import print_modes
 from aerodb.flows.cli.modes_beside import Beside, Flown, Method, beside_flights, print_beside
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
 from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.nomenclature import channel
 
@@ -49,6 +50,8 @@ Control = Annotated[
     typer.Option(help="AXIS=INPUT: roll, pitch or yaw control; found without."),
 ]
 
+#: Most quantities of a trim that a headline names.
+_NAMED: Final = 3
 #: Channels of a trim that are printed, with their SI units; load factors are in g.
 _PRINTED: Final = (
     ("V", "m/s"), ("alpha", "rad"), ("beta", "rad"), ("phi", "rad"), ("theta", "rad"),
@@ -82,6 +85,20 @@ class _Stated:
     thrust: Thrust = None
     vehicle: Vehicle = None
     as_of: AsOf = None
+
+    def words(self, version: str, vehicle: str) -> str:
+        """The version and the options that were given, as in a command; `version` and `vehicle` by
+        their names."""
+        names = {"given": "set"}
+        said = [version, "--vehicle", vehicle]
+        for field in fields(self):
+            value, name = getattr(self, field.name), names.get(field.name, field.name)
+            if field.name in ("version", "vehicle", "as_of") or value == field.default:
+                continue
+            option = f"--{name.replace('_', '-')}"
+            for each in value if isinstance(value, list) else [value]:
+                said += [option] if each is True else [option, str(each)]
+        return shlex.join(said)
 
     def flight(self, glides: bool) -> "StatedCondition":
         """The flight; a vehicle that `glides` does so unless a path angle is given."""
@@ -143,12 +160,12 @@ def steady_flight(
 
 
 def steady_command(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command of a function of a session, a version and its steady flight: it has the
-    options of `_Stated` and those of the function."""
+    """Return the command of a function of a session, a version, its steady flight, and the words
+    that state it: it has the options of `_Stated` and those of the function."""
     stated = inspect.signature(_Stated).parameters
     required = [option for option in stated.values() if option.default is option.empty]
     context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
-    own = list(inspect.signature(command).parameters.values())[3:]
+    own = list(inspect.signature(command).parameters.values())[4:]
     options = {o.name: o for o in (context, *required, *own, *stated.values())}
 
     @wraps(command)
@@ -160,7 +177,8 @@ def steady_command(command: Callable[..., None]) -> Callable[..., None]:
         session: Session = context.obj
         catalogue = session.catalogue()
         row = version_of(catalogue, flight.version, flight.vehicle, flight.as_of)
-        command(session, row, flight.flight(glides(catalogue, row)), **given)
+        stated_words = flight.words(row.label, row.vehicle)
+        command(session, row, flight.flight(glides(catalogue, row)), stated_words, **given)
 
     run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [option.replace(kind=option.KEYWORD_ONLY) for option in options.values()]
@@ -170,7 +188,7 @@ def steady_command(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @steady_command
-def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None:
+def trim(session: Session, row: "VersionRow", flight: "StatedCondition", words: str) -> None:
     """Find the steady flight of a version at a condition: angles, surfaces, thrust, with standard
     errors.
 
@@ -179,7 +197,11 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition") -> None
     from aerodb.tasks.view import trim_document
 
     document = trim_document(session.catalogue(), row, flight)
-    session.say(_steady_words(session, row, document))
+    session.headlines(
+        _steady_words(session, row, document),
+        _known_to(session, row, document),
+        f"aerodb version modes {words}",
+    )
     session.say()
     _print_trim(session, row, document)
     session.answer(document)
@@ -190,6 +212,7 @@ def modes(
     session: Session,
     row: "VersionRow",
     flight: "StatedCondition",
+    words: str,
     flown: Flown = None,
     method: Method = None,
     beside: Beside = None,
@@ -202,7 +225,11 @@ def modes(
     from aerodb.tasks.view import modes_document
 
     document = modes_document(session.catalogue(), row, flight)
-    session.say(f"{_steady_words(session, row, document)}; {_stability(document['modes'])}")
+    session.headlines(
+        f"{_steady_words(session, row, document)}; {_stability(document['modes'])}",
+        _known_to(session, row, document),
+        f"aerodb version trim {words}",
+    )
     session.say()
     print_modes(session, document["modes"])
     if flown is not None:
@@ -218,6 +245,7 @@ def sweep(
     session: Session,
     row: "VersionRow",
     flight: "StatedCondition",
+    words: str,
     variable: Annotated[
         str, typer.Option(help="V, altitude, climb, bank, ..., a mass property, or an input.")
     ],
@@ -239,26 +267,65 @@ def sweep(
     document = sweep_document(session.catalogue(), row, flight, variable, reach, steps, hold)
     points = document["points"]
     factor, heading = scaled(session, variable)
+    low, high = (f"{factor * end:.4g}" for end in reach)
+    over = f"{row.vehicle}: {row.label} over {heading} {low} to {high}"
     if hold:
         axes = list(points[0]["coefficients"])
+        spans = [_span(axis, [point["coefficients"][axis] for point in points], 3) for axis in axes]
+        session.headlines(
+            f"{over}, the rest as trimmed: {', '.join(spans)}",
+            [("data", _data(session, row, variable))],
+            f"aerodb version trim {words}",
+        )
+        session.say()
         rows = [
             [
                 f"{factor * point['value']:.6g}",
-                *(with_error(point["coefficients"], point["standard_errors"], a) for a in axes),
+                *(
+                    plus_minus(_rounded(value), (point["standard_errors"] or {}).get(axis))
+                    for axis, value in point["coefficients"].items()
+                ),
             ]
             for point in points
         ]
         session.table([heading, *axes], rows, tuple(range(1 + len(axes))))
         if document["outside_of"]:
             session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
+        session.say(HALF_INTERVAL)
         increments = database_of(session.catalogue(), row).increments
         for sentence in beyond_words(increments, [variable], session.units):
             session.say(sentence)
         session.answer(document)
         return
     trimmed = [point for point in points if "channels" in point]
-    inputs = list(trimmed[0]["inputs"]) if trimmed else []
+    inputs = [
+        name
+        for name in (trimmed[0]["inputs"] if trimmed else ())
+        if any(_rounded(point["inputs"][name]) for point in trimmed)
+    ]
     names = list(dict.fromkeys(mode["name"] for point in trimmed for mode in point["modes"]))
+    angle = scaled(session, "alpha")[0]
+    spans = [_span("alpha", [angle * p["channels"]["alpha"] for p in trimmed], 3, " deg")]
+    for name in inputs:
+        by, label = session.units.scale(_unit_of(name))
+        unit = "" if label == "-" else f" {label}"
+        spans.append(_span(name, [by * p["inputs"][name] for p in trimmed], 3, unit))
+    grows = [point["value"] for point in trimmed if _growing(point["modes"])]
+    session.headlines(
+        f"{over}: {len(trimmed)} of {len(points)} points fly steadily",
+        [
+            ("takes", ", ".join(spans) if trimmed else ""),
+            (
+                "modes",
+                f"one grows at {', '.join(f'{factor * value:.4g}' for value in grows)}"
+                if grows
+                else "none grows" * bool(trimmed),
+            ),
+            ("data", _data(session, row, variable)),
+        ],
+        f"aerodb version modes {words}",
+    )
+    session.say()
     session.table(
         [heading, "alpha [deg]", *(scaled(session, name)[1] for name in inputs), *names],
         [
@@ -288,14 +355,49 @@ def _steady_words(session: Session, row: "VersionRow", document: dict[str, Any])
     return f"{row.vehicle}: {row.label} flies steadily at {at} with {words}"
 
 
-def _stability(found: list[dict[str, Any]]) -> str:
-    """Return which modes grow, or that none does."""
-    growing = [
+def _known_to(
+    session: Session, row: "VersionRow", document: dict[str, Any]
+) -> list[tuple[str, str]]:
+    """How well the trim is known, and where the data of its version end."""
+    errors = document["standard_errors"] or {}
+    known = {**document["channels"], **document["inputs"]}
+    told = [
+        f"{name} {plus_minus(known[name], errors[name], 3, session.units.scale(unit)[0])} {label}"
+        for name, unit in [("alpha", "rad"), *((n, _unit_of(n)) for n in document["inputs"])]
+        if errors.get(name)
+        for label in [session.units.scale(unit)[1]]
+    ]
+    return [("known to", "; ".join(told[:_NAMED])), ("data", _data(session, row, "alpha"))]
+
+
+def _data(session: Session, row: "VersionRow", variable: str) -> str:
+    """Where the data of a version's increments end over a variable; empty where nothing does."""
+    from aerodb.report import reach_of
+    from aerodb.tasks.view import database_of
+
+    increments = database_of(session.catalogue(), row).increments
+    reach = reach_of(increments, variable, session.units)
+    return "" if reach is None else f"{variable} {reach.brief}".replace("\u2212", "-")
+
+
+def _span(name: str, values: list[float], digits: int, unit: str = "") -> str:
+    """A name with its first and last value."""
+    ends = dict.fromkeys(f"{_rounded(values[k]):.{digits}g}" for k in (0, -1)) if values else ()
+    return f"{name} {' to '.join(ends)}{unit}"
+
+
+def _growing(found: list[dict[str, Any]]) -> list[str]:
+    """Return which modes grow, and how fast."""
+    return [
         f"{mode['name']} doubles in {mode['figures']['time_to_double']:.3g} s"
         for mode in found
         if mode["figures"].get("time_to_double") is not None
     ]
-    return ", ".join(growing) or f"no mode grows ({len(found)} modes)"
+
+
+def _stability(found: list[dict[str, Any]]) -> str:
+    """Return which modes grow, or that none does."""
+    return ", ".join(_growing(found)) or f"no mode grows ({len(found)} modes)"
 
 
 def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:

@@ -311,7 +311,7 @@ def history(
     Example: aerodb version history --name released
     """
     from aerodb.tasks.references import vehicle_of
-    from aerodb.tasks.view import history_document
+    from aerodb.tasks.view import history_document, waiting
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -322,6 +322,24 @@ def history(
         {id for each in document for id in (each["to"], each["from"]) if id}
     )
     labels = {id: row.label for id, row in versions.items()}
+    candidate = waiting(catalogue, owner)
+    said, last = _released(document, labels), document[-1] if document else None
+    session.headlines(
+        f"{owner}: {said}",
+        [
+            (
+                "last",
+                f"{last['name'] or last['note']} {labels[last['to']]}, {last['at_utc'][:10]},"
+                f" {last['user']}: {last['reason']}"
+                if last
+                else "",
+            )
+        ],
+        f"aerodb version gate {candidate.label} --vehicle {owner}"
+        if candidate is not None
+        else f"aerodb version list --vehicle {owner}",
+    )
+    session.say()
     session.table(
         ["when", "name", "to", "from", "by", "why"],
         [
@@ -337,6 +355,16 @@ def history(
         ],
     )
     session.answer(document)
+
+
+def _released(events: "Sequence[dict[str, Any]]", labels: dict[str, str]) -> str:
+    """Return where the names that moved point now, and since when; `events` oldest first."""
+    moves = {each["name"]: each for each in events if each["name"]}
+    said = [
+        f"{name} is {labels[each['to']]}, since {each['at_utc'][:10]}"
+        for name, each in sorted(moves.items(), reverse=True)
+    ]
+    return "; ".join(said) or "no name was given to a version yet"
 
 
 def _notes_since(
@@ -384,20 +412,29 @@ def evaluate(
         [axis, f"{value:.6g}", shown[axis], document["places"][axis]]
         for axis, value in document["coefficients"].items()
     ]
+    outside = document["outside_envelope"]
+    where: dict[str, list[str]] = {place: [] for place in document["places"].values()}
+    for axis, place in document["places"].items():
+        where[place].append(axis)
+    coefficients = document["coefficients"].items()
+    session.headlines(
+        f"{row.vehicle}: {row.label} at {at}:"
+        f" {', '.join(f'{axis} {value:.3g}' for axis, value in coefficients)}",
+        [
+            ("known", "; ".join(f"{place}: {' '.join(axes)}" for place, axes in where.items())),
+            ("outside", f"what was flown: {', '.join(outside)}" if outside else ""),
+        ],
+        f"aerodb version lineage {row.label} --vehicle {row.vehicle} --at {at}",
+    )
+    session.say()
     head = ["axis", f"{row.label} at {at}", "standard error", "place"]
     if document["extrapolated"] is not None:
         head.append("slopes extrapolated")
         rows = [[*each, f"{document['extrapolated'][each[0]]:.6g}"] for each in rows]
     session.table(head, rows, numbers=(1, 2, 4))
-    if document["outside_envelope"]:
-        outside = document["outside_envelope"]
-        session.say(
-            f"outside the flown envelope: {', '.join(outside)}; slopes extrapolated stand beside it"
-            " for comparison"
-        )
-        increments = database_of(catalogue, row).increments
-        for sentence in beyond_words(increments, outside, session.units):
-            session.say(sentence)
+    increments = database_of(catalogue, row).increments if outside else ()
+    for sentence in beyond_words(increments, outside, session.units):
+        session.say(sentence)
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
     for name, value in document["taken_as"].items():

@@ -19,7 +19,7 @@ from aerodb.flows.library.views import (
     over_axes,
 )
 from aerodb.nomenclature import channel
-from aerodb.report import beyond_words
+from aerodb.report import beyond_words, half_interval
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import value_of
@@ -78,7 +78,7 @@ class EvaluatedPoints(Result):
                     axis,
                     number(float(value.min()), 6),
                     number(float(value.max()), 6),
-                    number(float(known.max()) if known.size else None, 2),
+                    number(half_interval(float(known.max())) if known.size else None, 2),
                     ", ".join(dict.fromkeys(self.places(axis))),
                 )
             )

@@ -23,7 +23,7 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
-from aerodb.report import derivative_unit, fit_report
+from aerodb.report import derivative_unit, fit_report, half_interval
 from aerodb.tasks.steps import manoeuvre_windows
 
 #: What a model file holds, as Python reads it.
@@ -65,19 +65,20 @@ class FittedModel(Result):
         converged = all(fit.converged for fit in self.fits)
         lines = [f"fit by {self.method}: {'converged' if converged else 'NOT CONVERGED'}"]
         lines += [
-            f"  {e.name}  {number(e.value)} +- {number(e.standard_error, 2)} {shown_unit(_unit(e))}"
+            f"  {e.name}  {number(e.value)} +- {number(half_interval(e.standard_error), 2)}"
+            f" {shown_unit(_unit(e))}"
             for e in found[:3]
         ]
         lines += [f"  {text}" for text in self.warnings]
         return lines
 
     def summary(self) -> Summary:
-        """Return the estimates with their standard errors, scalars in the unit of each."""
+        """Return the estimates +- half of their 95 % intervals, scalars in the unit of each."""
         rows = [
             (
                 e.name,
                 number(e.value),
-                number(e.standard_error, 2),
+                number(half_interval(e.standard_error), 2),
                 shown_unit(_unit(e)),
                 e.standing,
             )

@@ -25,7 +25,7 @@ from aerodb.flows.library.views import (
     shown_unit,
     time_coordinate,
 )
-from aerodb.report import sensor_error_unit
+from aerodb.report import half_interval, sensor_error_unit
 from aerodb.support import Array
 from aerodb.suspicions import limited_document, limits_flight
 from aerodb.tables import AeroDatabase
@@ -80,7 +80,7 @@ class ReconstructedFlight(Result):
             (
                 each["parameter"],
                 number(each["value"]),
-                number(each["standard_error"], 2),
+                number(half_interval(each["standard_error"]), 2),
                 shown_unit(sensor_error_unit(each["parameter"])),
                 "yes" if each["applied"] else "no",
             )

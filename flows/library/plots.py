@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.flows.library.views import Data, Values
-from aerodb.report import for_people
+from aerodb.report import for_people, half_interval
 
-#: Half of a 95 % interval, in standard errors.
-_HALF = 1.96
 #: Quantities of a coefficient axis that are drawn, those that there are.
 _ON_AXES = ("measured", "predicted", "coefficient")
 
@@ -71,7 +69,7 @@ def _estimates(panel: Axes, data: Data, names: Sequence[str]) -> None:
     if "low" in data.quantities:
         low, high = _numbers(data, "low")[chosen], _numbers(data, "high")[chosen]
     elif "standard_error" in data.quantities:
-        half = _HALF * _numbers(data, "standard_error")[chosen]
+        half = half_interval(_numbers(data, "standard_error")[chosen])
         low, high = value - half, value + half
     place = np.arange(len(chosen))
     panel.errorbar(value, place, xerr=np.abs([value - low, high - value]), fmt="o", capsize=3)

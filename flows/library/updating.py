@@ -24,7 +24,7 @@ from aerodb.increments import (
     parse_model_file,
 )
 from aerodb.loop import ByMethod, estimate_declared, validate_declared
-from aerodb.report import beyond_remarks, update_document
+from aerodb.report import beyond_remarks, half_interval, update_document
 from aerodb.tables import AeroDatabase
 
 
@@ -79,7 +79,7 @@ class UpdatedDatabase(Result):
                 entry["axis"],
                 term["term"],
                 number(term["value"]),
-                number(term["standard_error"], 2),
+                number(half_interval(term["standard_error"]), 2),
                 f"[{number(term['ci95'][0], 3)}, {number(term['ci95'][1], 3)}]",
             )
             for entry in document["increments"]

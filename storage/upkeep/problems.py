@@ -1,6 +1,6 @@
 """Problems that a verification finds, and the report that collects them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -52,18 +52,20 @@ _WORDS: Final = {
 }
 
 
-def report_lines(report: VerificationReport) -> Iterator[str]:
-    """The report as text: one line per problem, then one line with the counts."""
-    for problem in report.problems:
-        yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
+def problem_words(report: VerificationReport) -> list[str]:
+    """Each problem of the report as a line of text."""
+    return [
+        f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
+        for problem in report.problems
+    ]
+
+
+def counted(report: VerificationReport) -> str:
+    """What was checked, in words: how many of each."""
     sums = ", ".join(
         f"{number} {_WORDS.get(name, name)}" for name, number in sorted(report.checked.items())
     )
-    yield f"checked {sums}" + (
-        f"; {report.pending} files are being written" if report.pending else ""
-    )
-    if report.chain:
-        yield f"the chain of events ends with {report.chain}"
+    return sums + (f"; {report.pending} files are being written" if report.pending else "")
 
 
 def require_clean(problems: Sequence[WorkspaceProblem], where: str) -> None:

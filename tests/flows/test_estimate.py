@@ -109,7 +109,7 @@ def test_what_is_known_best_stands_first_with_half_of_its_interval(root: Path) -
     known = [each for each in method["estimates"] if each["standard_error"]]
     best = max(known, key=lambda each: abs(each["value"]) / each["standard_error"])
     second = aerodb(root, *given).stdout.splitlines()[1]
-    said = f"{best['name']} {best['value']:.4g} +- {2.0 * best['standard_error']:.2g}"
+    said = f"{best['name']} {best['value']:.4g} +- {1.96 * best['standard_error']:.2g}"
     assert second.split(maxsplit=2) == ["known", "best", said]
 
 

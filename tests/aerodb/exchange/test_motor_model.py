@@ -164,5 +164,5 @@ def test_a_version_is_exported_by_the_command(tmp_path: Path) -> None:
     plugins = list(etree.fromstring((tmp_path / "quad.sdf").read_bytes()).iter("plugin"))
     assert [p.findtext("timeConstantUp") for p in plugins] == ["0.03", None, None, None]
     said = aerodb(tmp_path / "w", *words, str(tmp_path / "again.sdf")).stdout.splitlines()
-    assert "read back, 25 check cases pass" in said[0]
-    assert "9.64 N" in said[2]
+    assert "read back, 25 check cases pass" in said[1]
+    assert any("9.64 N" in line for line in said)

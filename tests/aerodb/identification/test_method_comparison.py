@@ -134,7 +134,10 @@ def test_what_an_estimator_made_is_no_measurement_for_a_method_that_flies() -> N
     comparison = compare_methods(regression | flown(-0.015, 0.019), {"alpha"})
     assert comparison.believe == "regression"
     (apart,) = (why for why in comparison.reasons if "joint uncertainty" in why)
-    assert "Cm_alpha -0.015 +- 0.019 by output-error and -0.34 +- 0.07 by regression" in apart
+    assert (
+        "Cm_alpha -0.015 (standard error 0.019) by output-error and -0.34 (0.07) by regression"
+        in apart
+    )
     alike = compare_methods(regression | flown(-0.30, 0.02), {"alpha"})
     assert alike.believe == "regression"
     assert not any("joint uncertainty" in why for why in alike.reasons)
