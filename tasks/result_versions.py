@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 13,
     "update": 20,
     "gram": 17,
-    "close_loop": 54,
+    "close_loop": 55,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

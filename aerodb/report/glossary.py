@@ -32,6 +32,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "cross_rate": "slope of {axis} with {subject}",
     "control_effectiveness": "effectiveness of the {subject} on {axis}",
     "control_nonlinearity": "cubic part of the effectiveness of the {subject} on {axis}",
+    "control_one_sided": "effectiveness of {subject} deflections on {axis}",
     "control_alpha_coupling": (
         "change of the effectiveness of the {subject} on {axis} with angle of attack"
     ),

@@ -19,13 +19,15 @@ def per_surface(
     grows: str,
     name: str,
     source: str,
+    side: str = "",
     named: bool = True,
 ) -> Template:
     """Return the template ``C_axis += k * regressor(delta)`` for every surface of the kinds in
     `sizes` (largest believable k, in `unit`).
 
-    grows and name hold ``{surface}``, which becomes the surface's words and channel. named :
-    whether the surface is in the hypothesis' id also where it is the only one of its kind.
+    grows and name hold ``{surface}``, which becomes the surface's words and channel. side : what
+    stands before the surface in the hypothesis' id. named : whether the surface is in it also where
+    it is the only one of its kind.
     """
 
     def hypotheses(context: LibraryContext) -> list[Hypothesis]:
@@ -46,7 +48,7 @@ def per_surface(
             unit=unit,
             grows=grows.format(surface=surface.words),
             name=name.format(surface=surface.channel),
-            subject=surface.name if named or not alone else "",
+            subject="_".join(filter(None, (side, surface.name if named or not alone else ""))),
             source=source,
         )
 

@@ -149,6 +149,11 @@ def decide(tests: CrossFlightTests) -> Decision:
             accepted = kept
         elif sensor is not None:
             freed = (*freed, _behind(tests, accepted, freed, sensor))
+        elif pair := _pair(tests, accepted, freed, dropped):
+            kept = _kept(tests, (*accepted, *pair), freed)
+            both = set(pair) <= set(kept)  # neither says anything without the other
+            dropped |= {*accepted, *pair} - set(kept) if both else {pair[1]}
+            accepted = kept if both else accepted
         else:
             break
     suspected = _suspected(tests, accepted, freed)
@@ -174,6 +179,38 @@ def _candidates(
     if term is not None:
         term = _plainest(tests, tests.flight_estimates(accepted, freed), test, term, terms)
     return term, _largest(test.gain, wrong)
+
+
+def _pair(
+    tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...], dropped: set[int]
+) -> tuple[int, ...]:
+    """A linear effect and another shape of it that is significant beside it; empty if none is.
+
+    An effect that changes sign within what was flown, as one of Mach number does about the Mach
+    number at which the database is right, shows in neither alone. All such pairs are tests beside
+    those of the library (Bonferroni). docs/method/tracing.md, section 9.
+    """
+    names = tests.campaign.hypotheses
+    free = set(range(len(names))) - {*accepted, *freed, *dropped, *tests.campaign.sensors}
+    alone = tests.tested(accepted, freed)
+    pairs = [
+        (linear, shape)
+        for linear in free
+        for shape in free - {linear}
+        if names[linear].has_shape(names[shape]) and alone.testable[[linear, shape]].all()
+    ]
+    level = tests.settings.level / (len(names) + len(pairs))
+    best: tuple[float, tuple[int, ...]] = (0.0, ())
+    for linear, shape in pairs:
+        test = tests.tested((*accepted, linear), freed)
+        gain = float(test.gain[shape])
+        if (
+            gain > best[0]
+            and test.p_at([shape])[0] < level
+            and not is_no_term(tests, test, shape, accepted)
+        ):
+            best = (gain, (linear, shape))
+    return best[1]
 
 
 def is_no_term(tests: CrossFlightTests, test: Tested, index: int, terms: Sequence[int]) -> bool:

@@ -42,6 +42,7 @@ AERODYNAMIC = [
     "cross_rate",
     "control_effectiveness",
     "control_nonlinearity",
+    "control_one_sided",
     "control_alpha_coupling",
     "surface_asymmetry",
     "speed_brake",
@@ -475,6 +476,8 @@ def test_an_effect_knows_its_other_shapes() -> None:
         name for name, other in found.items() if other != rudder and rudder.has_shape(other)
     } == {
         "control_nonlinearity@Cn:rudder",
+        "control_one_sided@Cn:positive_rudder",
+        "control_one_sided@Cn:negative_rudder",
         "control_alpha_coupling@Cn:rudder",
     }
     assert not found["control_nonlinearity@Cn:rudder"].has_shape(rudder)

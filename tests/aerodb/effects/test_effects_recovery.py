@@ -143,6 +143,11 @@ FORMULAS: dict[str, Callable[[Mapping[str, Array], str, str], Array]] = {
     "cross_rate": lambda c, s, a: c[s] * SPAN / (2 * c["V"]),
     "control_effectiveness": lambda c, s, a: c[f"delta_{s}"],
     "control_nonlinearity": lambda c, s, a: c[f"delta_{s}"] ** 3,
+    "control_one_sided": lambda c, s, a: (
+        np.maximum(c[f"delta_{s.partition('_')[2]}"], 0.0)
+        if s.startswith("positive")
+        else np.minimum(c[f"delta_{s.partition('_')[2]}"], 0.0)
+    ),
     "control_alpha_coupling": lambda c, s, a: c["alpha"] * c[f"delta_{s}"],
     "surface_asymmetry": lambda c, s, a: c[f"delta_{s}"],
     "speed_brake": lambda c, s, a: c["delta_speed_brake"],

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
@@ -55,6 +56,14 @@ def with_twin(
         )
         for e in given
     ]
+
+
+def beside(flight: Evidence, alike: float, size: float) -> NDArray[np.float64]:
+    """`alike` times the column of `A_CX`, and a column that is not correlated with it, of its size
+    times `size`."""
+    one = flight.columns[A_CX]["CX"]
+    apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
+    return np.asarray(alike * one + size * apart * rms(one) / rms(apart))
 
 
 def test_where_nothing_is_missing_nothing_is_found_and_everything_has_a_bound() -> None:
@@ -145,8 +154,7 @@ def test_two_terms_that_cancel_are_one_group(alike: float, regressor: str, verdi
     twin, seen = replace(term("twin", "CX"), increment=(("CX", parse(regressor)),)), []
     for flight in flights(6):
         one = flight.columns[A_CX]["CX"]
-        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
-        other = alike * one + np.sqrt(1.0 - alike**2) * apart * rms(one) / rms(apart)
+        other = beside(flight, alike, np.sqrt(1.0 - alike**2))
         columns = {**flight.columns, own.id: {"CX": one}, twin.id: {"CX": other}}
         residual = {**flight.residual, "CX": flight.residual["CX"] + one - other}
         seen.append(replace(flight, columns=columns, residual=residual))
@@ -168,8 +176,7 @@ def test_a_slope_that_cancels_its_own_change_is_in_doubt_where_the_change_is() -
     seen = []
     for flight in flights(6):
         one = flight.columns[A_CX]["CX"]
-        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
-        with_mach = 0.9 * one + np.sqrt(0.19) * apart * rms(one) / rms(apart)
+        with_mach = beside(flight, 0.9, np.sqrt(0.19))
         columns = {**flight.columns, own.id: {"CX": one}, change.id: {"CX": with_mach}}
         columns[other.id] = {"CX": 3.0 * with_mach}
         residual = {**flight.residual, "CX": flight.residual["CX"] + one - with_mach}
@@ -180,6 +187,26 @@ def test_a_slope_that_cancels_its_own_change_is_in_doubt_where_the_change_is() -
     (named,) = pair & found.keys()
     assert set(found[named].explanation_set) == pair
     assert set(found[own.id].explanation_set) == {own.id, named}
+
+
+@pytest.mark.parametrize(("regressor", "found"), [("alpha*mach^2", 2), ("beta", 0)])
+def test_a_slope_and_its_change_that_hide_each_other_are_found_together(
+    regressor: str, found: int
+) -> None:
+    """A database that is right in the middle of what was flown: alone, neither is significant."""
+    own = replace(LIBRARY[0], increment=(("CX", parse("alpha")),))
+    change = replace(term("change", "CX"), increment=(("CX", parse(regressor)),))
+    seen = []
+    for number, flight in enumerate(flights(6)):
+        one = flight.columns[A_CX]["CX"]
+        other = beside(flight, 1.1 if number % 2 else 0.9, 0.2)
+        columns = {**flight.columns, own.id: {"CX": one}, change.id: {"CX": other}}
+        residual = {**flight.residual, "CX": flight.residual["CX"] + one - other}
+        seen.append(replace(flight, columns=columns, residual=residual))
+    findings = traced(seen, [own, *LIBRARY[1:], change]).findings
+    assert {f.hypothesis: f.verdict for f in findings} == dict.fromkeys(
+        (own.id, change.id)[:found], "confirmed"
+    )
 
 
 @pytest.mark.parametrize("believable", [9.0, 1.0])
@@ -194,8 +221,7 @@ def test_two_shapes_over_one_variable_enter_by_believable_sizes_only(believable:
     seen = []
     for flight in flights(6):
         one = flight.columns[A_CX]["CX"]
-        apart = np.roll(flight.columns[SENSOR]["CZ"] - 0.7 * flight.columns[A_CZ]["CZ"], 200)
-        bent = 0.9 * one + np.sqrt(0.19) * apart * rms(one) / rms(apart)
+        bent = beside(flight, 0.9, np.sqrt(0.19))
         columns = {**flight.columns, own.id: {"CX": one}, curve.id: {"CX": bent}}
         residual = {**flight.residual, "CX": flight.residual["CX"] + 5.0 * one - 3.0 * bent}
         seen.append(replace(flight, columns=columns, residual=residual))
