@@ -1,6 +1,7 @@
 """Values of the inputs that a user does not state: a state in which the aircraft can be."""
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +17,7 @@ _HEIGHT: Final = "height_above_ground"
 _SPANS: Final = (10.0, 5.0, 3.0, 2.0, 1.5, 1.2, 1.1, 1.0)
 
 
+@lru_cache(maxsize=16)
 def height_outside_ground_effect(database: AeroDatabase) -> float | None:
     """Return a height above ground [m] at which a database has no ground effect: the highest of its
     tables, else the highest of `_SPANS` at which no table is left; None where it has no such input.

@@ -190,16 +190,14 @@ def _pair(
     number at which the database is right, shows in neither alone. All such pairs are tests beside
     those of the library (Bonferroni). docs/method/tracing.md, section 9.
     """
-    names = tests.campaign.hypotheses
-    free = set(range(len(names))) - {*accepted, *freed, *dropped, *tests.campaign.sensors}
+    taken = {*accepted, *freed, *dropped}
     alone = tests.tested(accepted, freed)
     pairs = [
-        (linear, shape)
-        for linear in free
-        for shape in free - {linear}
-        if names[linear].has_shape(names[shape]) and alone.testable[[linear, shape]].all()
+        pair
+        for pair in tests.campaign.shapes
+        if taken.isdisjoint(pair) and alone.testable[list(pair)].all()
     ]
-    level = tests.settings.level / (len(names) + len(pairs))
+    level = tests.settings.level / (len(tests.campaign.hypotheses) + len(pairs))
     best: tuple[float, tuple[int, ...]] = (0.0, ())
     for linear, shape in pairs:
         test = tests.tested((*accepted, linear), freed)
@@ -381,10 +379,15 @@ def _offsets(
 ) -> tuple[int, ...]:
     """Constants that recur over flights.
 
-    They come last: intercepts are in every model, and every lacking term leaves one.
+    They come last: intercepts are in every model, and every lacking term leaves one. One that may
+    be zero is none: the test counts a SIMEX bias to one side, the interval to both.
     """
-    significant = tests.tested(terms, freed).significant
-    return tuple(index for index in tests.campaign.offsets if significant[index])
+    test = tests.tested(terms, freed)
+    return tuple(
+        index
+        for index in tests.campaign.offsets
+        if test.significant[index] and np.prod(test.interval(index)) > 0.0
+    )
 
 
 def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:

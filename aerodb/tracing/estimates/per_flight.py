@@ -167,6 +167,16 @@ class Campaign:
         )
 
     @cached_property
+    def shapes(self) -> tuple[tuple[int, int], ...]:
+        """Linear effects, each with every other shape of it (`Hypothesis.has_shape`)."""
+        return tuple(
+            (linear, shape)
+            for linear, own in enumerate(self.hypotheses)
+            for shape, other in enumerate(self.hypotheses)
+            if shape != linear and own.has_shape(other)
+        )
+
+    @cached_property
     def angle_reconstructed(self) -> bool:
         """Whether some flight's angle of attack comes from the motion, not from a sensor."""
         return any(hypothesis.effect == "reconstructed_alpha" for hypothesis in self.hypotheses)
