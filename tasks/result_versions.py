@@ -16,7 +16,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 4,
     "estimate": 13,
     "update": 20,
-    "gram": 17,
+    "gram": 18,
     "close_loop": 55,
 }
 

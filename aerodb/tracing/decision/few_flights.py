@@ -44,6 +44,8 @@ LINEAR: Final = (
     ),
     "control_effectiveness",
 )
+#: Effects that are claimed only of many flights: a manoeuvre seldom deflects to both sides alike.
+_MANY: Final = frozenset({"control_one_sided"})
 #: Part of a manoeuvre that its window must hold.
 _SHARE = 0.5
 #: Distance between two windows, in correlation times.
@@ -174,7 +176,7 @@ def _promising(joint: JointModel, able: Sequence[int]) -> list[int]:
 
 
 def _claimable(hypothesis: Hypothesis) -> bool:
-    return hypothesis.kind == "aerodynamic" and hypothesis.effect != OFFSET
+    return hypothesis.kind == "aerodynamic" and hypothesis.effect not in {OFFSET, *_MANY}
 
 
 def _tested(joint: JointModel) -> Tested:
