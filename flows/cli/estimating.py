@@ -16,6 +16,8 @@ from aerodb.flows.cli.vehicles import read_text
 _OF_RECORDS = ("initial_", "bias_")
 #: Most methods that are printed beside each other.
 _SIDE_BY_SIDE = 4
+#: Most flights that are named on one line.
+_NAMED = 3
 
 
 def estimate(
@@ -146,6 +148,7 @@ def _of_flights(
     page: bool,
     select: list[str],
 ) -> dict[str, Any]:
+    from aerodb.flows.cli.flights import called
     from aerodb.flows.estimate import estimate_flow
     from aerodb.identification import chosen_methods
     from aerodb.tasks.steps import is_on_ground
@@ -181,7 +184,10 @@ def _of_flights(
         },
         direct=True,
     )
-    return {**document, "rolls": rolls}
+    limited = [
+        called(row, catalogue.log(row.log_sha256)) for row in rows if row.verdict == "limited"
+    ]
+    return {**document, "rolls": rolls, "limited": limited}
 
 
 def _print(
@@ -200,6 +206,7 @@ def _print(
             ("known best", _known_best(given, document["believe"])),
             ("because", f"{reasons[0]}{more}" if reasons else ""),
             ("no estimate", "; ".join(failed)),
+            ("limited", _limited(document.get("limited", []))),
             ("selected", " and ".join(document.get("select", ()))),
         ],
         then if document["believe"] else "",
@@ -255,6 +262,15 @@ def _verdict(document: dict[str, Any], names: list[str], count: int) -> str:
         least = document["preferred"]
         return f"believe here: none; the least doubtful is {least} ({count} parameters)"
     return f"believe here: none ({count} parameters)"
+
+
+def _limited(flights: list[str]) -> str:
+    """Return which flights are used with reservations; empty where none is."""
+    if not flights:
+        return ""
+    more = f" and {len(flights) - _NAMED} more" if len(flights) > _NAMED else ""
+    named = ", ".join(flights[:_NAMED])
+    return f"{named}{more}: used, with reservations (why: aerodb flight show {flights[0]})"
 
 
 def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:

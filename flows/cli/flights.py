@@ -176,7 +176,7 @@ def show(
     log, impact = catalogue.log(row.log_sha256), catalogue.impact(row.id)
     document = flight_details(WorkspaceAccess(session.workspace(), catalogue), row)
     session.headlines(
-        f"{row.vehicle}: {_called(row, log)} is {_judged(document)} ({_when(row)},"
+        f"{row.vehicle}: {called(row, log)} is {_judged(document)} ({_when(row)},"
         f" {row.duration:.1f} s at {1 / row.step:.4g} Hz)",
         [
             ("because", _reasons(session, document)),
@@ -212,7 +212,7 @@ def show(
     session.answer(document)
 
 
-def _called(row: "FlightRow", log: "LogRow | None") -> str:
+def called(row: "FlightRow", log: "LogRow | None") -> str:
     """Return the flight's name, or the file of its log."""
     return visible(row.name or (Path(log.name).name if log else "") or row.id[:12])
 
@@ -267,11 +267,11 @@ def retract(
         for name, id in catalogue.names(row.vehicle).items()
         if id in {use.version.id for use in stale}
     }
-    called = _called(row, catalogue.log(row.log_sha256))
+    name = called(row, catalogue.log(row.log_sha256))
     loop = f"aerodb close-loop --vehicle {row.vehicle}"
     commands = [entry["command"] or f"{loop} (in place of {entry['label']})" for entry in again]
     session.headlines(
-        f"{row.vehicle}: {called} retracted: {row.retract_reason}",
+        f"{row.vehicle}: {name} retracted: {row.retract_reason}",
         [
             ("stale", ", ".join(use.version.label for use in stale) or "no version"),
             ("names", ", ".join(names) and f"{', '.join(names)}: they point at a stale version"),

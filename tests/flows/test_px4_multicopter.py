@@ -232,6 +232,14 @@ def test_a_motor_that_never_turned_limits_its_flight(flown: Path) -> None:
     write_px4(flown / "dead.ulg", flight)
     said = _said_of_a_limited(flown, "dead.ulg")
     assert "rotor 3 never turns: command_3 (actuator_motors control[2])" in said
+    (flown / "model.toml").write_text(MODEL)
+    words = ("estimate", "--vehicle", "quad", "--model", str(flown / "model.toml"))
+    of = [("--flights", "dead.ulg", "--flights", "quad.ulg"), ("--flights", "quad.ulg")]
+    assert [asked(flown / "workspace", *words, *each)["limited"] for each in of] == [
+        ["dead.ulg"], []
+    ]  # fmt: skip
+    said = aerodb(flown / "workspace", *words, *of[0]).stdout
+    assert "dead.ulg: used, with reservations (why: aerodb flight show dead.ulg)" in said
 
 
 def test_the_order_of_another_frame_limits_its_flight(flown: Path) -> None:
