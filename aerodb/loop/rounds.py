@@ -103,7 +103,7 @@ def run_loop(
     return LoopResult(
         baseline,
         end.database,
-        tuple(end.findings.values()),
+        only_with_gain(end.findings.values(), (), end.withheld),
         end.added,
         end.traced,
         end.rounds,

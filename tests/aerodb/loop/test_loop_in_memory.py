@@ -24,6 +24,7 @@ from aerodb.loop import (
     with_model_error,
     without_gain,
 )
+from aerodb.loop.downgraded import only_with_gain
 from aerodb.loop.unexplained import material
 from aerodb.support import Mask
 from aerodb.tables.database import AeroDatabase
@@ -185,6 +186,10 @@ def test_what_lowers_no_error_of_flights_left_out_stays_out(source: FlightsInMem
     assert finding.verdict == "suspected"
     assert "by less than 1 %" in finding.because
     assert any("Not added although found: pitch_damping@Cm" in text for text in again.remarks)
+    for stays, verdict in ((frozenset({"pitch_damping@Cm"}), "suspected"), ((), "confirmed")):
+        (alone,) = only_with_gain(loop.added, (), stays)
+        assert alone.verdict == verdict
+        assert alone.because.endswith("alone it makes its axis worse") == (verdict == "suspected")
 
 
 def test_a_finding_beside_more_that_has_no_name_is_not_believed(source: FlightsInMemory) -> None:
