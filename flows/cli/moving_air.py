@@ -1,14 +1,19 @@
 """``aerodb flight turbulence`` and ``flight wake``: gusts, and vortices of other aircraft."""
 
 from collections.abc import Mapping
-from math import pi
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
 from aerodb.units import quantity
+
+#: Sizes of a wake that are printed, with their SI units.
+_SIZES: Final = {
+    "circulation": "m^2/s", "core_radius": "m", "spacing": "m", "right": "m", "below": "m",
+    "heading": "rad",
+}  # fmt: skip
 
 
 def turbulence(
@@ -37,31 +42,40 @@ def turbulence(
     )
     told = [each for each in document["components"] if each["intensity"]["value"] is not None]
     strongest = max(told, key=lambda each: each["intensity"]["value"], default=None)
+    fast, per_second = session.units.scale("m/s")
+    long, metres = session.units.scale("m")
     session.headlines(
-        f"{row.label} met gusts of {strongest['intensity']['value']:.2f} m/s rms in"
-        f" {strongest['name']} ({_range(strongest['intensity'], '.2f')})"
+        f"{row.label} met gusts of {_value(strongest['intensity'], '.2f', fast)} {per_second} rms"
+        f" in {strongest['name']} ({_range(strongest['intensity'], '.2f', fast)})"
         if strongest
         else f"{row.label}: this stretch does not tell the intensity of gusts",
         [
             (
                 "as",
-                f"{document['form']}, {document['duration']:.0f} s at {document['speed']:.1f} m/s,"
-                f" up to {document['highest']:g} Hz",
+                f"{document['form']}, {document['duration']:.0f} s at"
+                f" {fast * document['speed']:.1f} {per_second}, up to {document['highest']:g} Hz",
             )
         ],
         _flown_through("turbulence", _gusts_as_stated(document), row.vehicle) if strongest else "",
     )
     session.say()
     session.table(
-        ["gust", "intensity m/s", "95 %", "scale m", "95 %", "noise m/s"],
+        [
+            "gust",
+            f"intensity {per_second}",
+            "95 %",
+            f"scale {metres}",
+            "95 %",
+            f"noise {per_second}",
+        ],
         [
             [
                 each["name"],
-                _value(each["intensity"], ".2f"),
-                _range(each["intensity"], ".2f"),
-                _value(each["scale"], ".0f"),
-                _range(each["scale"], ".0f"),
-                f"{each['noise']:.2f}",
+                _value(each["intensity"], ".2f", fast),
+                _range(each["intensity"], ".2f", fast),
+                _value(each["scale"], ".0f", long),
+                _range(each["scale"], ".0f", long),
+                f"{fast * each['noise']:.2f}",
             ]
             for each in document["components"]
         ],
@@ -126,23 +140,15 @@ def wake(
         ),
     )
     session.say()
-    names = ("circulation", "core_radius", "spacing", "right", "below", "heading")
+    scales = {name: session.units.scale(unit) for name, unit in _SIZES.items()}
     rows = []
     for label, each in zip(flights, document["encounters"], strict=True):
         pair = each["wake"]
-        shown = [_measured(pair[name], name) if pair else "-" for name in names]
+        shown = [_measured(pair[name], scales[name][0]) if pair else "-" for name in _SIZES]
         rows.append([label, *shown, (pair["core"] or "either") if pair else "none claimed"])
+    sizes = [f"{name.removesuffix('_radius')} {unit}" for name, (_, unit) in scales.items()]
     session.table(
-        [
-            "flight",
-            "circulation m2/s",
-            "core m",
-            "spacing m",
-            "right m",
-            "below m",
-            "heading deg",
-            "",
-        ],
+        ["flight", *sizes, ""],
         rows,
         range(1, 7),
     )
@@ -175,17 +181,18 @@ def _wake_as_stated(pair: Mapping[str, Any]) -> dict[str, str]:
     return ({"core": pair["core"]} if pair["core"] else {}) | sizes | {"ahead": "300 m"}
 
 
-def _measured(estimate: dict[str, Any], name: str) -> str:
-    scale = 180.0 / pi if name == "heading" else 1.0
+def _measured(estimate: dict[str, Any], scale: float) -> str:
     return plus_minus(estimate["value"], estimate["standard_error"], 3, scale)
 
 
-def _value(limits: dict[str, Any], form: str) -> str:
-    return "-" if limits["value"] is None else f"{limits['value']:{form}}"
+def _value(limits: dict[str, Any], form: str, factor: float) -> str:
+    return "-" if limits["value"] is None else f"{factor * limits['value']:{form}}"
 
 
-def _range(limits: dict[str, Any], form: str) -> str:
-    low, high = (limits[name] for name in ("low", "high"))
+def _range(limits: dict[str, Any], form: str, factor: float) -> str:
+    low, high = (
+        None if limits[name] is None else factor * limits[name] for name in ("low", "high")
+    )
     if high is None:
         return "open" if low is None else f"from {low:{form}}"
     return f"{0.0 if low is None else low:{form}} to {high:{form}}"

@@ -166,6 +166,11 @@ def test_a_stretch_that_does_not_tell_an_intensity_has_no_value(
     assert any(each["intensity"]["value"] is not None for each in found["components"])
     text = aerodb(workspace, "flight", "turbulence", ids[3]).stdout
     assert "m/s rms" in text.splitlines()[0]
+    aero = aerodb(workspace, "flight", "turbulence", ids[3], "--units", "aero").stdout
+    assert "kt rms" in aero.splitlines()[0]
+    rms = [float(re.search(r"gusts of (\S+) ", said)[1]) for said in (text, aero)]
+    assert rms[1] == pytest.approx(rms[0] * 3600.0 / 1852.0, abs=0.02)
+    assert "scale ft" in aero
 
 
 @pytest.mark.parametrize("asks", ["wake", "turbulence"])
