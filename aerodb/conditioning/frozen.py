@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from aerodb.flight import Flight
 from aerodb.signals import runs
@@ -67,7 +67,8 @@ def torn(flight: Flight) -> list[tuple[int, int]]:
     votes, width = np.zeros(max(len(flight.time) - 3, 0)), max(1, round(NEAR / flight.step))
     # Two jumps within `NEAR` are made by chance as often as a claim may be wrong.
     rare = np.sqrt(CLAIM / (max(len(votes), 1) * width))
-    least = max(int(AT_ONCE * len(moving)) + 1, int(binom.isf(rare, len(moving), HINT)) + 1)
+    by_chance = bdtrc(np.arange(len(moving) + 1), len(moving), HINT)  # more than so many jump
+    least = max(int(AT_ONCE * len(moving)), int(np.argmax(by_chance <= rare))) + 1
     if least > len(moving) or not len(votes) or not {"theta", *_RATES} <= set(moving):
         return []
     rate = np.sqrt(sum(np.nan_to_num(flight[name]) ** 2 for name in _RATES))

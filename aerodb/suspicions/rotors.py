@@ -7,7 +7,7 @@ gravity), and linear effects of flow and rates (drag, inflow, damping). So hover
 rotor: with constant commands a weak rotor is a shifted centre of gravity.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -79,7 +79,7 @@ def rotor_suspicions(
     order = order_suspicions(flight, database, measured, good, banded)
     if order:
         return order
-    effects = {name: _effect(flight, database, name, predicted) for name in names}
+    effects = _effects(flight, database, names)
     lengths, left, shares = [], [], {name: list[Array]() for name in names}
     for axis in axes:
         free = _free(flight, axis, measured, predicted, banded)
@@ -126,17 +126,23 @@ def _kind(database: AeroDatabase, part: str) -> str:
     return str(entry.get("kind", ""))
 
 
-def _effect(
-    flight: Flight, database: AeroDatabase, name: str, predicted: Mapping[str, Array]
-) -> dict[str, Array]:
-    """Axis -> change (n,) by a share of a rotor's thrust, per unit of the share."""
-    thrust = database.variables[f"{name}_thrust"]
-    scaled = replace(thrust, expression=times(Number(1.0 + _STEP), thrust.expression))
-    other = replace(database, variables={**database.variables, f"{name}_thrust": scaled})
+def _effects(
+    flight: Flight, database: AeroDatabase, names: Sequence[str]
+) -> dict[str, dict[str, Array]]:
+    """Rotor -> axis -> change (n,) by a share of its thrust, per unit of the share."""
     n = len(flight.time)
     channels = {each: flight[each] for each in database.inputs if each in flight}
-    now, then = (each.predict(channels).coefficients for each in (database, other))
-    return {axis: np.broadcast_to((then[axis] - now[axis]) / _STEP, (n,)) for axis in _AXES}
+    now = database.predict(channels).coefficients
+    found = {}
+    for name in names:
+        thrust = database.variables[f"{name}_thrust"]
+        scaled = replace(thrust, expression=times(Number(1.0 + _STEP), thrust.expression))
+        variables = {**database.variables, f"{name}_thrust": scaled}
+        then = replace(database, variables=variables).predict(channels).coefficients
+        found[name] = {
+            axis: np.broadcast_to((then[axis] - now[axis]) / _STEP, (n,)) for axis in _AXES
+        }
+    return found
 
 
 def _free(

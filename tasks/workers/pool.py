@@ -33,7 +33,6 @@ _TICK: Final = 1.0
 _LONGEST_ANSWER: Final = 1 << 20
 #: What per-flight steps import, some of it at first use.
 _SCIENCE: Final = (
-    "scipy.signal",
     "aerodb.consistency.whole_flight",
     "aerodb.exchange.native",
     "aerodb.tasks.steps.compare",
