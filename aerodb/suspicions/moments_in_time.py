@@ -50,6 +50,9 @@ RATES: Final = ("p", "q", "r")
 EXPLAINED: Final = 0.45
 #: The same of a delay or a play, which errors of derivatives do not imitate.
 EXPLAINED_DELAY: Final = 0.35
+#: The same of a zero, which no error of a derivative imitates. Where gusts hold the rest, a jump of
+#: 4 deg is a fifth of it.
+EXPLAINED_ZERO: Final = 0.15
 #: Share of what the likeliest cause explains from which on another is named with it: slopes are
 #: straight lines.
 ALIKE: Final = 0.7
@@ -67,6 +70,12 @@ ALWAYS: Final = "all the time"
 EVENLY: Final = "over the whole flight"
 #: Least change of a delay within a flight that is said [s]: a logger's buffer makes less.
 LEAST_DELAY: Final = 0.1
+_EXPLAINED: Final = {
+    "gain": EXPLAINED,
+    "delay": EXPLAINED_DELAY,
+    "play": EXPLAINED_DELAY,
+    "zero": EXPLAINED_ZERO,
+}
 _LEAST: Final = {"gain": LEAST_GAIN, "delay": LEAST_DELAY, "zero": LEAST, "play": LEAST_PLAY}
 #: Motion and speed on which an error of a database may depend, as they are and squared.
 STATES: Final = ("alpha", "beta", "V", "mach", "p", "q", "r", "thrust")
@@ -176,10 +185,7 @@ def _moved(
         if known is None or change.share > known.share:
             best[change.cause.name] = change
     ranked = sorted(best.values(), key=lambda change: -change.share)
-    if not ranked:
-        return []
-    least = EXPLAINED_DELAY if ranked[0].what in ("delay", "play") else EXPLAINED
-    if not ranked[0].share > least:
+    if not ranked or not ranked[0].share > _EXPLAINED[ranked[0].what]:
         return []
     return _claim(axis, ranked, y)
 

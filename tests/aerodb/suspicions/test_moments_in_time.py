@@ -19,6 +19,8 @@ from tests.campaigns.databases import database_of
 from tests.support import effect_flights
 
 FOUR = np.deg2rad(4.0)
+#: Noise of a rate [rad/s] that makes two thirds of what the database leaves of a moment.
+NOISE = 4e-3
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -87,6 +89,18 @@ def test_a_zero_that_moves_is_told_with_its_size(flight: Pair, change: Change) -
     assert (said.channel, said.kind) == ("delta_elevator", "zero")
     # The channel shows four degrees more, which the moment lacks.
     assert said.evidence["change"] == pytest.approx(-FOUR, rel=0.15)
+
+
+def test_a_zero_that_moves_is_told_where_gusts_hold_most_of_the_rest(flight: Pair) -> None:
+    """The noise of a rate makes moments of its own: the zero explains a third of the rest."""
+    own, rng = flight.flight, np.random.default_rng(5)
+    gusts = np.convolve(rng.standard_normal(len(own.time)), np.ones(5) / 5.0, "same")
+    made = own.with_channels({"r": own["r"] + NOISE * gusts})
+    noisy = replace(flight, flight=made)
+    assert noticed_beside(noisy) == ()
+    (said,) = noticed_beside(changed(noisy, "yaw", jumped))
+    assert said.channel.startswith("delta_rudder")
+    assert said.kind == "zero"
 
 
 @pytest.mark.parametrize(("role", "name"), [("pitch", "elevator"), ("yaw", "rudder")])
