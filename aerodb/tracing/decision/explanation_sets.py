@@ -84,8 +84,9 @@ def with_cancelling(
     Two that leave together less than a quarter of what each of them leaves were not seen: only what
     they leave was. They are one group, and nothing is claimed of either. What varies within flights
     counts; of a constant and a freed sensor, the level. A linear effect and its change with alpha
-    or Mach number are no pair: together they are one curve, and what may stand in place of the
-    change stands in place of the linear effect too. docs/method/tracing.md, section 10.
+    or Mach number are no pair: together they are one curve. What may stand in place of the change
+    stands in place of the linear effect too, where they leave less than a quarter of what that
+    leaves. docs/method/tracing.md, section 10.
     """
     products, rows, names = (
         tests.campaign.products,
@@ -106,7 +107,8 @@ def with_cancelling(
             pair = [one, other]
             size = np.nan_to_num(test.mean[pair]) / products.factor[pair]
             each = square[np.ix_(pair, pair)] * np.outer(size, size)
-            return bool(each.sum() < _CANCELS * np.diagonal(each).min())
+            seen = each[0, 0] if names[one].has_shape(names[other]) else np.diagonal(each).min()
+            return bool(each.sum() < _CANCELS * seen)
         beside = other if constant == one else one
         if beside not in decision.freed:
             return False  # a slope and a constant turn a curve about a point of it
