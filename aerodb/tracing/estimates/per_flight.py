@@ -230,7 +230,7 @@ class Campaign:
     ) -> Model:
         terms = tuple(sorted(set(accepted) - set(self.offsets)))
         shaped = {index for index, _ in self.shape_terms.values()}
-        # A shape that the model states needs no freedom: two that nearly cancel would have too much.
+        # A shape that the model states needs no freedom: two that cancel would have too much.
         stated = {i for pair in self.shapes if set(pair) <= set(terms) for i in pair}
         loose = tuple(i for i in terms if i in shaped and i not in exact and i not in stated)
         return terms, tuple(sorted(freed)), tuple(sorted(fixed)), loose
