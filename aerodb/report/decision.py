@@ -211,7 +211,10 @@ def _sized(
 
 
 def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
-    findings = document["findings"]
+    """What was found and not added: levels that follow a condition, then what is written on the
+    axis that is worst beside its noise floor."""
+    worst = [row["axis"] for row in _far_rows(document)[:1]]
+    findings = sorted(document["findings"], key=lambda each: not {*worst} & {*written_on(each)})
     levels = [text for each in document.get("levels", ()) if (text := followed(each, units))]
     named = [*levels, *(_sized(each, units) for each in findings)]
     return [*named[:_MOST], *_more(len(named), rest)]

@@ -139,6 +139,15 @@ def test_suspicions_propose_the_command_that_tries_them() -> None:
     assert to_try(one) == []
 
 
+@pytest.mark.parametrize("worst", ["CX", "Cm"])
+def test_what_acts_where_most_is_left_is_read_first(worst: str) -> None:
+    rows = [proof(a, 0.02, 0.02, noise_floor=0.001 if a == worst else 0.01) for a in ("CX", "Cm")]
+    maybe = [found(f"alpha_slope@{a}", verdict="suspected") for a in ("Cm", "CX", "Cn")]
+    lines = told(loop(maybe, [], rows))
+    assert f"slope of {worst} " in lines["strongest"][0]
+    assert lines["left"][0].startswith(worst)
+
+
 def test_the_empty_case_claims_nothing() -> None:
     document = loop([], [], [proof("CX", 0.001, 0.001, outcome="unchanged")])
     assert "nothing is missing that these flights could show" in decision(document).verdict
