@@ -22,6 +22,7 @@ def back_out(
     session: Session,
     row: "VersionRow",
     flight: "StatedCondition",
+    words: str,
     linear: Annotated[
         Path,
         typer.Option(help="File (TOML) of dimensional derivatives, as `aerodb derivatives` takes."),
