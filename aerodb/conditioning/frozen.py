@@ -79,10 +79,11 @@ def torn(flight: Flight) -> list[tuple[int, int]]:
         jump = np.abs(change[1:-1] - 0.5 * (change[:-2] + change[2:]))
         jump[np.minimum(np.abs(change[1:-1]), jump) < ROUNDING * np.ptp(flight[name])] = 0.0
         squares, there = uniform_filter1d(np.array([jump**2, jump > 0.0]), width)
-        votes += jump**2 * there > JUMP**2 * np.maximum(squares, 0.0)
+        jumps = jump**2 * there > JUMP**2 * np.maximum(squares, 0.0)
+        votes += jumps
         if name in _ANGLES:  # one that is logged slower catches up at each of its samples
             turn = np.abs(np.sin(0.5 * change[1:-1])) * np.cos(np.nan_to_num(flight["theta"][1:-2]))
-            turned |= 2.0 * turn * np.mean(jump > 0.0) > fastest * flight.step
+            turned |= jumps & (2.0 * turn * np.mean(jump > 0.0) > fastest * flight.step)
     good = flight.usable(moving, despite=("on_ground", "hover", "stuck", "failed"))
     good = good[:-3] & good[1:-2] & good[2:-1] & good[3:] & turned
     at = np.flatnonzero(good & (votes >= least)) + 2
