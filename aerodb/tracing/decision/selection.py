@@ -56,12 +56,13 @@ class CrossFlightTests:
     """Tests of all hypotheses over some flights of a campaign, given a model; results are cached.
 
     campaign : all flights; flights : which of them take part, by their number; settings : of
-    tracing.
+    tracing. pairs : linear effects with another shape that are searched together; None: all.
     """
 
     campaign: Campaign
     flights: tuple[int, ...]
     settings: TracingSettings
+    pairs: tuple[tuple[int, int], ...] | None = None
     cached: dict[tuple[object, ...], Tested] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -194,10 +195,11 @@ def _pair(
     alone = tests.tested(accepted, freed)
     pairs = [
         pair
-        for pair in tests.campaign.shapes
+        for pair in (tests.campaign.shapes if tests.pairs is None else tests.pairs)
         if taken.isdisjoint(pair) and alone.testable[list(pair)].all()
     ]
-    level = tests.settings.level / (len(tests.campaign.hypotheses) + len(pairs))
+    every = len(tests.campaign.hypotheses) + len(tests.campaign.shapes)
+    level = tests.settings.level / every
     best: tuple[float, tuple[int, ...]] = (0.0, ())
     for linear, shape in pairs:
         test = tests.tested((*accepted, linear), freed)

@@ -1,6 +1,7 @@
 """From the normal equations of several flights to findings, verdicts and bounds."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def judged(
     explanations = with_cancelling(
         tests, decision, [explain(tests, decision, index) for index in indices]
     )
-    repeated = _repeated(tests, decide)
+    repeated = _repeated(tests, decide, decision)
     findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
     test = tests.tested(decision.terms, decision.freed)
@@ -131,14 +132,16 @@ def _once(
 
 
 def _repeated(
-    tests: CrossFlightTests, decide: Callable[[CrossFlightTests], Decision]
+    tests: CrossFlightTests, decide: Callable[[CrossFlightTests], Decision], decision: Decision
 ) -> list[tuple[tuple[int, ...], Decision]]:
-    """The decision without one fold of the flights after another."""
+    """The decision without one fold of the flights after another; of pairs, those are searched that
+    all flights show."""
     count = min(tests.settings.folds, len(tests.flights))
     if count < 2:
         return []
     folds = [tuple(int(i) for i in fold) for fold in np.array_split(np.array(tests.flights), count)]
-    return [(fold, decide(tests.without(fold))) for fold in folds]
+    pairs = tuple(p for p in tests.campaign.shapes if set(p) <= set(decision.accepted))
+    return [(fold, decide(replace(tests.without(fold), pairs=pairs))) for fold in folds]
 
 
 def _finding(
