@@ -206,6 +206,7 @@ def _pair(
         gain = float(test.gain[shape])
         if (
             gain > best[0]
+            and test.unmasked[shape] < level  # what sensors may add only raises p
             and test.p_at([shape])[0] < level
             and not is_no_term(tests, test, shape, accepted)
         ):
