@@ -9,6 +9,7 @@ tangent of the whole chain from the sensor to the coefficients. `library` lists 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -91,7 +92,7 @@ class Hypothesis:
         which it acts."""
         return tuple(axis for axis, _ in self.increment) or self.axes
 
-    @property
+    @cached_property
     def drivers(self) -> tuple[str, ...]:
         """Channels that must vary for the effect to be visible."""
         names = frozenset[str]().union(*(regressor.names for _, regressor in self.increment))
@@ -104,15 +105,20 @@ class Hypothesis:
         Where flights cannot tell the two apart, they are the same function there; whether the
         effect changes with the condition is tested between flights.
         """
-        if self.tangent is not None or len(self.drivers) != 1 or not other.increment:
+        if not self._linear or not other.increment or self.written_on != other.written_on:
             return False
-        linear = all(regressor == parse(self.drivers[0]) for _, regressor in self.increment)
         own, others = set(self.drivers), set(other.drivers)
+        return own <= others <= own | {"alpha", "mach", "qbar"} and (
+            self.subject == other.subject or own == others
+        )
+
+    @cached_property
+    def _linear(self) -> bool:
+        """Whether this is linear in one variable alone."""
         return (
-            linear
-            and self.written_on == other.written_on
-            and own <= others <= own | {"alpha", "mach", "qbar"}
-            and (self.subject == other.subject or own == others)
+            self.tangent is None
+            and len(self.drivers) == 1
+            and all(regressor == parse(self.drivers[0]) for _, regressor in self.increment)
         )
 
     def columns(self, view: FlightView, size: float = 0.0) -> Columns:

@@ -260,9 +260,9 @@ def twins_of(tests: CrossFlightTests, test: Tested, index: int) -> Mask:
     Noise of the two channels, not the effect, makes one of them explain more: no test over flights
     tells them apart.
     """
-    products = tests.campaign.products.matrix[list(tests.flights), :-1, :-1]
-    own = np.diagonal(products, axis1=1, axis2=2)
-    alike = products[:, index] ** 2 > TWIN**2 * own[:, index, None] * own
+    matrix, rows = tests.campaign.products.matrix, list(tests.flights)
+    own = np.diagonal(matrix, axis1=1, axis2=2)[rows, :-1]
+    alike = matrix[rows, index, :-1] ** 2 > TWIN**2 * own[:, index, None] * own
     both = test.included & test.included[:, [index]]
     return np.asarray(both.any(axis=0) & np.all(alike | ~both, axis=0))
 

@@ -5,6 +5,7 @@ Those of the hypotheses are computed at once; those of shape-misfit terms only w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ class Products:
         each."""
         return np.r_[np.arange(self.hypotheses), len(self.base) - 1]
 
-    @property
+    @cached_property
     def matrix(self) -> Array:
         """Products (g, k + 1, k + 1) of the hypotheses, residual last; scaled to be
         dimensionless."""
