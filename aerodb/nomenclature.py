@@ -153,6 +153,10 @@ NAVIGATION: Final[tuple[str, ...]] = (
 
 #: Commands of wheels, which few logs have.
 WHEELS: Final = ("brake", "brake_left", "brake_right", "steering")
+#: Positions and commands from 0 to 1.
+SHARES: Final = ("brake", "brake_left", "brake_right", "delta_landing_gear")
+#: Largest value [-] of such a one: full travel is 1, and calibrations are a tenth wrong.
+MOST_SHARE: Final = 1.1
 #: Pairs of channels that give a position over the ground.
 POSITIONS: Final = (("north", "east"), ("latitude", "longitude"))
 

@@ -15,6 +15,7 @@ from aerodb.flight import Flight
 from aerodb.identification.database_parameters import unknown
 from aerodb.identification.ground_roll import OUTPUTS, START, GroundRoll, fitted_roll
 from aerodb.identification.likelihood_bounds import with_bounds
+from aerodb.nomenclature import MOST_SHARE, SHARES
 from aerodb.physics import GRAVITY, Earth, standard_atmosphere
 from aerodb.simulation import MASS_PROPERTIES, Condition, FlightModel, bridged, flight_model, trim
 from aerodb.support import Array
@@ -255,6 +256,13 @@ def _record(
         )
     notes = list[str]()
     known = {n: bridged(flight, n, whole, where) for n in (*MASS_PROPERTIES, *model.inputs)}
+    for n in SHARES:
+        if n in known and (most := float(np.max(known[n]))) > MOST_SHARE:
+            raise InputError(
+                f"{n} reaches {most:.4g}, but is a share from 0 to 1",
+                where,
+                "state its unit in the mapping: percent, or scale it to full travel",
+            )
     measured = _measured(flight, whole)
     speed = _first(flight.time[whole], measured)["speed"]
     altitude = _mean(flight, "altitude", whole)
@@ -280,6 +288,11 @@ def _record(
     slope = _slope(flight, whole, measured)
     if slope:
         notes.append(f"the runway climbs by {100.0 * slope:.2f} % by the altitudes; it counts")
+        if "height_above_ground" not in flight:
+            notes.append(
+                "height above ground is not known: what rolled more than a few metres above or"
+                " below the place of standstill was left out as flight"
+            )
         series["force_x"] = series["force_x"] - GRAVITY * slope * series["mass"]
     kept = _on_all_wheels(flight, whole, start["theta"], notes)
     if (kept.stop - kept.start) * flight.step < _SHORTEST:

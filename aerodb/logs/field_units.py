@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from aerodb.nomenclature import SHARES
 from aerodb.support import Array
 
 
@@ -41,7 +42,7 @@ _SIZES: Final = {
     "temperature": (("degC", 0.0, 100.0), ("K", 200.0, 340.0)),
     "static_pressure": (("Pa", 1e4, 1.2e5), ("hPa", 100.0, 1200.0), ("inHg", 3.0, 35.0)),
     "mach": (("1", 0.0, 8.0),),
-    "throttle": (("1", 0.0, 1.01), ("percent", 1.01, 110.0)),
+    **dict.fromkeys(("throttle", *SHARES), (("1", 0.0, 1.01), ("percent", 1.01, 110.0))),
 }
 #: Standard gravity [m/s^2].
 _GRAVITY: Final = 9.80665

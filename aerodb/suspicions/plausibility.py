@@ -27,7 +27,7 @@ from aerodb.conditioning import (
     with_accelerations,
 )
 from aerodb.flight import Flight
-from aerodb.nomenclature import FLAGS, is_surface
+from aerodb.nomenclature import FLAGS, MOST_SHARE, SHARES, is_surface
 from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
 from aerodb.support import CLAIM, Array
@@ -57,6 +57,8 @@ _ALIKE = (("alpha", "beta", "theta", "phi", "psi"), ("p", "q", "r"), ("ax", "ay"
 SAME = 1e-3
 #: Least ratio of their sizes for one field mapped to both, with an upwash taken off one of them.
 HALF = 0.5
+#: Share of samples that may lie beyond 0 to 1: single samples are wrong.
+SELDOM = 0.001
 #: A start later than the moment of reading by no more than this can be local time taken for UTC.
 _AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")
@@ -77,6 +79,7 @@ def suspicions(
     - channels without a usable sample at the times of the rates;
     - sensors that do not change while others do;
     - channels with more spikes than a few;
+    - a position or command from 0 to 1 that reaches more;
     - an angle, a rate or an acceleration with the history of another;
     - missing gravity, wrong sign or wrong unit of the vertical acceleration;
     - a rate, attitude, flow angle or acceleration of wrong sign, degrees declared as radians or the
@@ -92,6 +95,7 @@ def suspicions(
         *_standing_still(flight),
         *_often_wild(flight),
         *_too_large(flight),
+        *_no_share(flight),
         *_impossible_cg(flight, span, chord),
     ]
     unusable = {suspicion.channel for suspicion in listed}
@@ -232,6 +236,23 @@ def _too_large(flight: Flight) -> list[Suspicion]:
             if size > LARGEST_ANGLE:
                 words = f"{name} reaches {size:.3g} rad: it is in degrees, declared as radians"
                 suspicions.append(Suspicion(name, "degrees", words, {"quantile_90": size}))
+    return suspicions
+
+
+def _no_share(flight: Flight) -> list[Suspicion]:
+    """Return channels from 0 to 1 that reach more: per cents, or pulses of a servo."""
+    suspicions = []
+    for name in SHARES:
+        if name not in flight or not (good := flight.usable([name])).any():
+            continue
+        most = float(np.quantile(flight[name][good], 1.0 - SELDOM))
+        if most > MOST_SHARE:
+            unit = "per cent" if most < 100.0 * MOST_SHARE else "microseconds or another unit"
+            words = (
+                f"{name} reaches {most:.4g}, but is a share from 0 to 1: it is in {unit}; state"
+                " the unit in the mapping"
+            )
+            suspicions.append(Suspicion(name, "unit", words, {"most": most}))
     return suspicions
 
 

@@ -11,6 +11,7 @@ from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.identification import (
     RolledFlight,
+    Rolls,
     ground_fit,
     ground_parameters,
     ground_rolls,
@@ -125,6 +126,19 @@ def test_a_planted_friction_is_found_uphill() -> None:
     assert any("climbs by 0.4" in note for note in rolls.assumed)
 
 
+def test_a_slope_without_height_above_ground_costs_a_part_of_the_roll_and_says_so() -> None:
+    def rolls(*gone: str) -> Rolls:
+        whole = rolled(0.012)
+        left = {name: values for name, values in whole.channels.items() if name not in gone}
+        each = replace(whole, channels=left)
+        return recorded_rolls([RolledFlight(each, WHEELS, "roll")], OWN)
+
+    known, unknown = rolls(), rolls("height_above_ground")
+    assert len(unknown.records[0].time) < 0.8 * len(known.records[0].time)
+    said = [any("left out as flight" in note for note in each.assumed) for each in (known, unknown)]
+    assert said == [False, True]
+
+
 def test_a_right_friction_stays() -> None:
     found = by_all(rolled(), ("mu_brake",))
     assert abs(found["mu_brake"].value - 0.22) < 3.0 * found["mu_brake"].standard_error
@@ -143,6 +157,14 @@ def test_what_a_roll_lacks_is_said(gone: tuple[str, ...], said: str) -> None:
     with pytest.raises(InputError) as raised:
         by_all(replace(whole, channels=left))
     assert said in raised.value.what
+
+
+def test_brakes_in_per_cent_are_said() -> None:
+    whole = rolled()
+    per_cent = whole.with_channels({"brake": 100.0 * whole["brake"]})
+    with pytest.raises(InputError) as raised:
+        by_all(per_cent)
+    assert "brake reaches 100, but is a share from 0 to 1" in raised.value.what
 
 
 @pytest.mark.parametrize("gone", [("theta", "phi"), ("height_above_ground", "altitude")])

@@ -67,6 +67,17 @@ def test_degrees_declared_as_radians_are_named(name: str) -> None:
     assert "is in degrees" in found[0].sentence
 
 
+@pytest.mark.parametrize("name", ["brake", "brake_left", "delta_landing_gear"])
+@pytest.mark.parametrize(("full", "unit"), [(100.0, "per cent"), (2000.0, "microseconds")])
+def test_a_share_in_another_unit_is_named(name: str, full: float, unit: str) -> None:
+    flight = kinematic_flight(4)
+    position = np.clip(flight.time - 5.0, 0.0, 1.0)
+    assert suspicions(flight.with_channels({name: position})) == ()
+    (found,) = suspicions(flight.with_channels({name: full * position}))
+    assert (found.kind, found.channel) == ("unit", name)
+    assert unit in found.sentence
+
+
 def test_radians_declared_as_degrees_are_named() -> None:
     flight = kinematic_flight(5)
     (found,) = suspicions(flight.with_channels({"q": flight["q"] * DEGREE}))
