@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 20,
     "consistency": 25,
     "coefficients": 5,
-    "compare": 11,
+    "compare": 12,
     "import": 2,
     "fly": 4,
     "estimate": 13,

@@ -15,7 +15,7 @@ class Suspicion:
     """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
 
     Kinds: ``no_overlap future stuck sign degrees radians gravity swapped unit size delay
-    unmoved failed changed jump``.
+    unmoved failed changed zero steps jump``.
     """
 
     channel: str

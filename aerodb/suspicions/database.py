@@ -35,6 +35,7 @@ from aerodb.suspicions.evidence import (
     WELL_EXPLAINED,
 )
 from aerodb.suspicions.exchanged import exchanged_suspicions
+from aerodb.suspicions.faults_in_time import faults_in_time
 from aerodb.suspicions.loads import (
     FEWEST_MOMENTS,
     POSSIBLE,
@@ -44,7 +45,6 @@ from aerodb.suspicions.loads import (
     thrust_beside,
 )
 from aerodb.suspicions.mass_events import shift_beside
-from aerodb.suspicions.moments_in_time import moved_zeros
 from aerodb.suspicions.rotors import rotor_suspicions
 from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import AeroDatabase
@@ -109,10 +109,16 @@ def against_database(
         shared += cg_beside(axes, database.reference)
     rotors = rotor_suspicions(flight, database, measured, predicted, usable, bandwidth)
     jumps = shift_beside(flight, vehicle, measured, predicted, usable, bandwidth)
-    if not (lift or surfaces or shared or jumps):
+    if not (lift or jumps):
         slopes = {axis: each.slopes for axis, each in axes.items()}
-        surfaces = moved_zeros(flight, slopes, measured, predicted, usable)
-        surfaces = surfaces or _scales(axes, fits)
+        changing = faults_in_time(flight, slopes, measured, predicted, usable)
+        constant = {each.channel for each in (*surfaces, *shared)}
+        # What changes with time makes constants wrong; no constant looks like it on all axes. Of
+        # one channel, a constant has the better size.
+        if changing and constant.isdisjoint(each.channel for each in changing):
+            surfaces, shared = changing, []
+        if not (surfaces or shared):
+            surfaces = _scales(axes, fits)
     return (*lift, *surfaces, *pushed, *shared, *rotors, *jumps)
 
 

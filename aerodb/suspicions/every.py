@@ -14,11 +14,11 @@ from aerodb.suspicions.commands import command_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
 from aerodb.suspicions.failed import FAILED, failed_suspicions
+from aerodb.suspicions.faults_in_time import MOVED
 from aerodb.suspicions.lift import lift_suspicions
 from aerodb.suspicions.loads import POSSIBLE
 from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.suspicions.masses import mass_suspicions
-from aerodb.suspicions.moments_in_time import MOVED
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.suspicions.surfaces import size_suspicions
 from aerodb.suspicions.vane import vane_suspicions

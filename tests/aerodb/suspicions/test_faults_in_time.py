@@ -1,4 +1,4 @@
-"""Moments that part from the database with time: measured flights beside published derivatives and
+"""Channels that part from the database with time: measured flights beside published derivatives and
 flights that obey their database, each with a change planted in a surface's channel."""
 
 from collections.abc import Callable
@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerodb.coefficients.comparison import compare
+from aerodb.coefficients.total import total_coefficients
 from aerodb.signals import played
 from aerodb.suspicions import limits_flight
+from aerodb.suspicions.faults_in_time import faults_in_time
 from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.vehicle import add_combinations
 from tests.campaigns.corrupted import measured as measured_pairs
@@ -152,15 +155,41 @@ def test_play_in_the_linkage_of_a_surface(flight: Pair) -> None:
     assert any(each.channel == "delta_elevator" for each in found)
 
 
-@pytest.mark.parametrize(("name", "factor"), [("alpha", 0.6), ("az", 1.5)])
-def test_a_sensor_whose_scale_changes_is_named_with_what_looks_alike(
-    record: Pair, name: str, factor: float
-) -> None:
+def scaled(record: Pair, name: str, factor: float) -> Pair:
+    """A channel at another scale in the second half of a flight."""
     own = record.flight
     share = (own.time - own.time[0]) / np.ptp(own.time)
     made = own.with_channels({name: np.where(share > 0.5, factor, 1.0) * own[name]})
-    (said,) = (s for s in noticed_beside(replace(record, flight=made)) if "CZ" in s.sentence)
-    assert (said.kind, limits_flight(said)) == ("changed", True)
+    return replace(record, flight=made)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("alpha", 0.6), ("az", 1.5)])
+def test_a_sensor_whose_scale_changes_is_told_by_all_axes(
+    record: Pair, name: str, factor: float
+) -> None:
+    """Force and pitching moment together tell the vane from the accelerometer."""
+    found = noticed_beside(scaled(record, name, factor))
+    (said,) = (each for each in found if "CZ" in each.sentence)
+    assert (said.channel, said.kind) == (name, "changed")
+    assert limits_flight(said)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("alpha", 0.6), ("az", 1.5)])
+def test_what_one_axis_cannot_tell_apart_is_named_together(
+    record: Pair, name: str, factor: float
+) -> None:
+    """Of the force alone, a vane and an accelerometer explain the same."""
+    wrong = scaled(record, name, factor).flight
+    compared = compare(
+        wrong,
+        total_coefficients(wrong, record.vehicle),
+        record.database,
+        record.vehicle.reference,
+    )
+    force = {"CZ": compared.measured["CZ"]}
+    (said,) = faults_in_time(
+        wrong, {"CZ": {"alpha": -4.32785}}, force, compared.predicted, compared.usable
+    )
     assert "alpha" in said.sentence
     assert "az" in said.sentence
 
