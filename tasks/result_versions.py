@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 20,
+    "conditioning": 21,
     "consistency": 25,
     "coefficients": 5,
     "compare": 12,

@@ -27,9 +27,11 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import low_passed
 from aerodb.support import CLAIM, Array, standard_errors
+from aerodb.suspicions.derivatives import whole_surface
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER, SCATTER
 from aerodb.suspicions.in_flight import flying, known_masses
 from aerodb.suspicions.lift import STALL
+from aerodb.suspicions.surfaces import role_of
 from aerodb.vehicle import Vehicle, cg_positions
 
 #: Kind of a suspicion of a mass that jumps.
@@ -86,10 +88,12 @@ def mass_event_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, 
         return ()
     stretch, jump = found
     since, first, last = (float(stretch.time[k]) for k in (jump.at, jump.first, jump.last))
+    pitch = [name for name in flight.channels if is_surface(name) and role_of(name) == "pitch"]
+    alike = ", ".join(dict.fromkeys(("az", *(whole_surface(name, flight) for name in pitch))))
     words = (
         f"all forces change at {since:.2f} s ({first:.2f} to {last:.2f} s, 95 %) as if"
-        f" {_moved(stretch, jump)}, and nothing else is seen to change. A gain of az or alpha that"
-        " changes looks alike. State it as [[mass.event]]"
+        f" {_moved(stretch, jump)}, and nothing else is seen to change. A gain or zero of {alike}"
+        " or alpha that changes looks alike. State it as [[mass.event]]"
         f' of the vehicle file, with flight = "{flight.id[:12]}"'
     )
     evidence = {

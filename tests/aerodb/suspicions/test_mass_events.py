@@ -42,6 +42,7 @@ def test_a_dropped_load_has_its_time_and_its_mass(
             flight_of(logged(true, seed)), parse_vehicle(vehicle_text(true))
         )
         assert (found.channel, found.kind) == ("mass", "jump")
+        assert "az, delta_elevator or alpha" in found.sentence
         said = found.evidence
         assert said["from"] == pytest.approx(FIRST, abs=1.01 * STEP)
         assert said["earliest"] <= FIRST <= said["latest"]
