@@ -11,7 +11,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import with_wind
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.support import in_threads
+from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding
 
@@ -34,17 +34,45 @@ def without_sensors(
 
     Raises InputError where a flight lacks what is needed.
     """
+    shares = sensor_shares(source, flights, database, library, sensors)
+    return {
+        flight: less_share(source.comparison(flight, database), share)
+        for flight, share in shares.items()
+    }
+
+
+def sensor_shares(
+    source: FlightSource,
+    flights: Collection[str],
+    database: AeroDatabase,
+    library: Library,
+    sensors: Mapping[str, float],
+) -> dict[str, Mapping[str, Array]]:
+    """Return flight (id) -> axis -> what these sensors (id -> error, SI) add to the measured
+    coefficients (n,); a constant of the database hardly changes it.
+
+    Raises InputError where a flight lacks what is needed.
+    """
     found = [(each, sensors[each.id]) for each in library.hypotheses if each.id in sensors]
 
-    def one(flight: str) -> Comparison:
-        compared = source.comparison(flight, database)
-        if not found:
-            return compared
-        view, measured = source.view(flight, database), dict(compared.measured)
-        for hypothesis, value in found:
-            for axis, column in with_wind(view, hypothesis.columns(view)).items():
-                if axis in measured:
-                    measured[axis] = measured[axis] - value * column
-        return replace(compared, measured=measured)
+    def one(flight: str) -> Mapping[str, Array]:
+        share = dict[str, Array]()
+        if found:
+            view = source.view(flight, database)
+            for hypothesis, value in found:
+                for axis, column in with_wind(view, hypothesis.columns(view)).items():
+                    share[axis] = share.get(axis, 0.0) + value * column
+        return share
 
     return dict(zip(flights, in_threads(one, [*flights]), strict=True))
+
+
+def less_share(compared: Comparison, share: Mapping[str, Array]) -> Comparison:
+    """Return a comparison without a share (axis -> (n,)) of the measured coefficients."""
+    if not share:
+        return compared
+    measured = {
+        axis: values - share[axis] if axis in share else values
+        for axis, values in compared.measured.items()
+    }
+    return replace(compared, measured=measured)

@@ -19,7 +19,8 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift, lift_curve
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.sensor_share import without_sensors
+from aerodb.loop.sensor_share import less_share, sensor_shares
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Expression, Name, number, parse, plus
 
 #: Axis of an increment -> body axis that shows its constant.
@@ -51,14 +52,17 @@ def about_zero_lift(
     none, zero_lift = _curves(before, library)
     none |= dict.fromkeys({turned, *others}, _SLOPE)
     zero_lift |= dict.fromkeys({_SLOPE, *others}, turned)
+    shares: dict[str, Mapping[str, Array]] | None = None
     for axis, body in _SHOWN_ON.items():
         pair = [_about(candidate, first, axis, each) for each in (none, zero_lift)]
         if pair[0] is pair[1]:
             continue
-        constants = [
-            mean_constant(without_sensors(source, flights, each, library, sensors), body)
-            for each in pair
-        ]
+        if shares is None:  # the two differ by a constant
+            shares = sensor_shares(source, flights, candidate, library, sensors)
+        constants = []
+        for each in pair:
+            left = {f: less_share(source.comparison(f, each), shares[f]) for f in shares}
+            constants.append(mean_constant(left, body))
         if None not in constants:
             candidate = pair[abs(constants[1] or 0.0) < abs(constants[0] or 0.0)]
     return candidate
