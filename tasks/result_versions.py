@@ -8,14 +8,14 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 21,
-    "consistency": 25,
+    "conditioning": 22,
+    "consistency": 26,
     "coefficients": 5,
-    "compare": 12,
+    "compare": 13,
     "import": 2,
     "fly": 4,
-    "estimate": 13,
-    "update": 20,
+    "estimate": 14,
+    "update": 21,
     "gram": 18,
     "close_loop": 55,
 }

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.flight import Flight
 from aerodb.signals import bridge, decimated, low_passed
-from aerodb.support import HINT, Array, standard_errors
+from aerodb.support import HINT, Array, half_interval, standard_errors
 
 #: Band of rigid-body motion [Hz], which manoeuvres and gusts excite: channels are compared there.
 BAND = (0.1, 2.0)
@@ -259,8 +259,8 @@ def _channel_delay(
     if delay.observable and delay.seconds < -standard_errors(HINT) * delay.standard_error:
         because = (
             f"it seems to lead the motion by {-1e3 * delay.seconds:.0f} +-"
-            f" {1e3 * delay.standard_error:.0f} ms, which no sensor does: check its time stamps,"
-            " its position, and the clock of accelerations and rates"
+            f" {1e3 * half_interval(delay.standard_error):.0f} ms, which no sensor does: check"
+            " its time stamps, its position, and the clock of accelerations and rates"
         )
         return replace(delay, standard_error=float("inf"), observable=False, because=because)
     return delay

@@ -46,7 +46,7 @@ from aerodb.consistency.verdict import (
 from aerodb.errors import CalculationError, InputError, failing_alone
 from aerodb.flight import Flight
 from aerodb.remarks import MISPLACED, NEVER_AIRBORNE, Remark, of_error
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.vehicle import (
     FLOW,
     Vehicle,
@@ -153,8 +153,8 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     beside = [check.sentence for check in wrong if check.remark not in verdict.remarks]
     wanted = applied_corrections(known.sensors, plan, calibration)
     withheld = [
-        f"{name} {value:.2g} +- {error:.2g} (SI) is not applied: only a channel that disagrees with"
-        " the motion determines it"
+        f"{name} {value:.2g} +- {half_interval(error):.2g} (SI) is not applied: only a channel that"
+        " disagrees with the motion determines it"
         for name, (value, error) in known.sensors.by_name.items()
         if name in plan.doubtful and name in wanted and name not in values
     ]

@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .mode_table import COMPARED, mode_table, mode_words
     from .next_command import accepting, measurements, measuring
-    from .numbers import display_unit, for_people, half_interval
+    from .numbers import display_unit, for_people
     from .page import pdf, render
     from .qualification import feedback_words, qualification_csv
     from .reach import beyond_data, beyond_words, reach_of

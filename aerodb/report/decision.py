@@ -16,8 +16,9 @@ from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed
 from aerodb.report.levels import followed
 from aerodb.report.next_command import next_steps
-from aerodb.report.numbers import for_people, half_interval, number
+from aerodb.report.numbers import for_people, number
 from aerodb.report.terms import as_constant, term_name
+from aerodb.support import half_interval
 from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
 

@@ -6,8 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.report.numbers import display_unit, half_interval
+from aerodb.report.numbers import display_unit
 from aerodb.report.terms import as_constant, term_name, term_unit
+from aerodb.support import half_interval
 from aerodb.tables import (
     HAT_RATES,
     AeroDatabase,

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from aerodb.nomenclature import in_order
 from aerodb.report.labels import channel_scale, in_figure
-from aerodb.report.numbers import display_unit, half_interval, number
+from aerodb.report.numbers import display_unit, number
 from aerodb.report.reach import Reach, reach_of
 from aerodb.report.style import (
     DATABASE,
@@ -21,7 +21,7 @@ from aerodb.report.style import (
     panel_grid,
     plain_panel,
 )
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.tables import (
     AeroDatabase,
     Increment,

@@ -14,7 +14,8 @@ from aerodb.remarks import REFUSED, Remark, said
 from aerodb.report.document import axis_document, beyond_document, opening, remark_documents
 from aerodb.report.glossary import capital, hypothesis_words, listed
 from aerodb.report.levels import followed, likely, to_declare
-from aerodb.report.numbers import TWO_SIDED, for_people
+from aerodb.report.numbers import for_people
+from aerodb.support import TWO_SIDED
 from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 from aerodb.units import SI
 

@@ -1,14 +1,12 @@
 """Numbers and units as text."""
 
 import math
-from typing import Any, Final
+from typing import Final
 
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
 from aerodb.units import UnitSystem, shown_units
 
-#: 95 % of a normal distribution lie within this many standard errors.
-TWO_SIDED: Final = 1.96
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -27,16 +25,6 @@ def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
         return f"{value:.0f}".replace("-", "−")
     shown, _, power = f"{value:{'#' if zeros else ''}.{digits}g}".replace("-", "−").partition("e")
     return f"{shown}{power_of_ten(int(power.replace('−', '-')))}" if power else shown
-
-
-def half_interval(standard_error: Any) -> Any:
-    """Half of a 95 % interval: what stands behind every ``+-`` that people read
-    (scalar or array, in the same unit).
-
-    >>> half_interval(0.5)
-    0.98
-    """
-    return TWO_SIDED * standard_error
 
 
 def power_of_ten(power: int) -> str:

@@ -26,9 +26,10 @@ from aerodb.report.glossary import (
 )
 from aerodb.report.head import Head
 from aerodb.report.labels import visible
-from aerodb.report.numbers import half_interval, number
+from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED
 from aerodb.report.terms import term_name, term_unit
+from aerodb.support import half_interval
 from aerodb.units import shown_units
 
 #: Colours of curves on pages, by what they show.

@@ -10,7 +10,8 @@ import numpy as np
 from aerodb.errors import AeroError
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.report.glossary import effect_words, listed
-from aerodb.report.numbers import TWO_SIDED, for_people
+from aerodb.report.numbers import for_people
+from aerodb.support import TWO_SIDED
 from aerodb.tables import WIND_AXES, AeroDatabase, Increment, new_increments, parse
 
 #: Longest expression that is shown as it is; a longer one is named by its variables.

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from aerodb.coefficients import Comparison
 from aerodb.report.labels import channel_scale, in_figure, parameter_scale
-from aerodb.report.numbers import half_interval, number
+from aerodb.report.numbers import number
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -22,7 +22,7 @@ from aerodb.report.style import (
     panel_grid,
     plain_panel,
 )
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.tracing import SamplingUnit
 
 #: Most bins of a variable.

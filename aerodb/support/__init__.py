@@ -9,7 +9,7 @@
   `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`dual_numbers`).
 - `MatElements`: MAT-files of versions 5 to 7, element by element (`mat5`).
 - `standard_errors` and `likelihood_gain` of a rate of false alarms (`CLAIM`, `DIFFERENCE`, `HINT`);
-  `false_alarms`.
+  `half_interval` of what people read; `false_alarms`.
 - `require_supported_system`: an error in words on systems that are not Linux (`operating_system`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
@@ -32,7 +32,15 @@ if TYPE_CHECKING:
         root,
         sine,
     )
-    from .false_alarms import CLAIM, DIFFERENCE, HINT, likelihood_gain, standard_errors
+    from .false_alarms import (
+        CLAIM,
+        DIFFERENCE,
+        HINT,
+        TWO_SIDED,
+        half_interval,
+        likelihood_gain,
+        standard_errors,
+    )
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, MatHeader, is_mat5
     from .operating_system import require_supported_system

@@ -5,7 +5,10 @@ likelihoods with and without it: both have the same rate (Wilks, Ann. Math. Stat
 """
 
 from statistics import NormalDist
+from typing import Any, Final
 
+#: 95 % of a normal distribution lie within this many standard errors.
+TWO_SIDED: Final = 1.96
 #: Rate of a claim that a flight, a file or a database is wrong, where none is: a flight is asked
 #: some fifty times, so that one right flight in a hundred is suspected.
 CLAIM = 2e-4
@@ -37,3 +40,13 @@ def likelihood_gain(rate: float) -> float:
     2.0
     """
     return 0.5 * standard_errors(rate) ** 2
+
+
+def half_interval(standard_error: Any) -> Any:
+    """Half of a 95 % interval: what stands behind every ``+-`` that people read
+    (scalar or array, in the same unit).
+
+    >>> half_interval(0.5)
+    0.98
+    """
+    return TWO_SIDED * standard_error

@@ -16,6 +16,7 @@ import numpy as np
 from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
+from aerodb.support import half_interval
 from aerodb.suspicions.assignment import assignment_suspicions
 from aerodb.suspicions.changing import changing_suspicions
 from aerodb.suspicions.damping import damping_beside_vehicle
@@ -108,7 +109,7 @@ def _claims(axis: EquationError, fit: Regression, own: Mapping[str, Control]) ->
         effect, error = float(fit.estimates[k]), float(fit.standard_errors[k])
         moved = float(np.std(axis.controls[name][axis.where]))
         evidence = {"effect": effect, "standard_error": error, "explained": fit.r_squared}
-        told = f"{name} gives {effect:.3g} +- {error:.2g} per rad"
+        told = f"{name} gives {effect:.3g} +- {half_interval(error):.2g} per rad"
         if fit.vif[k] > INFLATION:
             continue
         caused = abs(effect) * moved / total

@@ -22,7 +22,7 @@ from aerodb.estimation import (
     instrumental_variables,
 )
 from aerodb.nomenclature import is_surface
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.suspicions.derivatives import AxisShares
 from aerodb.suspicions.equation_error import EquationError
 from aerodb.suspicions.evidence import ERRORS, INFLATION, PART, RATIOS, WELL_EXPLAINED
@@ -53,8 +53,8 @@ def damping_beside_vehicle(
     if told is None or _is_usual(*told, expected):
         return []
     words = (
-        f"the damping in roll is {told[0]:.3g} +- {told[1]:.2g} per p b / 2V (wing of aspect ratio"
-        f" {ratio:.3g}: {expected:.2g}). {_WRONG}"
+        f"the damping in roll is {told[0]:.3g} +- {half_interval(told[1]):.2g} per p b / 2V (wing"
+        f" of aspect ratio {ratio:.3g}: {expected:.2g}). {_WRONG}"
     )
     return [Suspicion("Ixx", "size", words, {"damping": told[0], "expected": expected})]
 
@@ -75,7 +75,8 @@ def damping_beside_database(axis: AxisShares, fit: Regression) -> list[Suspicion
     told = _of_controls(axis.measured, *parts, axis.where, axis.step)
     if told is None or _is_usual(*told, 1.0):
         return []
-    words = f"the damping in roll is {told[0]:.3g} +- {told[1]:.2g} times the database's: {_WRONG}"
+    half = half_interval(told[1])
+    words = f"the damping in roll is {told[0]:.3g} +- {half:.2g} times the database's: {_WRONG}"
     return [Suspicion("Ixx", "size", words, {"ratio": told[0]})]
 
 

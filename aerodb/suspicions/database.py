@@ -16,7 +16,7 @@ from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.suspicions.changing import RATIOS as SCALES
 from aerodb.suspicions.damping import damping_beside_database
 from aerodb.suspicions.derivatives import AxisShares, Share, axis_shares, whole_surface
@@ -154,8 +154,8 @@ def _lift(
     if not ratio.explained > WELL_EXPLAINED or low <= ratio.value <= high:
         return []
     words = (
-        f"the lift changes by {ratio.value:.3g} +- {ratio.error:.2g} times what the database has"
-        f" for the same angles and deflections{cause}"
+        f"the lift changes by {ratio.value:.3g} +- {half_interval(ratio.error):.2g} times what the"
+        f" database has for the same angles and deflections{cause}"
     )
     evidence = {"ratio": ratio.value, "standard_error": ratio.error}
     return [Suspicion("mass", "size", words, evidence)]
@@ -184,8 +184,8 @@ def _first(pair: tuple[float, Share]) -> float:
 def _size(share: Share) -> list[Suspicion]:
     ratio, error, weight = share.ratio, share.error, share.weight
     told = (
-        f"{share.variable} gives {ratio:.3g} +- {error:.2g} times the {share.axis} that the"
-        " database has for it"
+        f"{share.variable} gives {ratio:.3g} +- {half_interval(error):.2g} times the {share.axis}"
+        " that the database has for it"
     )
     evidence = {"ratio": ratio, "standard_error": error, "weight": weight}
     reversed_ = ratio < -LEAST and ratio + ERRORS * error < 0.0
@@ -216,9 +216,9 @@ def _scales(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> l
             if SCALES[0] - margin <= share.ratio <= SCALES[1] + margin:
                 continue
             words = (
-                f"{name} gives {share.ratio:.3g} +- {share.error:.2g} times the {axis} that the"
-                " database has for it: the scale of its channel is another, or the database's"
-                " effect is wrong"
+                f"{name} gives {share.ratio:.3g} +- {half_interval(share.error):.2g} times the"
+                f" {axis} that the database has for it: the scale of its channel is another, or the"
+                " database's effect is wrong"
             )
             if share.ratio < 1.0:
                 words += f". A filter of {_MEASURED_BY[axis]} looks alike"

@@ -11,6 +11,7 @@ from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import low_passed
+from aerodb.support import half_interval
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIFTS, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying, known_masses
 from aerodb.vehicle import Vehicle
@@ -91,9 +92,9 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
     if low <= slope <= high:
         return ()
     words = (
-        f"the normal force grows by {slope:.3g} +- {error:.2g} per rad of alpha (wing of aspect"
-        f" ratio {ratio:.3g}: {expected:.3g}). Mass, area, density, airspeed or the scale of alpha"
-        " is wrong, or the log is another aircraft's"
+        f"the normal force grows by {slope:.3g} +- {half_interval(error):.2g} per rad of alpha"
+        f" (wing of aspect ratio {ratio:.3g}: {expected:.3g}). Mass, area, density, airspeed or the"
+        " scale of alpha is wrong, or the log is another aircraft's"
     )
     return (Suspicion("mass", "size", words, {"slope": slope, "expected": expected}),)
 

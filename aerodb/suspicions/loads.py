@@ -17,7 +17,7 @@ from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.suspicions.derivatives import AxisShares, Share
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
 from aerodb.suspicions.evidence import ERRORS, FEWEST, INFLATION, SCATTER, WELL_EXPLAINED
@@ -168,8 +168,8 @@ def mass_beside(
         f"all forces are {factor:.3g} times the database's, the moments are not: a mass"
         f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} would"
         f" look like this. Level of the normal force {here / there:.3g}, its change"
-        f" {normal.value:.3g} +- {normal.error:.2g}, side force {side.value:.3g} +-"
-        f" {side.error:.2g}"
+        f" {normal.value:.3g} +- {half_interval(normal.error):.2g}, side force {side.value:.3g} +-"
+        f" {half_interval(side.error):.2g}"
     )
     evidence = {"factor": factor, "level": here / there, "normal": normal.value, "side": side.value}
     return [Suspicion("mass", POSSIBLE, words, evidence)]
@@ -203,8 +203,8 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
     words = (
         "Cm and Cn differ from the database in proportion to normal and side force. A CG assumed"
         f" {abs(shift):.3g} m ({abs(shift) / reference.chord:.2g} chords) too far"
-        f" {'forward' if shift > 0.0 else 'aft'} would look like this: {here:.3g} +- {error:.2g} m"
-        f" by Cm, {there:.3g} +- {other:.2g} m by Cn"
+        f" {'forward' if shift > 0.0 else 'aft'} would look like this: {here:.3g} +-"
+        f" {half_interval(error):.2g} m by Cm, {there:.3g} +- {half_interval(other):.2g} m by Cn"
     )
     return [Suspicion("cg_x", POSSIBLE, words, {"shift": shift, "pitch": here, "yaw": there})]
 

@@ -26,7 +26,7 @@ from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import low_passed
-from aerodb.support import CLAIM, Array, standard_errors
+from aerodb.support import CLAIM, Array, half_interval, standard_errors
 from aerodb.suspicions.derivatives import whole_surface
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER, SCATTER
 from aerodb.suspicions.in_flight import flying, known_masses
@@ -143,8 +143,8 @@ def shift_beside(
     place = cg_positions(flight, vehicle)[piece][jump.at, 0] + shift * (1.0 + stretch.mass / change)
     words = (
         f"the pitching moment changes at {stretch.time[jump.at]:.2f} s as if the CG moved by"
-        f" {shift:.2g} +- {error:.1g} m along x, where {_moved(stretch, jump)}: from x ="
-        f" {place:.3g} m"
+        f" {shift:.2g} +- {half_interval(error):.1g} m along x, where {_moved(stretch, jump)}:"
+        f" from x = {place:.3g} m"
     )
     evidence = {"shift": shift, "shift_error": error, "position": float(place)}
     return [Suspicion("cg_x", JUMPED, words, evidence)]
@@ -153,7 +153,7 @@ def shift_beside(
 def _moved(stretch: _Stretch, jump: _Jump) -> str:
     mass, error = jump.share * stretch.mass, jump.error * stretch.mass
     how = "leave the aircraft" if mass < 0.0 else "come aboard"
-    return f"{abs(mass):.4g} +- {error:.2g} kg {how}"
+    return f"{abs(mass):.4g} +- {half_interval(error):.2g} kg {how}"
 
 
 def _clearest(flight: Flight, vehicle: Vehicle) -> tuple[_Stretch, _Jump] | None:

@@ -19,7 +19,7 @@ from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.parts import beyond_tilt
 from aerodb.signals import low_passed
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER
 from aerodb.suspicions.rotor_order import order_suspicions
 from aerodb.tables import AeroDatabase, Number, times
@@ -106,7 +106,7 @@ def rotor_suspicions(
     less = "less" if value < 0.0 else "more"
     words = (
         f"the thrust of {ranked[0]} is {abs(value):.0%} {less} than that of the others beside the"
-        f" database, +- {error:.1%}"
+        f" database, +- {half_interval(error):.1%}"
     )
     return (Suspicion(ranked[0], "thrust", words, {"share": value, "standard_error": error}),)
 

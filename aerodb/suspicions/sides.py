@@ -14,6 +14,7 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.estimation import Regression
 from aerodb.flight import Flight
+from aerodb.support import half_interval
 from aerodb.suspicions.equation_error import EquationError, equation_errors
 from aerodb.suspicions.evidence import CAUSED, ERRORS, EXPLAINED, INFLATION, RATIOS, SWING
 from aerodb.suspicions.surfaces import Control
@@ -106,9 +107,9 @@ def _unlike(axis: EquationError, right: str, left: str, mirror: float) -> Suspic
     ):
         return None
     words = (
-        f"{weak} gives {effects[weak][0]:.3g} +- {other:.2g} per rad about the {axis.role} axis,"
-        f" its mirror image {strong} {large:.3g} +- {error:.2g}. One was not recorded, is in"
-        " another unit, or is another surface's channel"
+        f"{weak} gives {effects[weak][0]:.3g} +- {half_interval(other):.2g} per rad about the"
+        f" {axis.role} axis, its mirror image {strong} {large:.3g} +- {half_interval(error):.2g}."
+        " One was not recorded, is in another unit, or is another surface's channel"
     )
     return Suspicion(weak, "unit", words, {"ratio": small / abs(large), "caused": caused})
 

@@ -22,6 +22,7 @@ from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge
+from aerodb.support import half_interval
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import ERRORS, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying
@@ -62,8 +63,8 @@ def vane_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     if ratio - 1.0 <= SCALE_TOLERANCE + ERRORS * error:
         return ()
     words = (
-        f"alpha changes by {ratio:.3g} +- {error:.2g} times what rates and accelerations make it"
-        " change. [air_data] upwash of the vehicle file is missing or inverted, or the vane's"
-        " scale is another, or that of q"
+        f"alpha changes by {ratio:.3g} +- {half_interval(error):.2g} times what rates and"
+        " accelerations make it change. [air_data] upwash of the vehicle file is missing or"
+        " inverted, or the vane's scale is another, or that of q"
     )
     return (Suspicion("alpha", "size", words, {"ratio": ratio, "standard_error": error}),)

@@ -105,7 +105,7 @@ def _say_edits(
 
 def _edit(term: Mapping[str, Any]) -> str:
     """Return an edit in a few words, +- half of its 95 % interval."""
-    from aerodb.report import half_interval
+    from aerodb.support import half_interval
 
     if term["kind"] != "increment":
         return f"{term['axis']} {_what(term)}".strip()

@@ -86,7 +86,7 @@ def plus_minus(value: float, error: float | None, digits: int = 4, factor: float
     >>> plus_minus(0.25, 0.01), plus_minus(1.0, None), plus_minus(1.0, 0.0)
     ('0.25 +- 0.02', '1', '1')
     """
-    from aerodb.report import half_interval
+    from aerodb.support import half_interval
 
     shown = f"{factor * value:.{digits}g}"
     return f"{shown} +- {factor * half_interval(error):.2g}" if error else shown

@@ -23,7 +23,8 @@ from aerodb.identification import (
     state_space_fit,
 )
 from aerodb.increments import parse_model_file
-from aerodb.report import derivative_unit, fit_report, half_interval
+from aerodb.report import derivative_unit, fit_report
+from aerodb.support import half_interval
 from aerodb.tasks.steps import manoeuvre_windows
 
 #: What a model file holds, as Python reads it.

@@ -25,8 +25,8 @@ from aerodb.flows.library.views import (
     shown_unit,
     time_coordinate,
 )
-from aerodb.report import half_interval, sensor_error_unit
-from aerodb.support import Array
+from aerodb.report import sensor_error_unit
+from aerodb.support import Array, half_interval
 from aerodb.suspicions import limited_document, limits_flight
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, with_mass_channels

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.flows.library.views import Data, Values
-from aerodb.report import for_people, half_interval
+from aerodb.report import for_people
+from aerodb.support import half_interval
 
 #: Quantities of a coefficient axis that are drawn, those that there are.
 _ON_AXES = ("measured", "predicted", "coefficient")

@@ -24,7 +24,8 @@ from aerodb.increments import (
     parse_model_file,
 )
 from aerodb.loop import ByMethod, estimate_declared, validate_declared
-from aerodb.report import beyond_remarks, half_interval, update_document
+from aerodb.report import beyond_remarks, update_document
+from aerodb.support import half_interval
 from aerodb.tables import AeroDatabase
 
 

@@ -46,7 +46,7 @@ from aerodb.consistency.verdict import moving_air
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.signals import bridge
-from aerodb.support import Array, in_threads
+from aerodb.support import Array, half_interval, in_threads
 from aerodb.vehicle import Accuracy, Vehicle
 
 #: Sampling interval for the estimation of sensor errors, s: rigid-body motion is slower.
@@ -356,7 +356,8 @@ def air_remarks(found: FlightReconstruction, applied: Collection[str]) -> tuple[
             and name not in applied
             and SIGNIFICANT * calm < abs(value) <= SIGNIFICANT * error
         ):
-            degrees = [f"{np.rad2deg(each):.2g}" for each in (value, error, calm)]
+            halves = half_interval(error), half_interval(calm)
+            degrees = [f"{np.rad2deg(each):.2g}" for each in (value, *halves)]
             said.append(
                 f"{name} {degrees[0]} +- {degrees[1]} deg is not applied: it may be air that rises"
                 f" or sinks by {result.air_sigma:.2g} m/s (in still air: +- {degrees[2]} deg)."

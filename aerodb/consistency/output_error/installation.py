@@ -19,7 +19,15 @@ from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import TRUST, ReconstructionPlan
 from aerodb.consistency.reconstructed import Reconstruction
 from aerodb.consistency.sensors import AIR_DATA, FlightRecord, parameter
-from aerodb.support import CLAIM, DIFFERENCE, HINT, Array, likelihood_gain, standard_errors
+from aerodb.support import (
+    CLAIM,
+    DIFFERENCE,
+    HINT,
+    Array,
+    half_interval,
+    likelihood_gain,
+    standard_errors,
+)
 
 #: Standard errors beyond which a lead is evidence for another error.
 EVIDENT = standard_errors(HINT)
@@ -56,8 +64,8 @@ class VanePosition:
 
     @property
     def sentence(self) -> str:
-        """The finding [m] and its standard error, with what to do about it; delays that looked like
-        it are in [s], see `instead`."""
+        """The finding [m] and half of its 95 % interval, with what to do about it; delays that
+        looked like it are in [s], see `instead`."""
         side = "ahead of" if self.ahead > 0 else "behind"
         looked = [
             f"{name} {value:.2g}{' s' if name.endswith('delay') else ''}"
@@ -65,7 +73,8 @@ class VanePosition:
         ]
         instead = f"; {' and '.join(looked)} looked like it: not applied"
         digits = 1 if self.standard_error >= 0.1 else 2
-        metres = f"{abs(self.ahead):.{digits}f} +- {self.standard_error:.{digits}f} m"
+        half = half_interval(self.standard_error)
+        metres = f"{abs(self.ahead):.{digits}f} +- {half:.{digits}f} m"
         return (
             f"the vane seems to be {metres} {side} where"
             " the vehicle file says: state its position in [points] air_data (default: the CG)"
@@ -261,7 +270,7 @@ def _channel(lead: Lead) -> str:
 
 
 def _size(lead: Lead) -> str:
-    return f"{-1e3 * lead.seconds:.0f} +- {1e3 * lead.standard_error:.0f} ms"
+    return f"{-1e3 * lead.seconds:.0f} +- {1e3 * half_interval(lead.standard_error):.0f} ms"
 
 
 def _suspects(lead: Lead) -> str:

@@ -15,7 +15,7 @@ from aerodb.estimation.standing import standings
 from aerodb.estimation.time_history import TimeHistory, elapsed
 from aerodb.estimation.whiteness import ljung_box
 from aerodb.signals import theil
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 
 _LOST: Final = "the filter lost the motion: start closer, or state priors or bounds"
 #: Probability of white innovations below which they are called coloured.
@@ -121,8 +121,8 @@ def walked(
 
 
 def _told(value: Array) -> str:
-    """Value and standard error (2,)."""
-    return f"{value[0]:.4g} +- {value[1]:.2g}"
+    """A value and half of its 95 % interval; value : with its standard error, (2,)."""
+    return f"{value[0]:.4g} +- {half_interval(value[1]):.2g}"
 
 
 def _size(tracks: Sequence[FilteredRecord]) -> float:

@@ -23,7 +23,7 @@ from aerodb.estimation.regression.equation_error import (
     whitened,
 )
 from aerodb.estimation.regression.linear_equation import LinearEquation
-from aerodb.support import Array, Mask
+from aerodb.support import Array, Mask, half_interval
 
 #: How the rank is chosen: predicted square error, leaving records (or parts of one) out, or the
 #: ratio of singular values to the largest.
@@ -256,7 +256,7 @@ def _standings(
                 "it is left at its start value: these records hardly determine it",
             )
         elif share > _BIASED:
-            alone = f"; least squares gives {whole[k]:.4g} +- {complete[k]:.2g}"
+            alone = f"; least squares gives {whole[k]:.4g} +- {half_interval(complete[k]):.2g}"
             standings[problem.names[k]] = (
                 "biased",
                 f"{share:.0%} of it lies in combinations that stay at their start values"

@@ -18,7 +18,7 @@ from aerodb.estimation.regression.equation_error import (
     whitened,
 )
 from aerodb.estimation.regression.linear_equation import LinearEquation
-from aerodb.support import Array, Mask
+from aerodb.support import Array, Mask, half_interval
 
 #: Share of a prior's standard error above which the data have added nothing.
 _NOTHING_ADDED = 0.95
@@ -185,7 +185,7 @@ def _at_bound(problem: Reduced, solution: _Solution, at_bound: Mask) -> Standing
         beyond = (free < item.lower) or (free > item.upper)
         standings[item.name] = (
             "at bound",
-            f"without bounds it would be {free:.4g} +- {error:.2g}"
+            f"without bounds it would be {free:.4g} +- {half_interval(error):.2g}"
             + ("" if beyond else "; the bound of another pushes it here"),
         )
     return standings

@@ -25,7 +25,7 @@ from aerodb.estimation.spectra.frequency_response import (
     frequency_responses,
 )
 from aerodb.estimation.time_history import TimeHistory
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 
 Complex = NDArray[np.complex128]
 
@@ -234,7 +234,8 @@ def _estimate(
     if not error < _LOOSE * size:
         standing = "not identifiable"
         reason = (
-            f"the response leaves it open ({value:.3g} +- {error:.2g}): drop it, or widen the band"
+            f"the response leaves it open ({value:.3g} +- {half_interval(error):.2g}): drop it, or"
+            " widen the band"
         )
         value = error = white = np.nan
     return ParameterEstimate(name, float(value), float(error), unit, standing, reason, float(white))

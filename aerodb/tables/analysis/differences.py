@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES, in_order
-from aerodb.support import Array
+from aerodb.support import Array, half_interval
 from aerodb.tables.analysis.nodes import TableGrid, table_axes, table_grids, vary
 from aerodb.tables.analysis.part_changes import changed_parts
 from aerodb.tables.analysis.slopes import new_increments
@@ -274,7 +274,7 @@ def _parameter(name: str, before: AeroDatabase, after: AeroDatabase) -> list[Ter
     if values[0] == values[1] and errors[0] == errors[1]:
         return []
     texts = [
-        f"{value:.6g}" + ("" if error is None else f" +- {error:.2g}")
+        f"{value:.6g}" + ("" if error is None else f" +- {half_interval(error):.2g}")
         for value, error in zip(values, errors, strict=True)
     ]
     change, known = values[1] - values[0], sides[1].parameter
@@ -311,7 +311,7 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
             for k, (regressor, value, error) in enumerate(
                 zip(increment.regressors, increment.estimates, errors, strict=True)
             ):
-                text = f"{value:.6g} +- {error:.2g}"
+                text = f"{value:.6g} +- {half_interval(error):.2g}"
                 old, new = ("", text) if side > 0 else (text, "")
                 change, sigma = side * float(value), float(error)
                 changes.append(

@@ -49,13 +49,13 @@ def simulated(seed, planted=consistent_flights.PLANTED, ahead=0.0, gusts=0.0):
 
 
 def position(verdict):
-    """(m ahead, standard error) that the first reason states; None where none is stated."""
+    """(m ahead, standard error) by what the first reason states; None where none is stated."""
     said = [SAYS.search(reason) for reason in verdict.reasons]
     if not any(said):
         return None
     assert said[0] is not None, verdict.reasons  # first of all
-    value, error, side = said[0].groups()
-    return float(value) * (1 if side == "ahead of" else -1), float(error)
+    value, half, side = said[0].groups()
+    return float(value) * (1 if side == "ahead of" else -1), float(half) / 1.96
 
 
 @pytest.mark.parametrize("name", [*STALLS, *MANOEUVRES])
@@ -116,10 +116,10 @@ def test_channel_that_leads_is_said_and_not_applied(seed):
     made = make_consistent(simulated(seed, planted), VEHICLE)
     assert position(made.verdict) is None
     (said,) = made.document["remarks"]
-    lead, error = map(
+    lead, half = map(
         float, re.search(r"alpha seems to lead .* by (\d+) \+- (\d+) ms", said).groups()
     )
-    assert abs(lead - 60.0) < 3.0 * error + 1.0
+    assert abs(lead - 60.0) < 1.53 * half + 1.0  # three standard errors
     assert "alpha_delay" not in {e["parameter"] for e in made.document["estimates"]}
 
 
