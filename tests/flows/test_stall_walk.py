@@ -72,9 +72,7 @@ def test_the_first_thing_said_is_the_vanes_position(ingested):
     for answer in ingested[2]:
         reasons = answer["consistency"]["reasons"]
         assert reasons[0].startswith("the vane seems to be 1")
-        value, half = (
-            reasons[0].removeprefix("the vane seems to be ").split(" m ")[0].split(" +- ")
-        )
+        value, half = reasons[0].removeprefix("the vane seems to be ").split(" m ")[0].split(" +- ")
         assert abs(float(value) - 13.08) < float(half)
 
 
