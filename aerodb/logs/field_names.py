@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -10,7 +11,10 @@ from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.units import is_spelled, spelled
 
 #: Names of `velocity_down` that are positive upwards.
-_UP: Final = r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc"
+_UP: Final = (
+    r"v_?sp(ee)?d|vertical_?speed|vvi|vs|climb(_?rate)?|rate_?of_?climb|roc"
+    r"|(h|alt(itude)?|height)_?(dot|rate)"
+)
 #: Names of a velocity along an axis that the name leaves open.
 _ALONG: Final = r"v(el(ocity)?)?_?{0}|{0}_?(speed|velocity)"
 #: Channel -> pattern of its names in logs, in lower case with underscores.
@@ -23,27 +27,32 @@ _NAMES: Final[dict[str, str]] = {
     "qbar": r"q_?bar|q_?dyn|dyn(amic)?_?press(ure)?|q_?inf|p_?dyn|impact_?pressure",
     "mach": r"mach(_?(number|no))?|ma",
     "rho": r"rho|(air_?)?density",
-    "temperature": r"oat|sat|((static|outside|ambient)_?)?(air_?)?temp(erature)?",
+    "temperature": r"oat|sat|((static|outside|ambient|external)_?)?(air_?)?temp(erature)?"
+    r"|t_?(amb(ient)?|oat|inf(inity)?|stat(ic)?|air|outside)",
     "static_pressure": r"ps|p_?stat(ic)?|static_?press(ure)?|baro_?press(ure)?",
     "p": r"p|p_?b|p_?rate|(b_?)?roll_?(rate|speed)|gyro?_?x|gx|omega_?x|wx|roll_?rt"
-    r"|angular_velocity_x",
+    r"|angular_velocity_x|(phi|roll|bank)_?dot",
     "q": r"q|q_?b|q_?rate|(b_?)?pitch_?(rate|speed)|gyro?_?y|gy|omega_?y|wy|pitch_?rt"
-    r"|angular_velocity_y",
+    r"|angular_velocity_y|(theta|pitch)_?dot",
     "r": r"r|r_?b|r_?rate|(b_?)?yaw_?(rate|speed)|gyro?_?z|gz|omega_?z|wz|yaw_?rt"
-    r"|angular_velocity_z",
-    "ax_imu": r"a_?x|nx|acc(el|eleration)?_?x|(b_?)?long(itudinal)?_?acc(el|eleration)?"
-    r"|linear_acceleration_x|gload_?axial",
+    r"|angular_velocity_z|(psi|yaw|heading)_?dot",
+    "ax_imu": r"a_?x|nx|acc(el|eleration)?_?x|(b_?)?long?(itudinal)?_?acc?(el|eleration)?"
+    r"|linear_acceleration_x|gload_?axial|a(cc(el|eleration)?)?_long?(itudinal)?",
     "ay_imu": r"a_?y|ny|acc(el|eleration)?_?y|(b_?)?lat(eral|rl)?_?acc?(el|eleration)?"
-    r"|linear_acceleration_y|gload_?side",
-    "az_imu": r"a_?z|nz|acc(el|eleration)?_?z|(b_?)?norm(al)?_?acc?(el|eleration)?"
-    r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?",
+    r"|linear_acceleration_y|gload_?side|a(cc(el|eleration)?)?_lat(eral)?",
+    "az_imu": r"a_?z|nz|acc(el|eleration)?_?z|(b_?)?(norm(al)?|vert(ical)?)_?acc?(el|eleration)?"
+    r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?"
+    r"|a(cc(el|eleration)?)?_(norm(al)?|vert(ical)?)",
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
     "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
     "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
     r"|euler_?yaw",
     "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?"
-    r"|alt(itude)?_?baro|gps_?alt(itude)?|alt(itude)?_?gps",
-    "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground|radio_?alt(itude)?",
+    r"|alt(itude)?_?baro(metric)?|gps_?alt(itude)?|alt(itude)?_?gps|barometric_?alt(itude)?|h",
+    "pressure_altitude": r"press(ure)?_?(alt(itude)?|height)|p_?alt|h_?p|alt(itude)?_?press(ure)?"
+    r"|alt(itude)?_?(std|standard|qne)|h_?press(ure)?",
+    "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground"
+    r"|r(ad(io|ar)?)?_?(alt(itude)?|height)",
     "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity"
     rf"|{_ALONG.format('x')}",
     "velocity_east": r"v_?e(ast)?|vel_?e(ast)?|velocity_?e(ast)?|east_?velocity"
@@ -109,25 +118,100 @@ _OTHERS: Final = frozenset(
             "param",
             "controller",
         ),
+        *("gust", "turbulence", "downwash", "upwash", "induced", "stall", "tail", "rotor", "blade"),
+        *("tip", "hub", "throat", "nozzle", "inlet", "duct", "propeller", "collective", "cyclic"),
+        *("cam", "turret", "antenna", "payload", "trailer", "deck", "ship", "carrier", "runway"),
+        *("rwy", "sun", "head", "intruder", "traffic", "leader", "lead", "dest", "destination"),
+        *("poi", "base", "map", "point", "center", "centre", "beacon", "vor", "adf", "ndb", "dme"),
+        *("geoid", "undulation", "terrain", "terr", "decision", "dh", "mda", "obstacle", "tree"),
+        *("wave", "cloud", "ceiling", "transition", "rtl", "loiter", "fence", "safe", "cruise"),
+        *("flare", "eye", "stop", "tank", "gear", "wheel", "tyre", "tire", "brake", "brakes"),
+        *("tunnel", "ice", "slosh", "ballast", "empty", "dry", "drag", "hinge", "tab", "pedal"),
+        *("initial", "init", "start", "final", "end", "expected", "predicted"),
+        *("jerk", "quat", "quaternion", "residual", "noise", "threshold", "coeff"),
+        *("coef", "coefficient", "derivative", "slope", "freq", "frequency", "amplitude"),
+    }
+)
+#: Words of coefficients, whose derivatives are named after channels: ``C_m_alpha``, ``CL_q``.
+_COEFFICIENT: Final = re.compile(r"c[^g]?")
+#: Words of changes: of these, only deflections of surfaces are channels.
+_CHANGES: Final = frozenset({"delta", "del", "d", "diff", "change"})
+#: What changes and is no surface: ``delta_angle_x`` of an IMU, ``delta_t``.
+_CHANGING: Final = frozenset(
+    {
+        *("angle", "angles", "velocity", "vel", "speed", "time", "t", "dt", "temp", "ang"),
+        *(
+            "press",
+            "pressure",
+            "gear",
+            "range",
+            "distance",
+            "dist",
+            "pos",
+            "position",
+            "throttle",
+            "thr",
+            "th",
+            "rpm",
+        ),
+        *("power", "energy", "momentum", "voltage", "current", "count", "x", "y", "z", "fuel"),
+        *("cg", "weight", "force", "moment", "cl", "cd", "cm", "cn", "cy", "lift", "drag", "ias"),
+    }
+)
+#: Names of changes that some use for deflections.
+_COMMANDED: Final = frozenset({"roll", "pitch", "yaw", *"hpqrv"})
+#: Channel -> words that may stand before its name, which is one of many things without them.
+_BEFORE: Final[dict[str, frozenset[str]]] = {
+    "temperature": frozenset(
+        {
+            *("air", "oat", "sat", "ext", "exterior", "external", "outside", "ambient", "amb"),
+            *("static", "atm", "atmosphere", "atmospheric", "freestream", "free", "stream"),
+            *("probe", "sensor"),
+        }
+    ),
+    "altitude": frozenset(
+        {
+            *("gps", "gnss", "baro", "barometric", "mean", "sea", "level", "msl", "amsl", "true"),
+            *("geometric", "geo", "aircraft", "ac", "ins", "ekf", "ahrs", "imu", "nav", "fused"),
+            *("estimated", "filtered", "rel", "relative", "global", "local", "sim", "plane", "uav"),
+            *("vehicle", "dgps", "rtk", "adc", "indicated", "ind", "ellipsoid", "wgs84", "pos"),
+            *("position",),
+        }
+    ),
+    "mass": frozenset({"aircraft", "ac", "total", "gross", "vehicle", "plane", "uav", "all_up"}),
+    "thrust": frozenset({"total", "net", "gross", "aircraft", "estimated", "est", "installed"}),
+}
+#: Words that leave every quantity what it is.
+_AS_RECORDED: Final = frozenset(
+    {
+        *("filtered", "filt", "corr", "corrected", "raw", "meas", "measured", "est", "estimated"),
+        *("mean", "avg", "average", "smoothed", "value", "val", "0", "1", "2"),
     }
 )
 #: Words behind a name that leave it what it is.
 _BEHIND: Final = frozenset(
     {
-        *("filtered", "filt", "corr", "corrected", "raw", "meas", "measured", "est", "estimated"),
-        *("ekf", "ins", "imu", "ahrs", "adc", "boom", "vane", "body", "b", "true", "0", "1", "2"),
-        *("mean", "avg", "average", "smoothed", "value", "val", "surf", "cg"),
+        *_AS_RECORDED,
+        *("ekf", "ins", "imu", "ahrs", "adc", "boom", "vane", "body", "b", "true", "surf", "cg"),
     }
 )
 #: Names that leave something open -> what is to be answered.
 _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("V", r"air_?speed|speed", "is it true or indicated airspeed?"),
     ("V", r"v", "is it airspeed, or a component of velocity, or a voltage?"),
-    ("altitude", r"alt(itude)?|height", "above sea level, or above the ground or a take-off?"),
+    ("altitude", r"h|alt(itude)?|height", "above sea level, or above the ground or a take-off?"),
+    (
+        "altitude",
+        r"h_?baro|baro(metric)?_?alt(itude)?|alt(itude)?_?baro(metric)?",
+        "by which setting: sea level's, the standard (pressure_altitude), or zero at take-off?",
+    ),
+    *((k, r"[a-z]+_?dot", "is it a rate about a body axis, or of the Euler angle?") for k in "pqr"),
+    ("az_imu", r".*vert(ical)?.*", "along the body, or vertical over the earth?"),
     ("temperature", r"(air_?)?temp(erature)?", "is it that of the outside air?"),
     ("psi", r"heading|hdg|hding", "is it true or magnetic?"),
     ("velocity_down", r"vs", "is it the rate of climb?"),
-    ("height_above_ground", r"radio_?alt(itude)?", "is it above the ground?"),
+    ("pressure_altitude", r"h_?p", "is it pressure altitude?"),
+    ("height_above_ground", r"r(ad(io|ar)?)?_?(alt(itude)?|height)", "is it above the ground?"),
     ("mass", r"gross_?weight|gewicht", "is it a mass?"),
     ("V", r"(flug)?geschwindigkeit|fahrt|vitesse(_air)?", "is it true or indicated airspeed?"),
     ("V", r"v_?v", "is it true airspeed, or a vertical velocity?"),
@@ -245,12 +329,12 @@ def named(field: str, stated: str = "") -> Named | None:
 
 def _own_name(field: str, stated: str) -> Named | None:
     """The channel of a name, whatever path it stands on."""
-    if (field in CHANNELS and field not in _AT_CG) or (
-        is_surface(field) and _known(plain_name(field)[0]) in (None, field)
-    ):
+    if field in CHANNELS and field not in _AT_CG:
         if field == "time":
             return None
         return Named(field, "exact", "", _left_open(field, field) if field != "V" else "")
+    if is_surface(field) and _known(_bare(plain_name(field)[0])) in (None, field):
+        return _deflection(field)
     whole, bracket = _words(field)
     short, unit = plain_name(field)
     unit = bracket or unit
@@ -262,19 +346,58 @@ def _own_name(field: str, stated: str) -> Named | None:
         axis = "xyz"[int(index[2][1]) - (index[2][0] == "(")]
         if (known := _known(f"{_words(index[1])[0]}_{axis}")) is not None:
             return Named(known, "part", "", f"is index {index[2]} the axis {axis}?")
-    tokens = short.split("_")
-    if _OTHERS.intersection(tokens):
-        return None
+    return _part(field, short.split("_"), unit, stated)
+
+
+def _bare(words: str) -> str:
+    """A name without what stands behind it."""
+    tokens = words.split("_")
     while len(tokens) > 1 and tokens[-1] in _BEHIND:
         tokens.pop()
-        if (known := _known("_".join(tokens))) is not None:
-            return _meant(known, "_".join(tokens), unit, "part", f"{stated} {field}")
+    return "_".join(tokens)
+
+
+def _deflection(field: str) -> Named | None:
+    """The surface of a name such as ``delta_canard``; None for the change of another quantity."""
+    of = plain_name(field)[0].removeprefix("delta_")
+    if of in _COMMANDED:
+        return Named(field, "part", "", "is it the deflection of a control surface?")
+    known = _known(of)
+    if _CHANGING.intersection(of.split("_")) or (known is not None and not is_surface(known)):
+        return None
+    return Named(field, "exact", "")
+
+
+def _part(field: str, tokens: list[str], unit: str, stated: str) -> Named | None:
+    """The channel of a name by some of its words (`tokens`), where the others allow it."""
+    if _OTHERS.intersection(tokens):
+        return None
+    behind: list[str] = []
+    while len(tokens) > 1 and tokens[-1] in _BEHIND:
+        behind.append(tokens.pop())
+        words = "_".join(tokens)
+        known = _known(words)
+        if known is not None and _may_stand(known, behind, ()):
+            counted = len(words) == 1 and behind[-1].isdigit()  # as in a quaternion, q[0] to q[3]
+            return None if counted else _meant(known, words, unit, "part", f"{stated} {field}")
     for first in range(1, len(tokens)):
         words = "_".join(tokens[first:])
         known = _known(words)
         if known is not None and (len(words) > 1 or stated or unit):
+            if not _may_stand(known, behind, tokens[:first]):
+                return None
             return _meant(known, words, unit, "part", f"{stated} {field}")
     return None
+
+
+def _may_stand(known: str, behind: Iterable[str], before: Iterable[str]) -> bool:
+    """Whether a name of a channel remains one with words behind and before it."""
+    if any(_COEFFICIENT.fullmatch(word) for word in before):
+        return False
+    if not is_surface(known) and _CHANGES.intersection(before):
+        return False
+    allowed = _BEFORE.get(known)
+    return allowed is None or {*behind, *before} <= allowed | _AS_RECORDED
 
 
 def _known(words: str) -> str | None:
@@ -301,7 +424,7 @@ def _meant(
             return Named("calibrated_airspeed", how, unit, "equivalent airspeed is not calibrated")
     if known == "altitude" and re.search(r"agl\b", text):
         return Named("height_above_ground", how, unit)
-    if known == "altitude" and re.search(r"m?sl\b|baro|gps", text):
+    if known == "altitude" and re.search(r"m?sl\b|gps", text):
         return Named(known, how, unit)
     if known == "psi" and re.search(r"mag", text):
         return Named(known, how, unit, "it is magnetic: true heading differs by the declination")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.readers.mat import MOST_BYTES, Variables, read_hdf5, read_mat5
+from aerodb.storage.readers.mission_planner import converted, is_converted
 from aerodb.storage.readers.text import read_text, split_unit
 from aerodb.storage.readers.text_cells import Cells, numbers_of
 from aerodb.support import is_mat5
@@ -43,9 +44,11 @@ def read_tabular(path: Path) -> Recording:
     ``table`` (of another length n: ``table_n``), and numbers and texts are metadata. `Topic.time`
     is the sample index.
 
-    Units come from the field metadata ``unit`` of Parquet and from headers such as ``alpha [deg]``
-    or ``alpha (deg)``. Raises InputError for a file that is empty, of another type, ragged, or
-    without a table; a truncated end is reported as damage, and the rows before it are kept.
+    A log that Mission Planner converted is one of format ``dataflash`` where its messages are
+    enough for that. Units come from the field metadata ``unit`` of Parquet and from headers such as
+    ``alpha [deg]`` or ``alpha (deg)``. Raises InputError for a file that is empty, of another type,
+    ragged, or without a table; a truncated end is reported as damage, and the rows before it are
+    kept.
     """
     where = str(path)
     try:
@@ -65,8 +68,11 @@ def read_tabular(path: Path) -> Recording:
             "a table needs at least two rows and one column of numbers"
         )
         raise InputError(what, where, remedy)
-    digest = hashlib.sha256(data).hexdigest()
-    return Recording(where, "tabular", digest, len(data), topics, metadata, tuple(damage))
+    digest, kind = hashlib.sha256(data).hexdigest(), "tabular"
+    if is_converted(topics):
+        topics, is_log = converted(topics)
+        kind = "dataflash" if is_log else kind
+    return Recording(where, kind, digest, len(data), topics, metadata, tuple(damage))
 
 
 Parsed = tuple[dict[str, Topic], dict[str, str | int | float], list[Damage]]

@@ -59,6 +59,7 @@ def motion(seed: int, rate: float) -> dict[str, np.ndarray]:
         "ay_imu": 0.4 * np.cos(slow * t),
         "az_imu": -9.81 - 2.0 * np.sin(fast * t),
         "altitude": 600.0 + 100.0 * np.sin(slow * t) + t,
+        "pressure_altitude": 655.0 + 101.0 * np.sin(slow * t) + t,
         "height_above_ground": 300.0 + 100.0 * np.sin(slow * t) + t,
         "velocity_down": -1.0 - 100.0 * slow * np.cos(slow * t),
         "velocity_north": speed * np.cos(slow * t),

@@ -189,7 +189,11 @@ TOOLS: dict[str, Tool] = {
             ),
             ("Indicated Airspeed (knots)", c("calibrated_airspeed", "knot")),
             *(("True Airspeed (knots)", c("V", "knot")), ("OAT (deg C)", c("temperature", "degC"))),
-            *(("Pressure Altitude (ft)", None), ("Oil Pressure (PSI)", None), ("Volts 1", None)),
+            *(
+                ("Pressure Altitude (ft)", c("pressure_altitude", "ft")),
+                ("Oil Pressure (PSI)", None),
+                ("Volts 1", None),
+            ),
             *(("Wind Speed (knots)", None), ("Angle of Attack (%)", None)),
         ),
         plain,

@@ -69,7 +69,9 @@ def test_labels_name_the_columns_of_a_matrix(tmp_path: Path, form: str) -> None:
     assert list(fields) == LABELS
     np.testing.assert_array_equal(np.column_stack(list(fields.values())), MATRIX)
     assert "skipped" not in recording.metadata
-    stated = {"TimeUS": "us", "Roll": "deg", "Pitch": "deg"} if form == "bare" else {}
+    stated = {"TimeUS": "us", "Roll": "deg", "Pitch": "deg"}
+    if form == "struct":  # by no name a message of ArduPilot
+        stated = {"TimeUS": "us"}
     assert dict(recording.topics[topic].units) == stated
 
 
@@ -77,10 +79,37 @@ def test_the_clock_of_a_labelled_matrix_is_no_counter(tmp_path: Path) -> None:
     path = mat(tmp_path / "x.mat", ATT=MATRIX, ATT_label=cell(LABELS))
     document = asked(tmp_path, "mapping", "init", str(path), "--output", str(tmp_path / "m.toml"))
     assert (document["clock"]["field"], document["clock"]["unit"]) == ("TimeUS", "us")
-    assert {g["channel"]: g["field"] for g in document["guesses"]} == {
-        "phi": "Roll",
-        "theta": "Pitch",
+    assert {g["channel"]: (g["field"], g["unit"]) for g in document["guesses"]} == {
+        "phi": ("Roll", "deg"),
+        "theta": ("Pitch", "deg"),
     }
+
+
+@pytest.mark.parametrize("ending", ["", "_0"])
+def test_a_converted_log_of_ardupilot_is_read_as_that_log(tmp_path: Path, ending: str) -> None:
+    attitude = np.column_stack([MATRIX, 90.0 + 0 * TIME])
+    motion = np.column_stack([MATRIX[:, :2], *[0.1 * np.sin(TIME + k) for k in range(6)]])
+    sensors = ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"]
+    path = mat(
+        tmp_path / "x.mat",
+        **{
+            "ATT": attitude,
+            "ATT_label": cell([*LABELS, "Yaw"]),
+            f"IMU{ending}": motion,
+            f"IMU{ending}_label": cell([*LABELS[:2], *sensors]),
+            "IMU_1": 2.0 * motion,
+            "IMU_1_label": cell([*LABELS[:2], *sensors]),
+        },
+    )
+    recording = read_tabular(path)
+    assert recording.format == "dataflash"
+    assert set(recording.topics) == {"ATT", "IMU", "IMU.1"}
+    np.testing.assert_allclose(recording.topics["ATT"].time, TIME)
+    document = asked(tmp_path, "mapping", "init", str(path), "--output", str(tmp_path / "m.toml"))
+    found = {g["channel"]: (f"{g['topic']}.{g['field']}", g["unit"]) for g in document["guesses"]}
+    assert found["phi"] == ("ATT.Roll", "deg")
+    assert found["p"] == ("IMU.GyrX", "rad/s")
+    assert document["questions"] == []
 
 
 @pytest.mark.parametrize("labels", [LABELS[:3], ["a", "a", "b", "c"]])
