@@ -17,6 +17,10 @@ _UP: Final = (
 )
 #: Names of a velocity along an axis that the name leaves open.
 _ALONG: Final = r"v(el(ocity)?)?_?{0}|{0}_?(speed|velocity)"
+_BARO: Final = r"h_?baro|baro(metric)?_?alt(itude)?|alt(itude)?_?baro(metric)?"
+_NORMAL: Final = r"(norm(al)?|vert(ical)?)"
+_LOAD: Final = r"(load_?factor|g_?load(_?norma?l)?)"
+_ACCELERATION: Final = r"a(cc(el|eleration)?)?"
 #: Channel -> pattern of its names in logs, in lower case with underscores.
 _NAMES: Final[dict[str, str]] = {
     "V": r"(true_?)?(air_?speed|k?tas|v_?tas|vtas|v_?true)|v|vt|tas_?air_?speed",
@@ -37,18 +41,19 @@ _NAMES: Final[dict[str, str]] = {
     "r": r"r|r_?b|r_?rate|(b_?)?yaw_?(rate|speed)|gyro?_?z|gz|omega_?z|wz|yaw_?rt"
     r"|angular_velocity_z|(psi|yaw|heading)_?dot",
     "ax_imu": r"a_?x|nx|acc(el|eleration)?_?x|(b_?)?long?(itudinal)?_?acc?(el|eleration)?"
-    r"|linear_acceleration_x|gload_?axial|a(cc(el|eleration)?)?_long?(itudinal)?",
+    r"|linear_acceleration_x|gload_?axial"
+    rf"|{_ACCELERATION}_long?(itudinal)?",
     "ay_imu": r"a_?y|ny|acc(el|eleration)?_?y|(b_?)?lat(eral|rl)?_?acc?(el|eleration)?"
-    r"|linear_acceleration_y|gload_?side|a(cc(el|eleration)?)?_lat(eral)?",
-    "az_imu": r"a_?z|nz|acc(el|eleration)?_?z|(b_?)?(norm(al)?|vert(ical)?)_?acc?(el|eleration)?"
-    r"|linear_acceleration_z|load_?factor|g_?load(_?norma?l)?"
-    r"|a(cc(el|eleration)?)?_(norm(al)?|vert(ical)?)",
+    r"|linear_acceleration_y|gload_?side"
+    rf"|{_ACCELERATION}_lat(eral)?",
+    "az_imu": rf"a_?z|nz|acc(el|eleration)?_?z|linear_acceleration_z|{_LOAD}"
+    rf"|(b_?)?{_NORMAL}_?acc?(el|eleration)?|{_ACCELERATION}_{_NORMAL}",
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
     "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
     "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
     r"|euler_?yaw",
-    "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl|h_?baro|baro_?alt(itude)?"
-    r"|alt(itude)?_?baro(metric)?|gps_?alt(itude)?|alt(itude)?_?gps|barometric_?alt(itude)?|h",
+    "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl"
+    rf"|gps_?alt(itude)?|alt(itude)?_?gps|{_BARO}|h",
     "pressure_altitude": r"press(ure)?_?(alt(itude)?|height)|p_?alt|h_?p|alt(itude)?_?press(ure)?"
     r"|alt(itude)?_?(std|standard|qne)|h_?press(ure)?",
     "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground"
@@ -202,7 +207,7 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("altitude", r"h|alt(itude)?|height", "above sea level, or above the ground or a take-off?"),
     (
         "altitude",
-        r"h_?baro|baro(metric)?_?alt(itude)?|alt(itude)?_?baro(metric)?",
+        _BARO,
         "by which setting: sea level's, the standard (pressure_altitude), or zero at take-off?",
     ),
     *((k, r"[a-z]+_?dot", "is it a rate about a body axis, or of the Euler angle?") for k in "pqr"),
