@@ -9,6 +9,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_command, is_surface
 from aerodb.remarks import Remark, sentences
 from aerodb.suspicions.air import air_suspicions
+from aerodb.suspicions.angles import angle_suspicions
 from aerodb.suspicions.changing import CHANGED
 from aerodb.suspicions.commands import command_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
@@ -21,7 +22,6 @@ from aerodb.suspicions.mass_events import mass_event_suspicions
 from aerodb.suspicions.masses import mass_suspicions
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.suspicions.surfaces import size_suspicions
-from aerodb.suspicions.vane import vane_suspicions
 from aerodb.vehicle import Vehicle
 
 #: Channels from which lift and moments follow: with one of them wrong, nothing more is concluded.
@@ -50,13 +50,15 @@ def against_vehicle(
     rotors = command_suspicions(flight, vehicle)
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
     moving = _MOTION.isdisjoint(suspected)
+    angles = angle_suspicions(flight) if moving else ()
+    listed += [each for each in angles if each.kind == "delay"]
     if moving and not listed:
         listed += lift_suspicions(flight, vehicle)
     pushed: tuple[Suspicion, ...] = ()
     if moving and not listed:
         pushed = (
             *drag_suspicions(flight, vehicle),
-            *vane_suspicions(flight),
+            *angles,
             *mass_event_suspicions(flight, vehicle),
         )
         listed += control_suspicions(flight, vehicle)
@@ -67,7 +69,8 @@ def against_vehicle(
 
 def limits_flight(suspicion: Suspicion) -> bool:
     """Return whether a suspicion limits the verdict on a flight: flight-path reconstruction judges
-    motion, and a surface, a rotor's command, the density, masses and sizes are beyond its reach. A
+    motion with accelerometers and gyros that are in time, and a surface, a rotor's command, the
+    density, masses and sizes are beyond its reach. A
     surface that may have stood still is no fault, nor is what aerodynamics may explain as well.
     Where a sensor failed, the stretch is left out, not the flight. Source:
     docs/method/consistency.md, section Verdict."""
@@ -76,6 +79,7 @@ def limits_flight(suspicion: Suspicion) -> bool:
     if suspicion.kind in (CHANGED, MOVED):  # seen beside a database, by forces and moments
         return True
     told = is_surface(suspicion.channel) or is_command(suspicion.channel)
+    told |= suspicion.kind == "delay"  # of an accelerometer or a gyro
     return told or suspicion.channel in _OUT_OF_REACH
 
 

@@ -21,6 +21,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import played, runs
 from aerodb.support import Array
+from aerodb.suspicions.begin import LEFT, explained_from
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LATE, LIKELIER
@@ -41,12 +42,8 @@ LEAST_DELAY: Final = 0.05
 LEAST_PLAY: Final = float(np.deg2rad(0.1))
 #: Fewest equal means in a row for a channel that stands still.
 HELD: Final = 3
-#: Least share of a change's squares that motion must leave of it.
-LEFT: Final = 1e-6
 #: Samples are averaged to this step [s]: what jumps does so within two of them.
 STEP: Final = 0.1
-#: Least share of a change's squares before and after the time at which it begins.
-SIDE: Final = 0.1
 #: Least share that a change of gain explains of what is left of the axis on which it acts most.
 #: Beside right flights a database that lacks an effect makes .38 look like one.
 EXPLAINED_GAIN: Final = 0.4
@@ -351,9 +348,7 @@ def _begin(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> int:
     gained: Array | float = 0.0
     for axis, values in added.items():
         whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
-        share = _gains(values, axes[axis].basis, axes[axis].left) / whole
-        spent = np.cumsum(values * values)
-        share[(spent < SIDE * spent[-1]) | (spent > (1.0 - SIDE) * spent[-1])] = 0.0
+        share = explained_from(values, axes[axis].basis, axes[axis].left) / whole
         gained = gained - axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
     inner = np.asarray(gained)
     edge = round(SETTLED / STEP)
@@ -432,19 +427,6 @@ def _how(fault: _Fault) -> str:
     if fault.what == "delay":
         return "late" if fault.size < 0.0 else "early"
     return "with play" if fault.what == "play" else f"with another {fault.what}"
-
-
-def _gains(values: Array, basis: Array, left: Array) -> Array:
-    """What each time explains of the squares of `left`, from which on `values` are added, (n,);
-    none where `basis` leaves a smaller part than `LEFT` of their squares."""
-
-    def later(products: Array) -> Array:
-        return np.cumsum(products[::-1], axis=0)[::-1]
-
-    squares = later(values * values)
-    size = squares - (later(basis * values[:, None]) ** 2).sum(axis=1)
-    told = size > LEFT * squares
-    return np.asarray(np.where(told, later(left * values) ** 2 / np.where(told, size, 1.0), 0.0))
 
 
 def _held(

@@ -1,0 +1,187 @@
+"""Flow angles and attitude against the motion.
+
+What an aircraft turns and climbs is known from gyros and accelerometers: their angles, integrated
+in steady air, change as those of vanes and of the attitude do (Stevens, Lewis & Johnson, Aircraft
+Control and Simulation, 3rd ed., section 2.5). A sensor that is late or filtered by T misses T times
+its own signal of the integral. A vane ahead of the CG shows a part of the rates. A vane whose
+upwash is not corrected, or divided by instead of multiplied, changes more. Gusts move the vane
+alone, and the aircraft yields to them: less is explained, the vane changes less than the motion,
+and accelerometers seem early. Of that nothing is said.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from aerodb.conditioning import (
+    BAND,
+    KINEMATICS,
+    SAMPLES_PER_PERIOD,
+    SCALE_TOLERANCE,
+    SETTLED,
+    Suspicion,
+    with_accelerations,
+)
+from aerodb.errors import InputError
+from aerodb.estimation import Regression, least_squares
+from aerodb.flight import Flight
+from aerodb.signals import band_passed, bridge
+from aerodb.support import Array, half_interval
+from aerodb.suspicions.begin import explained_from
+from aerodb.suspicions.equation_error import averaged
+from aerodb.suspicions.evidence import ERRORS, LATE, SWING, WELL_EXPLAINED
+from aerodb.suspicions.in_flight import flying
+
+#: Angle -> the rates of which the place of its vane adds a part, and the sensor whose delay the
+#: angle shows: attitude first, from which the rates of flow angles follow.
+_SHOWN: Final = {
+    "theta": ((), "q"),
+    "phi": ((), "p"),
+    "psi": ((), "r"),
+    "alpha": (("q",), "az"),
+    "beta": (("r", "p"), "ay"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Angle:
+    """An angle as logged, as the motion turns it, the rates of its vane's place and the signal of
+    its sensor, all band-passed, (n,) [rad], with the times [s]; a delay of the sensor [s] adds as
+    much of its signal."""
+
+    name: str
+    sensor: str
+    time: Array
+    shown: Array
+    turned: Array
+    place: tuple[Array, ...]
+    signal: Array
+
+    @property
+    def in_air(self) -> bool:
+        """Whether it is an angle of flow, which gusts move."""
+        return self.sensor.startswith("a")
+
+    def fit(self, *more: Array) -> Regression | None:
+        """The logged angle by the motion and further columns (n,); None where they do not explain
+        it or where nothing moves."""
+        columns = np.column_stack([self.turned, *more])
+        try:
+            found = least_squares(columns, self.shown, tuple(str(k) for k in range(len(columns.T))))
+        except (ValueError, InputError):
+            return None
+        told = found.r_squared > WELL_EXPLAINED and np.std(self.turned) > SWING
+        return found if told else None
+
+
+def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
+    """Return gyros that are late, or else accelerometers, or else an angle of attack that changes
+    more than the motion makes it change.
+
+    flight : with the upwash that the vehicle file declares taken off.
+
+    Angles (n,) [rad], band in Hz. Source: `docs/method/consistency.md`, section "Against the
+    vehicle".
+    """
+    channels = with_accelerations(flight)
+    angles = [each for name in _SHOWN if (each := _angle(name, flight, channels)) is not None]
+    for in_air in (False, True):
+        late = [said for each in angles if each.in_air == in_air for said in _late(each)]
+        if late:
+            return tuple(late)
+    return tuple(said for each in angles if each.name == "alpha" for said in _larger(each))
+
+
+def _angle(name: str, flight: Flight, channels: dict[str, Array]) -> _Angle | None:
+    rate, needed = KINEMATICS[name]
+    place, sensor = _SHOWN[name]
+    if not {*needed, *place} <= channels.keys():
+        return None
+    logged = [n for n in (*needed, "ax_imu", "ay_imu", "az_imu") if n in flight]
+    where = flying(flight, logged)
+    if "V" in needed:
+        where &= channels["V"] > 0.0
+    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * BAND[1] * flight.step)))
+    step, high = every * flight.step, min(BAND[1], 0.4 / flight.step)
+    if where.sum() * flight.step < SETTLED or high < 2.0 * BAND[0] or len(where) < 20 * every:
+        return None
+
+    def thin(values: Array) -> Array:
+        return averaged(np.where(where, values, np.nan), every)
+
+    inside = np.isfinite(thin(channels[name]))
+
+    def moving(values: Array) -> Array:
+        return band_passed(bridge(values), step, BAND[0], high)[inside]
+
+    try:
+        turning = bridge(thin(rate(channels)))
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (turning[1:] + turning[:-1]))])
+        speed = channels["V"] if sensor.startswith("a") else 1.0
+        shown = channels[name] if name != "psi" else np.unwrap(channels[name])
+        return _Angle(
+            name,
+            sensor if sensor in flight else f"{sensor}_imu",
+            averaged(flight.time, every)[inside],
+            moving(thin(shown)),
+            moving(turned),
+            tuple(moving(thin(channels[each])) for each in place),
+            moving(thin(channels[sensor] / speed)),
+        )
+    except (ValueError, InputError):
+        return None
+
+
+def _late(angle: _Angle) -> Iterator[Suspicion]:
+    """The sensor that is late behind the angle that it turns: all the time, or, of attitude, which
+    no gust moves, from one time on."""
+    whole = _delay(angle, angle.signal)
+    if whole is not None:
+        yield _is_late(angle, "", whole)
+        return
+    if angle.in_air or angle.fit() is None:
+        return
+    basis, _ = np.linalg.qr(np.column_stack([angle.turned, angle.signal]))
+    left = angle.shown - basis @ (basis.T @ angle.shown)
+    at = int(np.argmax(explained_from(angle.signal, basis, left)))
+    since = _delay(angle, angle.signal * (np.arange(len(angle.time)) >= at), angle.signal)
+    if since is not None:
+        begin = float(angle.time[at])
+        yield _is_late(angle, f"from {begin:.1f} s on ", {**since, "from": begin})
+
+
+def _delay(angle: _Angle, signal: Array, *beside: Array) -> dict[str, float] | None:
+    """Delay and standard error [s] of a signal (n,) that is late; None where it is not."""
+    fit = angle.fit(*angle.place, *beside, signal)
+    if fit is None or (angle.in_air and abs(fit.estimates[0] - 1.0) > SCALE_TOLERANCE):
+        return None  # gusts move the vane, and the accelerometers with it
+    late, error = float(fit.estimates[-1]), float(fit.standard_errors[-1])
+    told = late > LATE + ERRORS * error
+    return {"delay": late, "standard_error": error} if told else None
+
+
+def _is_late(angle: _Angle, when: str, found: dict[str, float]) -> Suspicion:
+    half = half_interval(found["standard_error"])
+    words = (
+        f"{when}{angle.sensor} is {found['delay']:.2g} +- {half:.1g} s late: {angle.name}"
+        f" changes before {angle.sensor} makes it. A filter or the clock of {angle.sensor}, or"
+        f" {angle.name} is early"
+    )
+    return Suspicion(angle.sensor, "delay", words, found)
+
+
+def _larger(angle: _Angle) -> Iterator[Suspicion]:
+    """The angle of attack where it changes more than the motion makes it change."""
+    fit = angle.fit()
+    if fit is None:
+        return
+    ratio, error = float(fit.estimates[0]), float(fit.standard_errors[0])
+    if ratio - 1.0 > SCALE_TOLERANCE + ERRORS * error:
+        words = (
+            f"alpha changes by {ratio:.3g} +- {half_interval(error):.2g} times what rates and"
+            " accelerations make it change. [air_data] upwash of the vehicle file is missing or"
+            " inverted, or the vane's scale is another, or that of q"
+        )
+        yield Suspicion("alpha", "size", words, {"ratio": ratio, "standard_error": error})
