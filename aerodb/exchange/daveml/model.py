@@ -398,7 +398,7 @@ class Model:
         if not axes:
             outputs = ", ".join(s.declared.identity for s in marked[:12])
             raise OpenQuestionsError(
-                "no output is a known coefficient: is the file one of aerodynamics?",
+                _unknown_outputs([each.declared for each in marked]),
                 self.where,
                 f"bind axes with CX=EXPRESSION; outputs: {outputs}",
                 _axis_questions([each.declared for each in marked[:12]]),
@@ -417,6 +417,18 @@ class Model:
 _OTHER_OUTPUTS: Final = re.compile(
     r"thrust|engine|fuel|total_?mass|mass|.*[iI]nertia|.*[cC]ommand|atmospher|air(Density|Pressure)"
 )
+
+
+def _unknown_outputs(outputs: Sequence[Declaration]) -> str:
+    """Why no output is a coefficient: others are calculated, or those are called otherwise."""
+    others = [each.name for each in outputs if _OTHER_OUTPUTS.match(each.name)]
+    if len(others) == len(outputs):
+        return f"the file is not one of aerodynamics: it gives {', '.join(others[:4])}"
+    if any(question.name != "CX" for question in _axis_questions(outputs)) or any(
+        "coefficient" in each.name.lower() for each in outputs
+    ):
+        return "no output has the standard name of a coefficient: which is which?"
+    return "no output is a known coefficient: is the file one of aerodynamics?"
 
 
 def _axis_questions(outputs: Sequence[Declaration]) -> list[Question]:

@@ -1,6 +1,7 @@
 """Map DAVE-ML's names, units and signs to channels and axes (AIAA S-119 standard names)."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -172,7 +173,7 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
     Raises OpenQuestionsError, with the bindings to choose from, if the name identifies a channel
     but the sign or unit does not match.
     """
-    known = _INPUTS.get(declared.name)
+    known = _standard(_INPUTS, declared.name)
     if known is None:
         own = next(
             (
@@ -258,7 +259,7 @@ def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
 
     Raises InputError for an unknown sign; with one, a name like that of a hinge moment is none.
     """
-    known = _OUTPUTS.get(declared.name)
+    known = _standard(_OUTPUTS, declared.name)
     if known is None:
         given = (declared.name, declared.identity)
         own = (name for name in given if name in (*AXES, *WIND_AXES) or is_hinge_axis(name))
@@ -276,6 +277,12 @@ def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
             f"bind the axis: {known[0]}=EXPRESSION",
         )
     return known[0], sign
+
+
+def _standard(rows: Mapping[str, tuple[str, str, str]], name: str) -> tuple[str, str, str] | None:
+    """The row of a standard name, which people write in letters of either case."""
+    lower = name.lower()
+    return next((row for standard, row in rows.items() if standard.lower() == lower), None)
 
 
 def output_sign(axis: str) -> str:

@@ -80,6 +80,7 @@ OPEN = b"""<DAVEfunc xmlns="http://daveml.org/2010/DAVEML"><fileHeader name="x">
 <variableDef name="%s" varID="%s" units="nd"><calculation>
 <math xmlns="http://www.w3.org/1998/Math/MathML"><apply><times/><cn>-0.006</cn><ci>beta</ci></apply>
 </math></calculation><isOutput/></variableDef></DAVEfunc>"""
+NAMELESS = "no output has the standard name of a coefficient"
 GEOMETRY = {"S_ref": "11", "c_ref": "0.8", "b_ref": "15"}
 
 
@@ -87,7 +88,7 @@ def test_geometry_sign_and_outputs_are_asked_in_one_round():
     error = asked(OPEN % (b"cy", b"cy"), {})
     assert [question.name for question in error.questions] == ["CY", *GEOMETRY, "beta"]
     said = str(error)
-    assert "no output is a known coefficient" in said.splitlines()[0]
+    assert "no output has the standard name of a coefficient" in said.splitlines()[0]
     assert "--bind CY=cy" in said
     assert "--bind S_ref=NUMBER   in m2" in said
     beta = error.questions[-1].proposals[0][0]
@@ -100,21 +101,29 @@ def test_geometry_sign_and_outputs_are_asked_in_one_round():
 
 
 @pytest.mark.parametrize(
-    ("name", "identity", "axis"),
+    ("name", "identity", "axis", "what"),
     [
-        (b"totalCoefficientOfSideForce", b"cy", "CY"),
-        (b"thrustBodyForce_X", b"cy", "CX"),
-        (b"thrustBodyForce_X", b"FEX", "CX"),
-        (b"lift", b"CLtot", "CX"),
-        (b"cl", b"cl", "CX"),
+        (b"sideForceCoefficient", b"cy", "CY", NAMELESS),
+        (b"coefficientOfLift", b"CLtot", "CX", NAMELESS),
+        (b"thrustBodyForce_X", b"cy", "CX", "the file is not one of aerodynamics"),
+        (b"thrustBodyForce_X", b"FEX", "CX", "the file is not one of aerodynamics"),
+        (b"lift", b"CLtot", "CX", "no output is a known coefficient"),
+        (b"cl", b"cl", "CX", "no output is a known coefficient"),
     ],
 )
-def test_all_that_is_open_is_asked_whatever_the_output_is(name, identity, axis):
+def test_all_that_is_open_is_asked_whatever_the_output_is(name, identity, axis, what):
     """An output that is called like an axis is proposed for it, but not a thrust, nor cl, which is
     lift or roll."""
     error = asked(OPEN % (name, identity), {})
-    assert error.what.startswith("no output is a known coefficient")
+    assert error.what.startswith(what)
     assert [question.name for question in error.questions] == [axis, *GEOMETRY, "beta"]
+
+
+@pytest.mark.parametrize("name", [b"totalCoefficientOfSideForce", b"TotalCoefficientOfSideforce"])
+def test_a_standard_name_counts_in_letters_of_either_case(name):
+    error = asked(OPEN % (name, b"cy"), {})
+    assert [question.name for question in error.questions] == [*GEOMETRY, "beta"]
+    assert "aerodynamics" not in str(error)
 
 
 def test_what_is_answered_is_asked_no_more():
