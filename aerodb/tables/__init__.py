@@ -74,6 +74,7 @@ if TYPE_CHECKING:
         table_grids,
         tabulate,
         unstated_inputs,
+        uneven_height_tables,
         unusual_content,
         vary,
         with_estimated_parameters,

@@ -21,7 +21,7 @@ from aerodb.exchange import property_expression, propose_bindings, written_name
 from aerodb.flight import Flight
 from aerodb.nomenclature import CHANNELS, WHEELS
 from aerodb.storage.catalogue import FlightRow
-from aerodb.tables import AeroDatabase, Expression, Number
+from aerodb.tables import AeroDatabase, Expression, Number, uneven_height_tables
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.steps.compare import compare_with_database
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -46,8 +46,8 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
     any value), proposals (the same as bindings) and uses (per input that is held or made
     from motion: name, source, written (its name in the file), channel (that is held; empty for
     another input), binding, accepted, range, effects, residuals, sentence), and warnings (kind
-    ``other_reference``, with the lengths [m] or areas [m2] of both, or ``control_removed``; name,
-    sentence). Ranges are in SI units,
+    ``other_reference``, with the lengths [m] or areas [m2] of both, ``control_removed``, or
+    ``uneven_table``; name, sentence). Ranges are in SI units,
     effects and residuals dimensionless; InputError where the database cannot be evaluated.
     """
     access = access_workspace(workspace)
@@ -141,7 +141,13 @@ def inputs_document(
             for name, proposed in expressions.items()
         },
         "warnings": [
-            each for each in (*sizes, *(_removed(use, described.surfaces) for use in uses)) if each
+            each
+            for each in (
+                *sizes,
+                *(_removed(use, described.surfaces) for use in uses),
+                *(_uneven(*each) for each in uneven_height_tables(database).items()),
+            )
+            if each
         ],
     }
 
@@ -179,6 +185,12 @@ def _removed(use: InputUse, surfaces: Collection[str]) -> dict[str, Any] | None:
         "control": control,
         "sentence": f"zero for {name} removes the {control} from the database: {remedy}",
     }
+
+
+def _uneven(table: str, what: str) -> dict[str, Any]:
+    """Return the warning of a table over height (`uneven_height_tables`)."""
+    sentence = f"{what}: ground effect fades upwards without a turn, see the source of the numbers"
+    return {"kind": "uneven_table", "name": table, "sentence": sentence}
 
 
 def _known(vehicle: Vehicle, flights: Sequence[FlightCoefficients]) -> list[str]:

@@ -91,6 +91,15 @@ def test_another_aircraft_and_a_removed_control_are_warned_of(glider):
     assert [each["control"] for each in warned["warnings"][3:]] == ["rudder", "aileron"]
 
 
+def test_a_hump_of_ground_effect_is_warned_of(glider):
+    workspace, importing = glider
+    file = jsbsim.get_default_root_dir() + "/aircraft/c172p/c172p.xml"
+    found = asked(workspace, "database", "import", file, "--vehicle", NAME)["warnings"]
+    (uneven,) = [each for each in found if each["kind"] == "uneven_table"]
+    assert "1.046, 1.055, 1.019" in uneven["sentence"]
+    assert not any(w["kind"] == "uneven_table" for w in asked(workspace, *importing)["warnings"])
+
+
 def test_what_flights_have_is_not_asked_for(glider):
     workspace, importing = glider
     ingested(workspace, (1,))

@@ -5,7 +5,8 @@ have been. `evaluation` gives coefficients with standard errors and places (`dec
 `consolidation` folds increments into tables (`multilinear`, `node_increment`). `differences`
 compares databases; `sensitivity` gives derivatives along a flight, `slopes` their sign changes, and
 `check_cases` guards stored versions. `lacking_effects` says what a database does not know, and
-gives its curves, `unusual_content` what no aircraft has. `tabulation` makes tables of a database.
+gives its curves, `unusual_content` what no aircraft has, `height_tables` what no ground effect has.
+`tabulation` makes tables of a database.
 """
 
 from typing import TYPE_CHECKING
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from .differences import DatabaseDiff, NodeChanges, TermChange, diff
     from .envelope import continued, flown_envelope
     from .evaluation import Evaluation, Place, evaluate_database
+    from .height_tables import uneven_height_tables
     from .lacking_effects import curves, lacking_effects
     from .linear_terms import LinearTable, depends_on, linear_tables
     from .nodes import table_grids, vary
