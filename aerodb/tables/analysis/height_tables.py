@@ -69,7 +69,9 @@ def _judged(table: Table, axis: int) -> str:
     slope, end = max(_end(line, points) for line in lines)
     way = table.extrapolation[axis] if table.extrapolation else "neither"
     if slope > _KINK and way in ("neither", "min"):
-        said.append(f"still changes at {slope:.2g} times its mean slope where it ends, at {end:.4g}")
+        said.append(
+            f"changes at {slope:.2g} times its mean slope up to where it ends, at {end:.4g}"
+        )
     return " and ".join(said)
 
 

@@ -63,9 +63,9 @@ def test_a_hump_is_found_with_its_numbers(sign: float) -> None:
 
 def test_an_end_before_it_has_faded_is_found_unless_it_goes_on() -> None:
     straight = 1.2 - 0.1 * np.array(HEIGHTS)
-    assert "where it ends, at 1.5" in judged(straight)
+    assert "up to where it ends, at 1.5" in judged(straight)
     early = np.where(np.array(HEIGHTS) < 0.6, straight, straight[5])
-    assert "where it ends, at 0.5" in judged(early)
+    assert "up to where it ends, at 0.5" in judged(early)
     assert judged(straight, 'extrapolation = ["max"]') == ""
 
 
