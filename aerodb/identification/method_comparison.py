@@ -258,11 +258,16 @@ def _stands(fits: Sequence[Fit]) -> bool:
 
 
 def _least_followed(fits: Sequence[Fit]) -> tuple[str, float] | None:
-    """The output with the smallest median of Theil's fit over the records, and that fit [%]."""
+    """The output with the smallest median of Theil's fit over the records, and that fit [%], of
+    those whose residuals are not white: where white noise is all that is left, such as of the
+    heading of a roll along its centreline, no motion was there to follow."""
     found: dict[str, list[float]] = {}
     for fit in fits:
+        fitted = {output for record in fit.residuals.values() for output in record}
+        noisy = fitted - coloured_innovations(fit.residuals).keys()
         for outputs in fit.theil.values():
             for output, theil in outputs.items():
-                found.setdefault(output, []).append(theil.fit_percent)
+                if output not in noisy:
+                    found.setdefault(output, []).append(theil.fit_percent)
     medians = {output: float(np.median(values)) for output, values in found.items()}
     return min(medians.items(), key=lambda item: item[1]) if medians else None

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (55, "6dd82be11afa342b", "6ca54c06536d6ad2"),
     "fly": (4, "7f52fe4ed0c16811", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (14, "1b18640c09b6caf8", "be09817f5df27dda"),
+    "estimate": (15, "a826e73638232d6b", "be09817f5df27dda"),
     "update": (21, "67a70d67084cf113", "6b1983884f9e9ae7"),
 }
 

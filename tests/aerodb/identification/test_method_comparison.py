@@ -5,6 +5,7 @@ import pytest
 
 from aerodb.estimation import Fit, ParameterEstimate
 from aerodb.identification import chosen_methods, compare_methods
+from aerodb.signals import theil
 
 
 def fit(method: str, values: dict[str, tuple[float, float]], **more) -> Fit:
@@ -126,6 +127,27 @@ ANGLES = {"r": {"alpha": np.sin(np.arange(200.0)), "q": np.cos(np.arange(200.0))
 
 def flown(value: float, error: float) -> dict[str, list[Fit]]:
     return {"output-error": [fit("output-error", {"Cm_alpha": (value, error)}, residuals=ANGLES)]}
+
+
+@pytest.mark.parametrize(("left", "said"), [(0.0, False), (0.9, True)])
+def test_an_output_that_holds_its_noise_alone_is_followed(left, said) -> None:
+    """The heading of a roll along the centreline: white noise is no motion that a model lacks."""
+    rng = np.random.default_rng(38)
+    along, held = np.linspace(0.0, 1000.0, 700), coloured(rng, left)
+    white = coloured(rng, 0.0)
+    agreement = {
+        "r": {"north": theil(along + white, along), "psi": theil(np.zeros_like(held), held)}
+    }
+    assert agreement["r"]["psi"].fit_percent < 1.0
+    flown = fit(
+        "output-error",
+        {"mu": (0.2, 0.001)},
+        residuals={"r": {"north": white, "psi": held}},
+        theil=agreement,
+    )
+    comparison = compare_methods({"output-error": [flown]})
+    assert any("follows psi by" in why for why in comparison.reasons) is said
+    assert comparison.reserved is said
 
 
 def test_what_an_estimator_made_is_no_measurement_for_a_method_that_flies() -> None:
