@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 23,
+    "conditioning": 24,
     "consistency": 26,
     "coefficients": 5,
     "compare": 13,

@@ -56,6 +56,10 @@ CLEAR: Final = 5.0
 WELL: Final = 0.25
 #: Silence [s] from which a sensor counts as failed rather than as logged a little less long.
 LONGEST_SILENCE: Final = 3.0
+#: Time [s] within which a sensor leaps, rather than drifts.
+LEAP: Final = 0.5
+#: How many times the usual change within it that velocity does not explain, for a leap.
+LEAPT: Final = 20.0
 #: How many windows must say so before a sensor counts as failed.
 WINDOWS: Final = 3
 
@@ -121,13 +125,18 @@ _FOLLOWERS: Final[dict[str, _Follower]] = {
 }
 
 
+#: Channels that no gust moves: heights over ground step with the ground, and vanes with the air.
+_LEAPING: Final = ("altitude", "static_pressure", "north", "east")
+
+
 def flag_failed(flight: Flight) -> Flight:
     """Return the flight with ``failed`` flagged where a sensor does not follow the motion; values
     (n,) stay, in SI units.
 
     All fail where the whole record stands still, or jumps. Airspeed fails where the speed over
     ground goes on, or where it falls within a second and no force slows the aircraft. Other sensors
-    fail where they stand still while what they measure changes.
+    fail where they stand still while what they measure changes, heights and positions where they
+    leap.
     """
     for name, where in _airspeed_failures(flight).items():
         flight = flight.with_flag(name, "failed", where)
@@ -137,6 +146,9 @@ def flag_failed(flight: Flight) -> Flight:
         for name in flight.channels:
             flight = flight.with_flag(name, "failed", where)
     usable = with_accelerations(flight)
+    for name in _LEAPING:
+        if name in flight and (where := _leaping(flight, usable, name)).any():
+            flight = _with_its_receiver(flight.with_flag(name, "failed", where), name, where)
     for name in _FOLLOWERS:
         if name in flight and (where := _not_following(flight, usable, name)).any():
             for other in AIR if name in AIR else (name,):
@@ -331,6 +343,53 @@ def _not_following(flight: Flight, usable: Mapping[str, Array], name: str) -> Ma
     return where
 
 
+def _leaping(flight: Flight, usable: Mapping[str, Array], name: str) -> Mask:
+    """Where a height, pressure or position is elsewhere, since it leapt and no velocity says so:
+    until it leaps back, else on the side of the leap where it follows the velocity less, or on the
+    shorter one."""
+    rule, where = _FOLLOWERS[name], np.zeros(len(flight.time), dtype=bool)
+    width = max(1, round(LEAP / flight.step))
+    needs = rule.needs if set(rule.needs) <= usable.keys() else ()
+    # Without its rate, a height or position changes by no more than the airspeed.
+    most = float(np.nanquantile(usable["V"], 0.95)) if "V" in usable else np.inf
+    at_most = 0.0 if needs else most * LEAP * (1.0 if channel(name).unit == "m" else np.inf)
+    if len(where) < 10 * width or not np.isfinite(at_most):
+        return where
+    known = flight.usable([name, *(n for n in needs if n in flight)], despite=("stuck",))
+    with np.errstate(all="ignore"):
+        rate = np.nan_to_num(rule.rate(usable)) if needs else np.zeros(len(where))
+    turned = np.concatenate([[0.0], np.cumsum(rate[1:] + rate[:-1])]) * 0.5 * flight.step
+    apart = np.where(known, flight[name] - turned, np.nan)
+    change = np.abs(apart[width:] - apart[:-width])
+    if np.isfinite(change).sum() < 10 * width:
+        return where
+    least = at_most + max(rule.least, LEAPT * float(np.nanquantile(change, 0.5)))
+    k = 0
+    for at in np.flatnonzero(change > least).tolist():
+        if at < k:
+            continue
+        before = apart[at]
+        begin = at + 1 + int(np.nanargmax(np.abs(np.diff(apart[at : at + width + 1]))))
+        back = np.flatnonzero(np.abs(apart[begin:] - before) < 0.5 * least)
+        end = begin + int(back[0]) if back.size else len(where)
+        is_first = not back.size and _is_wrong_before(flight[name], apart, begin)
+        where[slice(0, begin) if is_first else slice(begin, end)] = True
+        k = end + width
+    return where & np.isfinite(flight[name])
+
+
+def _is_wrong_before(values: Array, apart: Array, begin: int) -> bool:
+    """Whether a channel is wrong before sample `begin` rather than from there on: it stands still
+    there, or velocity leaves more of it (`apart`)."""
+    stands = [np.mean(np.diff(part) == 0.0) > 0.5 for part in np.split(values, [begin])]
+    if stands[0] != stands[1]:
+        return bool(stands[0])
+    before, after = (float(np.nanstd(part)) for part in np.split(apart, [begin]))
+    if not 1.0 / CLEAR < before / max(after, 1e-9) < CLEAR:
+        return before > after
+    return begin < len(apart) // 2
+
+
 def _held(values: Array, at: int, least: int) -> Mask:
     """Where a value is repeated exactly around sample `at`; nowhere if less often than `least`."""
     where = np.zeros(len(values), dtype=bool)
@@ -371,7 +430,8 @@ class Failure:
     """A sensor that fails in flight, from `start` to `end` [s], as the flags of its channel say.
 
     kind : ``behind`` (airspeed without the speed over ground), ``fallen`` (without a force that
-    slows the aircraft), ``still`` (it does not follow the motion), ``silent`` (no samples more),
+    slows the aircraft), ``still`` (it does not follow the motion), ``leapt`` (it is elsewhere all
+    at once, and no velocity says so), ``silent`` (no samples more),
     ``frozen`` or ``torn`` (all channels stand still, or jump; one of them is named).
     value : median that it shows [unit of the channel]; beside : speed over ground [m/s] meanwhile;
     nan where there is none.
@@ -397,6 +457,9 @@ class Failure:
         if self.kind == "still":
             listed = ", ".join(_FOLLOWERS[self.channel].needs)
             return f"it stands at {shown} while {listed} say that it changes"
+        if self.kind == "leapt":
+            listed = ", ".join(_FOLLOWERS[self.channel].needs)
+            return f"it leaps to or from {shown}, faster than by {listed} or airspeed"
         if self.kind == "behind":
             return f"it shows {shown} at {self.beside:.3g} m/s over ground"
         return f"it falls to {shown} and no force slows the aircraft"
@@ -443,8 +506,17 @@ def _failure(flight: Flight, name: str, first: int, last: int, ground: Array | N
         beside = float(np.nanmedian(ground[here]))
     still = name not in AIR or np.mean(_stuck(flight, name)[here]) > 0.5
     kind = "still" if still else "behind" if np.isfinite(beside) else "fallen"
+    if name in _LEAPING and _leaps_there(flight[name], first, last, _FOLLOWERS[name].least):
+        kind = "leapt"
     start, end = float(flight.time[first]), float(flight.time[last])
     return Failure(name, kind, start, end, value, beside)
+
+
+def _leaps_there(values: Array, first: int, last: int, least: float) -> bool:
+    """Whether a stretch begins or ends with a leap, and is no single value."""
+    ends = [k for k in (first, last + 1) if 0 < k < len(values)]
+    leaps = any(abs(values[k] - values[k - 1]) > 0.5 * least for k in ends)
+    return leaps and bool(np.ptp(values[first : last + 1]) > 0.0)
 
 
 def _silent(flight: Flight, name: str, bits: NDArray[np.uint16]) -> list[Failure]:

@@ -186,15 +186,22 @@ def _quantum(values: Array) -> float:
     return float(np.quantile(change, 0.1)) if len(change) >= 20 else 0.0
 
 
+def _usual(lengths: NDArray[np.intp]) -> int:
+    """Length of the runs in which nine tenths of a record lie that has runs of `lengths`."""
+    ordered = np.sort(lengths)
+    summed = np.cumsum(ordered)
+    return int(ordered[np.searchsorted(summed, 0.9 * summed[-1])]) if ordered.size else 1
+
+
 def stuck(values: Array, step: float, jump: bool = True) -> Mask:
     """(n,) true where a channel repeats one value for longer than it otherwise ever would.
 
-    values : (n,).  step : s. A run of equal samples is stuck when it lasts half a second or more,
-    and six times as long as the runs in which nine tenths of the rest of the record lie (a
-    quantised channel repeats itself in calm air); a quantised channel must also jump by more than
-    its quantum where the run begins or ends, else it only passed a turning point (`jump` false
-    drops this: for who knows that the aircraft moved). A channel that never changes is not judged
-    here: see `plausibility`.
+    values : (n,). step : s. A run of equal samples is stuck when it lasts half a second or more,
+    and six times as long as the runs in which nine tenths of the rest of the record lie, without
+    others of the same value, as dropouts have (a quantised channel repeats itself in calm air); a
+    quantised channel must also jump by more than its quantum where the run begins or ends, else it
+    only passed a turning point (`jump` false drops this: for who knows that the aircraft moved). A
+    channel that never changes is not judged here: see `plausibility`.
     """
     starts = (
         np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
@@ -209,10 +216,12 @@ def stuck(values: Array, step: float, jump: bool = True) -> Mask:
     if not long.size:
         return result
     quantum = _quantum(values[np.isfinite(values)])
-    ordered = np.sort(lengths)
-    summed = np.cumsum(ordered)
+    usual_beside: dict[float, int] = {}
     for run in long:
-        usual = ordered[np.searchsorted(summed, 0.9 * (len(values) - lengths[run]))]
+        value = float(values[starts[run]])
+        if value not in usual_beside:
+            usual_beside[value] = _usual(np.delete(lengths, long[values[starts[long]] == value]))
+        usual = usual_beside[value]
         ends = [k for k in (starts[run], starts[run] + lengths[run]) if 0 < k < len(values)]
         jumped = (
             not jump

@@ -20,6 +20,9 @@ ALTITUDE = 1500.0
 #: Share by which air may be colder or warmer than standard; as much of the altitude adds to that
 #: difference.
 SHARE = 0.15
+#: Share of the samples of a channel in which all others are known, from which those are compared:
+#: fewer are no middle of a flight.
+ALIKE = 0.1
 
 
 def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
@@ -36,8 +39,10 @@ def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     there = [name for name in names if name in flight]
     where = flying(flight, [name for name in there if name in ("V", "qbar")])
     at = {}
-    for name in there:
-        good = where & flight.usable([name], despite=("implausible", "stuck"))
+    alike = where & flight.usable(there, despite=("implausible", "stuck"))
+    for name in there:  # over the same samples, where one of them failed for a part of the flight
+        own = where & flight.usable([name], despite=("implausible", "stuck"))
+        good = alike if alike.sum() > ALIKE * own.sum() else own
         if np.isfinite(value := middle(flight[name], good)):
             at[name] = value
     listed = [

@@ -62,6 +62,16 @@ def _decays(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: fl
     return np.where(failing, values * np.clip(1.0 - since / 8.0, 0.1, 1.0), values)
 
 
+def _drops(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
+    """Zero for 2 s of every 4 s."""
+    return np.where(failing & (np.arange(len(values)) * step % 4.0 < 2.0), 0.0, values)
+
+
+def _leaps(by: float) -> Change:
+    """Elsewhere from then on, following as before [unit of the channel]."""
+    return lambda values, failing, noise, step: np.where(failing, values + by, values)
+
+
 KINDS: dict[str, Kind] = {
     "airspeed zero": Kind(AIR, _zero),
     "airspeed zero for 5 s": Kind(AIR, _zero, 0.4, 5.0),
@@ -76,9 +86,15 @@ KINDS: dict[str, Kind] = {
     "alpha not a number": Kind(("alpha",), _nothing),
     "beta held, noisy": Kind(("beta",), _noise),
     "altitude held": Kind(("altitude",), _held),
+    "altitude drops to zero": Kind(("altitude",), _drops),
+    "altitude leaps": Kind(("altitude",), _leaps(150.0)),
     "static pressure held": Kind(("static_pressure",), _held),
+    "static pressure leaps": Kind(("static_pressure",), _leaps(-2000.0)),
     "velocity held": Kind(("velocity_north", "velocity_east"), _held),
+    "velocity zero": Kind(("velocity_north", "velocity_east"), _zero),
     "position held": Kind(("north", "east"), _held),
+    "position leaps": Kind(("north", "east"), _leaps(300.0)),
+    "alpha drops to zero": Kind(("alpha",), _drops),
 }
 
 
@@ -196,6 +212,7 @@ def told(pairs: Sequence[Pair], kind: Kind) -> Told:
         said = failed_suspicions(flight)
         named = {each.channel for each in said}
         first = next(name for name in kind.channels if name in flight)
+        where &= flight[first] != pair.flight[first]
         still = flight.usable([first]) & where
         if named & set(kind.channels):
             found.right.append(pair.name)
