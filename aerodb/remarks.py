@@ -171,11 +171,11 @@ def _rates(remark: Remark) -> tuple[str, ...]:
 
 
 def _sensor_error(remark: Remark) -> tuple[str, ...]:
-    (label, *bound), (value, _), (size, _) = (
-        remark.subjects,
-        remark.values["value"],
-        remark.values["serviceable"],
-    )
+    label, *bound = remark.subjects
+    if "bound" in remark.values:
+        value = remark.values["bound"][0]
+        return (f"{label} is {value:g} or beyond: no serviceable sensor has that; not corrected",)
+    value, size = (remark.values[name][0] for name in ("value", "serviceable"))
     beside = f", with {' and '.join(bound)} at a bound" if bound else ""
     beside += ", and known from its calibration" if remark.kind == KNOWN_SENSOR_ERROR else ""
     return (f"{label} of {value:.3g} is beyond any serviceable sensor ({size:g}){beside}",)

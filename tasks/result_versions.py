@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
     "conditioning": 24,
-    "consistency": 26,
+    "consistency": 27,
     "coefficients": 5,
     "compare": 13,
     "import": 2,

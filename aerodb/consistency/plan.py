@@ -10,6 +10,7 @@ import numpy as np
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.pressures import HOLES
 from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, FlightRecord, channels_of, parameter
+from aerodb.remarks import Remark
 from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Sensor, Vehicle, VerticalAir
 
@@ -53,6 +54,7 @@ class ReconstructionPlan:
         because of them.
     remarks : what else the estimates say of the sensors, in sentences.
     misplaced : where the vanes seem to be, in a sentence; empty: where the vehicle file says.
+    beyond : errors as large as they may be, which no serviceable sensor has, and which are removed.
     vertical_air : prior of the vertical motion of the air.
     """
 
@@ -68,6 +70,7 @@ class ReconstructionPlan:
     doubtful: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     misplaced: str = ""
+    beyond: tuple[Remark, ...] = ()
     vertical_air: VerticalAir = field(default_factory=lambda: VerticalAir(sigma=0.0))
 
     @property

@@ -140,6 +140,8 @@ def _checked(flight: Flight, vehicle: Vehicle, calibration: Calibration | None) 
     )
     if plan.misplaced:
         verdict = verdict.with_first("limited", Remark(MISPLACED, text=plan.misplaced))
+    for remark in plan.beyond:
+        verdict = verdict.with_last("limited", remark)
     doubtful = (*biases_that_may_be_air(known, vehicle.accuracy), *plan.doubtful)
     values = applied_corrections(known.sensors, plan, calibration, doubtful)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)

@@ -21,6 +21,7 @@ from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
     SIGNIFICANT,
     SensorEstimates,
+    at_a_bound,
     is_early,
     never_early,
     overridden_by_calibration,
@@ -142,6 +143,7 @@ def estimate_sensors(
         near = None
     result = solve(records, plan, near=near)
     tested = with_vehicle_priors(shared_estimates(result), plan.stated_priors).by_name
+    beyond = at_a_bound(result, plan, accuracy)
     for _ in range(_ROUNDS):
         kept = plan.only(significant_parameters(result, plan, accuracy))
         if kept.free == plan.free:
@@ -153,7 +155,7 @@ def estimate_sensors(
         for name, (value, error) in tested.items()
         if name not in plan.free
     }
-    return result, replace(plan, removed=removed)
+    return result, replace(plan, removed=removed, beyond=() if plan.misplaced else beyond)
 
 
 def _vane(

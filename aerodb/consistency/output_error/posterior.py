@@ -13,9 +13,10 @@ import numpy as np
 from scipy.special import chdtrc
 
 from aerodb.consistency.calibration import Calibration
-from aerodb.consistency.plan import ReconstructionPlan
+from aerodb.consistency.plan import TRUST, ReconstructionPlan
 from aerodb.consistency.reconstructed import Estimate, Reconstruction
 from aerodb.consistency.sensors import parameter
+from aerodb.remarks import SENSOR_ERROR, Remark
 from aerodb.support import DIFFERENCE, Array, Dual, dead_zone, standard_errors
 from aerodb.vehicle import Accuracy
 
@@ -281,12 +282,35 @@ def significant_parameters(
         left = left.conditioned_on_zero(worst)
 
 
-def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> bool:
-    """Return whether a correction changes its channel by more than `MATTERS` of its limit (rms);
-    always true for channels without a limit."""
+def at_a_bound(
+    result: Reconstruction, plan: ReconstructionPlan, accuracy: Accuracy
+) -> tuple[Remark, ...]:
+    """Delays and scales of flow angles and airspeed that are as large as they may be, and matter:
+    no serviceable sensor has them, so that they are not applied, and the channel stays wrong.
+
+    accuracy : limits, SI; an effect of `TRUST` of them matters.
+    """
+    return tuple(
+        Remark(SENSOR_ERROR, (entry.parameter.label,), {"bound": (entry.value, "SI")})
+        for entry in result.estimates
+        if entry.at_bound
+        and entry.parameter.kind in ("scale", "delay")
+        and entry.parameter.subject in ("alpha", "beta", "V")
+        and entry.parameter.subject not in plan.left_out
+        and (entry.parameter.kind == "scale" or entry.value > 0.0)
+        and abs(entry.value) > SIGNIFICANT * entry.standard_error
+        and _matters(entry, result, accuracy, TRUST)
+    )
+
+
+def _matters(
+    entry: Estimate, result: Reconstruction, accuracy: Accuracy, least: float = MATTERS
+) -> bool:
+    """Return whether a correction changes its channel by more than a part `least` of its limit
+    (rms); always true for channels without a limit."""
     item = entry.parameter
     if item.kind == "probe":
-        return abs(entry.value) * _probe_effect(item.name, result) > MATTERS * accuracy.flow_angle
+        return abs(entry.value) * _probe_effect(item.name, result) > least * accuracy.flow_angle
     if item.subject not in ("alpha", "beta", "V") or item.kind not in ("bias", "scale", "delay"):
         return True
     pieces = [getattr(path, item.subject) for path in result.paths]
@@ -300,8 +324,8 @@ def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> boo
     if item.subject == "V":
         return item.kind == "scale" or abs(
             entry.value
-        ) * size > MATTERS * accuracy.qbar_fraction * float(np.mean(pieces[0]))
-    return abs(entry.value) * size > MATTERS * accuracy.flow_angle
+        ) * size > least * accuracy.qbar_fraction * float(np.mean(pieces[0]))
+    return abs(entry.value) * size > least * accuracy.flow_angle
 
 
 def _probe_effect(name: str, result: Reconstruction) -> float:
