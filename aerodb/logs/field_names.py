@@ -25,7 +25,7 @@ _ACCELERATION: Final = r"a(cc(el|eleration)?)?"
 _NAMES: Final[dict[str, str]] = {
     "V": r"(true_?)?(air_?speed|k?tas|v_?tas|vtas|v_?true)|v|vt|tas_?air_?speed",
     "calibrated_airspeed": r"cas|ias|(calibrated|indicated)_?air_?speed|v_?cas|v_?ias|v_?ind|vc"
-    r"|k[ic]as",
+    r"|k[ic]as|k?eas|v_?eas|equivalent_?air_?speed",
     "alpha": r"alpha|aoa|alfa|angle_?of_?attack|alpha_?vane",
     "beta": r"beta|aoss?|ssa|(angle_?of_?)?side_?slip(_?angle)?|beta_?vane",
     "qbar": r"q_?bar|q_?dyn|dyn(amic)?_?press(ure)?|q_?inf|p_?dyn|impact_?pressure",
@@ -33,7 +33,7 @@ _NAMES: Final[dict[str, str]] = {
     "rho": r"rho|(air_?)?density",
     "temperature": r"oat|sat|((static|outside|ambient|external)_?)?(air_?)?temp(erature)?"
     r"|t_?(amb(ient)?|oat|inf(inity)?|stat(ic)?|air|outside)",
-    "static_pressure": r"ps|p_?stat(ic)?|static_?press(ure)?|baro_?press(ure)?",
+    "static_pressure": r"ps|p_?(stat(ic)?|amb(ient)?)|static_?press(ure)?|baro_?press(ure)?",
     "p": r"p|p_?b|p_?rate|(b_?)?roll_?(rate|speed)|gyro?_?x|gx|omega_?x|wx|roll_?rt"
     r"|angular_velocity_x|(phi|roll|bank)_?dot",
     "q": r"q|q_?b|q_?rate|(b_?)?pitch_?(rate|speed)|gyro?_?y|gy|omega_?y|wy|pitch_?rt"
@@ -51,12 +51,12 @@ _NAMES: Final[dict[str, str]] = {
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
     "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
     "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
-    r"|euler_?yaw",
+    r"|euler_?yaw|mag(netic)?_?(heading|hdg)|(heading|hdg)_?m(ag(netic)?)?",
     "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl"
     rf"|gps_?alt(itude)?|alt(itude)?_?gps|{_BARO}|h",
     "pressure_altitude": r"press(ure)?_?(alt(itude)?|height)|p_?alt|h_?p|alt(itude)?_?press(ure)?"
     r"|alt(itude)?_?(std|standard|qne)|h_?press(ure)?",
-    "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|height_?above_?ground"
+    "height_above_ground": r"agl|h_?agl|alt(itude)?_?agl|agl_?alt(itude)?|height_?above_?ground"
     r"|r(ad(io|ar)?)?_?(alt(itude)?|height)",
     "velocity_north": r"v_?n(orth)?|vel_?n(orth)?|velocity_?n(orth)?|north_?velocity"
     rf"|{_ALONG.format('x')}",
@@ -346,6 +346,10 @@ def _own_name(field: str, stated: str) -> Named | None:
     for words, own in ((whole, bracket), (short, unit)):
         if (known := _known(words)) is not None:
             return _meant(known, words, own, "synonym", f"{stated} {field}")
+    celsius = re.fullmatch(r"(.+)_([cfk])", short)
+    if celsius is not None and _known(celsius[1]) == "temperature":
+        unit = {"c": "degC", "f": "degF", "k": "K"}[celsius[2]]
+        return _meant("temperature", celsius[1], unit, "synonym", f"{stated} {field}")
     index = re.fullmatch(r"(.*?)(\[[012]\]|\([123]\))", field.strip())
     if index is not None:
         axis = "xyz"[int(index[2][1]) - (index[2][0] == "(")]
@@ -419,6 +423,7 @@ def _meant(
     """The channel of a name, as what is written of its unit tells the quantity."""
     text = written.lower()
     if known in ("V", "calibrated_airspeed"):
+        unit = unit or ("knot" if re.fullmatch(r"k[tice]as", words) else "")
         if re.search(r"\bk?gs\b|kgs", text):
             return None
         if re.search(r"k?[ic]as\b", text):
@@ -431,7 +436,7 @@ def _meant(
         return Named("height_above_ground", how, unit)
     if known == "altitude" and re.search(r"m?sl\b|gps", text):
         return Named(known, how, unit)
-    if known == "psi" and re.search(r"mag", text):
+    if known == "psi" and re.search(r"mag|(heading|hdg)[_ ]?m\b", text):
         return Named(known, how, unit, "it is magnetic: true heading differs by the declination")
     if known == "psi" and "true" in text:
         return Named(known, how, unit)

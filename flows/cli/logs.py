@@ -162,6 +162,11 @@ def _quoted(name: str | Path) -> str:
     return shlex.quote(visible(str(name)))
 
 
+def _begins(start: str | None) -> str:
+    """When a log begins, of its UTC in ISO form."""
+    return f"begins {start[:19].replace('T', ' ')} UTC" if start else "start unknown"
+
+
 def _say_details(
     session: Session,
     recording: "Recording",
@@ -171,7 +176,7 @@ def _say_details(
     session.say()
     session.say(
         f"{visible(document['source'])}: {document['format']}, {document['size'] / 1e6:.1f} MB,"
-        f" sha256 {document['sha256'][:12]}"
+        f" sha256 {document['sha256'][:12]}, {_begins(document['start_utc'])}"
     )
     session.table(
         ["topic", "rate [Hz]", "samples", "from [s]", "to [s]", "gaps", "longest [s]", "fields"],

@@ -53,13 +53,15 @@ def read_text(data: bytes, where: str) -> TextTable:
     Lines above the data are comments (``#`` or ``%``), titles, names and units (`text_layout`);
     names in a comment count if there are as many as columns. Closing lines without a number,
     comments and names that are repeated between the data are left out and said. A last line without
-    a line end may be truncated within a number, so it is left out and reported. The decimal sign,
+    a line end may be truncated within a number, so it is left out and reported; so are zeros at the
+    end. The decimal sign,
     thousands, dates and durations are decided column by column (`numbers_of`).
 
     Raises InputError for binary files, ragged lines (naming the first one), and files without
     numbers. Columns (n,), in the units of the file; times in [s].
     """
     data = without_labview_header(_as_utf8(data))
+    data, reserved = _without_reserved(data)
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not data.strip():
@@ -73,6 +75,7 @@ def read_text(data: bytes, where: str) -> TextTable:
     if layout.delimiter == "|":  # those at the ends of a line are a frame
         body = re.sub(rb"^[ \t]*\|", b"", body, flags=re.MULTILINE)
     body, damage = _without_cut_line(body)
+    damage = reserved + damage
     body, closing = _without_closing(body, layout)
     body, again = _without_repeats(body, lines[: layout.first], layout)
     remarks += closing + again
@@ -121,6 +124,16 @@ def _quoted_title(lines: list[bytes], layout: Layout) -> str:
     title = filled[0].decode("utf-8", "replace").strip()
     more = f" and {layout.titles - 1} more" if layout.titles > 1 else ""
     return f"titles above the table are not read: '{title:.40}'{more}"
+
+
+def _without_reserved(data: bytes) -> tuple[bytes, list[Damage]]:
+    """Leave out zeros at the end: a logger reserves room, and loses power before it is filled."""
+    filled = data.rstrip(b"\x00")
+    if not filled or len(filled) == len(data):
+        return data, []
+    what = "the file ends in zeros: it was not closed, and its last lines may be lost"
+    lost = len(data) - len(filled)
+    return filled, [Damage("lost_tail", what, topic="table", bytes_lost=lost)]
 
 
 def _without_cut_line(body: bytes) -> tuple[bytes, list[Damage]]:

@@ -215,7 +215,9 @@ def _adjacent(named: list[_Row]) -> list[_Row]:
     last = named[-1]
     upper = [row for row in named[:-1] if row.line == last.line - 1]
     alike = [row for row in upper if len(row.words) == len(last.words)]
-    return [*alike, last] if not (alike and last.comment and not _is_units(alike[0])) else [last]
+    if alike and last.comment and not (_is_units(alike[0]) or _is_units(last)):
+        return [last]  # above is a remark
+    return [*alike, last]
 
 
 def _joined(header: list[_Row], width: int) -> list[str]:

@@ -100,6 +100,17 @@ PLAIN = {
     "gps_height": ("altitude", "", True),
     "nose_alpha": ("alpha", "", True),
     "gyro[0]": ("p", "", True),
+    "OAT_C": ("temperature", "degC", False),
+    "T_amb_K": ("temperature", "K", False),
+    "EAS": ("calibrated_airspeed", "", True),
+    "KEAS": ("calibrated_airspeed", "knot", True),
+    "KTAS": ("V", "knot", False),
+    "kcas": ("calibrated_airspeed", "knot", False),
+    "hdg_mag": ("psi", "", True),
+    "HDG M": ("psi", "", True),
+    "magHeading": ("psi", "", True),
+    "AGL_alt": ("height_above_ground", "", False),
+    "p_amb": ("static_pressure", "", False),
     "aircraft_mass": ("mass", "", False),
 }
 

@@ -81,6 +81,7 @@ FORMS = {
     "units above": "s,m/s,m/s^2\n" + HEADER + rows(","),
     "units below": HEADER + "s,m/s,m/s^2\n" + rows(","),
     "units below in brackets": HEADER + "[s],[m/s],[m/s^2]\n" + rows(","),
+    "units in a comment below names in a comment": "% time V az\n% s m/s m/s^2\n" + rows(" "),
     "units in a comment": "#s, m/s, m/s2\n" + HEADER + rows(","),
     "names in a comment": "# flight of today\n# time V az\n" + rows(" "),
     "group line above": "Clock,Air data,\ntime,V,az\n" + rows(","),
@@ -131,6 +132,17 @@ def test_units_of_a_row_are_those_of_the_columns(tmp_path: Path, form: str) -> N
         {"time": "s", "V": "m/s", "az": "m/s^2"},
         {"time": "s", "V": "m/s", "az": "m/s2"},
     )
+
+
+@pytest.mark.parametrize("cut", [0, 5])
+def test_room_that_a_logger_reserved_is_no_sample(tmp_path: Path, cut: int) -> None:
+    text = HEADER + rows(",")
+    recording = read(tmp_path, text[: len(text) - cut] + "\x00" * 512)
+    fields = recording.topics["table"].fields
+    count = len(TIME) - (cut > 0)
+    np.testing.assert_allclose(fields["V"], SPEED[:count], rtol=1e-8)
+    assert recording.damage[0].what.startswith("the file ends in zeros")
+    assert recording.damage[0].bytes_lost == 512
 
 
 def test_dates_are_seconds_since_1970(tmp_path: Path) -> None:

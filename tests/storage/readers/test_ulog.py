@@ -18,6 +18,7 @@ from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.ulog import read_ulog
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
+from tests.support.command import aerodb
 
 SAMPLES = ("sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg")
 
@@ -434,3 +435,5 @@ def test_the_time_of_booting_dates_a_log(tmp_path: Path) -> None:
     header = struct.unpack_from("<Q", data, 8)[0]
     expected = datetime.fromtimestamp((booted + header) * 1e-6, UTC)
     assert read_ulog(tmp_path / "a.ulg").start_utc == expected
+    said = aerodb(tmp_path, "log", "inspect", str(tmp_path / "a.ulg"), "-v").stdout
+    assert f"begins {expected:%Y-%m-%d %H:%M:%S} UTC" in said
