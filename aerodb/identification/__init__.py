@@ -17,6 +17,7 @@ Of parameters of a database's legs (`ground_parameters`) only rolls on the groun
 flies these from start to stop (`ground_roll`, `recorded_rolls`), in an unknown steady wind;
 `likelihood_bounds` says what the rolls exclude where they determine no value. `updated_by_rolls`
 makes the estimates a candidate; `roll_errors` and `validated_rolls` say what it leaves of rolls.
+`seen_rolls` says how a roll slows down whose brakes are not known.
 
 While a log is being written, `OnlineEstimation` gives the estimates so far by recursive methods
 (`online`).
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from .recorded_trim import with_recorded_trim
     from .roll_errors import RollError, flown_to_stop, roll_errors, validated_rolls
     from .roll_update import RollUpdate, updated_by_rolls, with_fitted_legs
+    from .seen_rolls import Phase, SeenRoll, seen_rolls
     from .wake_encounter import WakeEncounter, identify_wake
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -27,7 +27,7 @@ from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 _WIND: Final = 10.0
 #: Speed over the ground [m/s] down to which a roll counts: below, friction sticks, and slip angles
 #: lose their meaning,
-_SLOW: Final = 3.0
+SLOW: Final = 3.0
 #: and that a roll reaches: taxiing tells nothing of friction at speed.
 _FAST: Final = 10.0
 #: Shortest and longest roll [s].
@@ -47,6 +47,8 @@ _SLOPED: Final = 4.0
 _PARTS: Final = 8
 #: and least slope that counts: it decelerates by 0.005 m/s2.
 _LEAST_SLOPE: Final = 5e-4
+#: What to do where no flight has a roll.
+_REMEDY: Final = "name flights that roll to a stop, with velocities or positions over the ground"
 #: Reasons that an error names.
 _REASONS: Final = 3
 
@@ -102,6 +104,7 @@ def recorded_rolls(flights: Sequence[RolledFlight], database: AeroDatabase) -> R
     model = flight_model(database)
     records, starts = list[TimeHistory](), dict[str, dict[str, float]]()
     names, notes, left_out = dict[str, str](), dict[str, list[str]](), dict[str, str]()
+    remedy = ""
     for each in flights:
         seen = despite_ground(each.flight)
         try:
@@ -114,6 +117,7 @@ def recorded_rolls(flights: Sequence[RolledFlight], database: AeroDatabase) -> R
                 starts[name], names[name], notes[name] = start, each.flight.id, said
         except InputError as error:
             left_out[each.flight.id] = str(error).split("\n", 1)[0]
+            remedy = remedy or error.remedy
             continue
         if not rolls:
             left_out[each.flight.id] = _why(each.flight)
@@ -122,7 +126,7 @@ def recorded_rolls(flights: Sequence[RolledFlight], database: AeroDatabase) -> R
         raise InputError(
             f"no roll on the ground can be used: {reasons}",
             "estimate",
-            "name flights that roll to a stop, with velocities or positions over the ground",
+            remedy or _REMEDY,
         )
     latitude = next(filter(None, (_mean(f.flight, "latitude", slice(None)) for f in flights)), None)
     general: tuple[str, ...] = ()
@@ -231,7 +235,7 @@ def ground_rolls(flight: Flight) -> list[slice]:
     for segment in ground_and_air(flight):
         if segment.kind == "on_ground":
             down |= (flight.time >= segment.start) & (flight.time <= segment.end)
-    rolling = np.concatenate([[False], down & (moving > _SLOW), [False]])
+    rolling = np.concatenate([[False], down & (moving > SLOW), [False]])
     edges = np.flatnonzero(np.diff(rolling.astype(int)))
     most = round(_LONGEST / flight.step)
     return [
@@ -252,7 +256,8 @@ def _record(
         raise InputError(
             f"the flight lacks {', '.join(lacking)}",
             where,
-            "map these channels: without them friction cannot be told from what they do",
+            f"map these channels; how it slows down is seen without them: aerodb flight show"
+            f" {name.partition('#')[0]}",
         )
     notes = list[str]()
     known = {n: bridged(flight, n, whole, where) for n in (*MASS_PROPERTIES, *model.inputs)}

@@ -79,12 +79,36 @@ class ListedFlight(Flight):
     counts: bool
 
 
+class RollPhase(Answer):
+    """A phase of a roll, `start` to `end` [s], between two speeds over the ground [m/s]:
+    `effective` is its deceleration over that of gravity."""
+
+    start: float
+    end: float
+    fast: float
+    slow: float
+    effective: float
+    standard_error: float
+
+
+class Roll(Answer):
+    """A roll on the ground from `start` [s] on: `time` [s] and `distance` [m] to its standstill, or
+    to the end of what is seen of it."""
+
+    start: float
+    time: float
+    distance: float
+    stands: bool
+    phases: list[RollPhase]
+
+
 class ShownFlight(Flight):
     """A flight with its findings, its results, and the versions based on it."""
 
     suspicions: list[dict[str, Any]]
     segments: list[Segment]
     delays: list[dict[str, Any]]
+    rolls: list[Roll]
     repeats: list[dict[str, Any]]
     consistency: dict[str, Any] | None
     log: dict[str, Any] | None

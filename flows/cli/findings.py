@@ -62,6 +62,22 @@ def segments_words(segments: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(f"{kind} {n} times" if n > 1 else kind for kind, n in counts.items())
 
 
+def say_rolls(session: Session, rolls: Sequence[Mapping[str, Any]]) -> None:
+    """Print where rolls on the ground stand still, and how each phase of them slows down."""
+    for roll in rolls:
+        seen = f"{roll['time']:.1f} s and {roll['distance']:.0f} m"
+        ends = f"stands still after {seen}" if roll["stands"] else f"still rolls after {seen}"
+        session.say(f"roll at {roll['start']:.1f} s: {ends}")
+        for each in roll["phases"]:
+            session.say(
+                f"  {each['start']:.1f} to {each['end']:.1f} s, {each['fast']:.1f} to"
+                f" {each['slow']:.1f} m/s: slows down by"
+                f" {plus_minus(each['effective'], each['standard_error'], 3)} g"
+            )
+    if rolls:
+        session.say("  that is rolling friction, brakes, drag and slope together, less thrust")
+
+
 def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
     """Print the delay of each channel, as far as the kinematics determine it."""
     known = [d for d in delays if d["observable"]]

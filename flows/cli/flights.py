@@ -13,6 +13,7 @@ from aerodb.flows.cli.findings import (
     say_damage,
     say_delays,
     say_repeats,
+    say_rolls,
     say_segments,
     say_suspicions,
     segments_words,
@@ -23,11 +24,13 @@ from aerodb.flows.cli.known_names import LOGS
 from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
+from aerodb.remarks import NEVER_AIRBORNE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aerodb.storage.catalogue import FlightRow, Impact, LogRow
+    from aerodb.tasks.workspace_access import WorkspaceAccess
 
 app = typer.Typer(name="flight", cls=Commands, no_args_is_help=True, help="Flights: ingested logs.")
 
@@ -182,9 +185,7 @@ def show(
             ("because", _reasons(session, document)),
             ("used by", ", ".join(_uses(impact)) or "no version yet"),
         ],
-        f"aerodb flight compare {row.id[:12]} released"
-        if catalogue.names(row.vehicle).get("released")
-        else f"aerodb database import FILE --vehicle {row.vehicle}",
+        _after_show(WorkspaceAccess(session.workspace(), catalogue), row),
     )
     session.say()
     session.say(
@@ -199,6 +200,7 @@ def show(
         say_delays(session, document["delays"])
     elif flown := segments_words(document["segments"]):
         session.say(f"flown: {flown}")
+    say_rolls(session, document["rolls"])
     if document["consistency"] is not None:
         say_consistency(session, document["consistency"], verbose=verbose)
     if verbose:
@@ -210,6 +212,19 @@ def show(
     else:
         session.say("details: -v")
     session.answer(document)
+
+
+def _after_show(access: "WorkspaceAccess", row: "FlightRow") -> str:
+    """Return the next command of a flight; empty for a roll whose brakes are not known."""
+    from aerodb.tasks.view import roll_command
+
+    if not access.catalogue.versions(row.vehicle, 1):
+        return f"aerodb database import FILE --vehicle {row.vehicle}"
+    if NEVER_AIRBORNE in (remark.kind for remark in row.remarks):
+        return roll_command(access, row)
+    if access.named(row.vehicle, "released"):
+        return f"aerodb flight compare {row.id[:12]} released"
+    return f"aerodb database import FILE --vehicle {row.vehicle}"
 
 
 def called(row: "FlightRow", log: "LogRow | None") -> str:

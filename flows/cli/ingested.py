@@ -13,7 +13,7 @@ from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_damage, say_repeats, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, percent, visible
 from aerodb.nomenclature import in_order
-from aerodb.remarks import WIDE_LIMITS, from_document
+from aerodb.remarks import NEVER_AIRBORNE, WIDE_LIMITS, from_document
 
 #: A residual below so many noise floors is mostly noise of the sensors.
 _ABOVE_NOISE: Final = math.sqrt(2.0)
@@ -38,7 +38,7 @@ def say_ingested(
     session.headlines(
         _verdict(outcomes, taken, vehicle),
         [("largest", _largest(taken)), ("uneven", _uneven_words(taken))],
-        _next(taken, vehicle),
+        _next_of_rolls(session, taken) or _next(taken, vehicle),
     )
     session.say()
     say_flights(session, taken)
@@ -136,6 +136,23 @@ def _uneven_words(taken: Sequence[Mapping[str, Any]]) -> str:
     names = _uneven(taken)
     more = f" and {len(names) - 2} more" if len(names) > 2 else ""
     return f"{', '.join(names[:2])}{more} corrected in some flights only" if names else ""
+
+
+def _next_of_rolls(session: Session, taken: Sequence[Mapping[str, Any]]) -> str:
+    """Return the next command of flights that were never airborne, of a vehicle with a version;
+    empty for others."""
+    remarks = [(each["consistency"] or {}).get("verdict_remarks", []) for each in taken]
+    if not all(NEVER_AIRBORNE in (entry["kind"] for entry in each) for each in remarks):
+        return ""
+    from aerodb.tasks.view import roll_command
+    from aerodb.tasks.workspace_access import WorkspaceAccess
+
+    catalogue = session.catalogue()
+    row = catalogue.flight(taken[0]["flight"])
+    if not catalogue.versions(row.vehicle, 1):
+        return ""
+    access = WorkspaceAccess(session.workspace(), catalogue)
+    return roll_command(access, row) or f"aerodb flight show {row.id[:12]}"
 
 
 def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:

@@ -35,7 +35,13 @@ if TYPE_CHECKING:
         sweep,
     )
     from .finding_documents import finding_document, findings_page, labels_of, reference_of
-    from .flight_documents import damage_document, flight_details, flights_document, step_words
+    from .flight_documents import (
+        damage_document,
+        flight_details,
+        flights_document,
+        roll_command,
+        step_words,
+    )
     from .json_documents import as_json
     from .lineage_documents import (
         compare_versions,

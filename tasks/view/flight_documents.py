@@ -30,6 +30,8 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
     }
 
 
+#: Shortest time on the ground [s] that is searched for a roll: as long as a roll that counts.
+_SHORTEST_ROLL: Final = 5.0
 #: Step -> what it makes, where its name does not say so.
 _STEP_WORDS: Final = {"gram": "normal equations"}
 
@@ -69,7 +71,8 @@ def flight_details(access: "WorkspaceAccess", row: FlightRow) -> dict[str, Any]:
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
         **flight_document(row),
-        **_conditioning(access, row, results),
+        **(found := _conditioning(access, row, results)),
+        "rolls": _rolls(access, results, found["segments"]),
         "repeats": repeat_documents(catalogue, row.id),
         "consistency": _consistency(access, row, results),
         "log": {
@@ -117,6 +120,64 @@ def _conditioning(
     found = {name: conditioning.get(name, []) for name in ("suspicions", "segments", "delays")}
     start = suspicion_documents(start_suspicions(row.start_utc, row.added_utc))
     return {**found, "suspicions": [*found["suspicions"], *start]}
+
+
+def _rolls(
+    access: "WorkspaceAccess", results: Sequence[ResultRow], segments: Sequence[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """Return what is seen of the flight's rolls on the ground (`aerodb.identification.SeenRoll`):
+    times [s], distances [m], and phases with speeds [m/s] and decelerations over gravity's."""
+    stored = [result for result in results if result.step == "ingest"]
+    if not stored or not any(
+        each["kind"] == "on_ground" and each["end"] - each["start"] >= _SHORTEST_ROLL
+        for each in segments
+    ):
+        return []
+    from aerodb.identification import seen_rolls  # slow to import
+    from aerodb.storage.files import read_flight
+
+    return [
+        {
+            "start": roll.start,
+            "time": roll.time,
+            "distance": roll.distance,
+            "stands": roll.stands,
+            "phases": [
+                {
+                    "start": each.start,
+                    "end": each.end,
+                    "fast": each.fast,
+                    "slow": each.slow,
+                    "effective": each.effective,
+                    "standard_error": each.effective_error,
+                }
+                for each in roll.phases
+            ],
+        }
+        for roll in seen_rolls(read_flight(access.file_of(stored[-1].path)))
+    ]
+
+
+def roll_command(access: "WorkspaceAccess", row: FlightRow) -> str:
+    """Return the closed loop of the rolls of a flight, as a command; empty where it lacks what the
+    legs of the vehicle's version are by, and where there are none."""
+    versions = access.catalogue.versions(row.vehicle)
+    if not versions:
+        return ""
+    from aerodb.identification import leg_parameters  # slow to import
+    from aerodb.simulation import flight_model
+    from aerodb.storage.files import read_flight
+
+    released = access.named(row.vehicle, "released")
+    database = access.database(released or versions[-1].id)
+    stored = [r for r in access.catalogue.results_of(row.id) if r.step == "ingest"]
+    if not stored or not leg_parameters(database):
+        return ""
+    flight = read_flight(access.file_of(stored[-1].path))
+    if not all(name in flight for name in flight_model(database).inputs):
+        return ""
+    beside = "" if released else f" --baseline {versions[-1].label}"
+    return f"aerodb close-loop --vehicle {row.vehicle}{beside}"
 
 
 def _consistency(

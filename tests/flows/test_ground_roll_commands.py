@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.command import asked
+from tests.support.command import aerodb, asked
 from tests.support.small_glider import write_csv
 from tests.support.three_wheels import (
     MASSES,
@@ -113,6 +113,35 @@ def test_a_roll_without_airspeed_still_tells_of_its_brakes(workspace: Path, name
     brakes = estimated(workspace, "brakes", outcome["flight"])["mu_brake"]
     assert brakes["value"] == pytest.approx(BRAKES, rel=5e-3)
     assert abs(brakes["value"] - BRAKES) < 4.0 * brakes["standard_error"]
+
+
+def test_a_roll_without_its_brakes_says_how_it_slows_down(workspace: Path) -> None:
+    """No friction is estimated; the standstill and two phases are seen, and the next command is one
+    that works."""
+    channels = measured(rolled_in_jsbsim(BRAKES, (0.0, 0.0), LEVEL, braking_from=8.0), 7)
+    said, flights = {}, {}
+    for name in ("brakes-known", "brakes-unknown"):
+        left = {k: v for k, v in channels.items() if k != "brake" or name == "brakes-known"}
+        log = str(write_csv(workspace / f"{name}.csv", left))
+        given = ("--vehicle", "wheels", "--mapping", "canonical", "--direct")
+        done = aerodb(workspace / "w", "flight", "ingest", log, *given)
+        said[name] = next(line for line in done.stdout.splitlines() if "next" in line)
+        shown = asked(workspace / "w", "flight", "show", f"{name}.csv")
+        flights[name] = shown["flight"][:12]
+        (roll,) = shown["rolls"]
+        assert roll["stands"]
+        assert roll["distance"] == pytest.approx(1110.0, abs=6.0)
+        assert [each["end"] for each in roll["phases"]] == pytest.approx([8.0, 34.3], abs=1.0)
+        assert roll["phases"][0]["effective"] < 0.15 < 0.17 < roll["phases"][1]["effective"]
+    assert "aerodb close-loop --vehicle wheels" in said["brakes-known"]
+    assert said["brakes-unknown"].endswith(f"aerodb flight show {flights['brakes-unknown']}")
+    again = aerodb(workspace / "w", "flight", "show", flights["brakes-unknown"]).stdout
+    assert "g\n" in again
+    assert "rolling friction, brakes, drag and slope together" in again
+    model = ("--model", str(workspace / "brakes.toml"), "--flights", flights["brakes-unknown"])
+    found = asked(workspace / "w", "estimate", *model, "--baseline", "v0001")
+    assert "lacks brake" in found["methods"][0]["reason"]
+    assert f"aerodb flight show {flights['brakes-unknown']}" in found["methods"][0]["reason"]
 
 
 def test_a_log_without_wheels_and_airspeed_is_refused_as_before(workspace: Path) -> None:
