@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 13,
     "import": 2,
     "fly": 4,
-    "estimate": 15,
+    "estimate": 16,
     "update": 21,
     "gram": 18,
     "close_loop": 55,

@@ -207,6 +207,7 @@ def _print(
             ("because", f"{reasons[0]}{more}" if reasons else ""),
             ("no estimate", "; ".join(failed)),
             ("limited", _limited(document.get("limited", []))),
+            ("left out", _left_out(document.get("left_out", {}))),
             ("selected", " and ".join(document.get("select", ()))),
         ],
         then if document["believe"] else "",
@@ -271,6 +272,15 @@ def _limited(flights: list[str]) -> str:
     more = f" and {len(flights) - _NAMED} more" if len(flights) > _NAMED else ""
     named = ", ".join(flights[:_NAMED])
     return f"{named}{more}: used, with reservations (why: aerodb flight show {flights[0]})"
+
+
+def _left_out(reasons: dict[str, str]) -> str:
+    """Return whose rolls are not used, and why those of the first are not; empty where all are."""
+    if not reasons:
+        return ""
+    flight, reason = next(iter(reasons.items()))
+    more = f" and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+    return f"{flight[:12]}{more}: {reason}"
 
 
 def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:

@@ -72,8 +72,9 @@ def estimate_by_methods(
     iterations, log_likelihood, notes, estimates, correlations, input_correlations, histories of
     parameters that change, report, modes of a linear model; or reason where it gave none),
     parameters (parameter, estimates by method, spread, furthest, agree), believe, preferred (that
-    which is believed, or would be if nothing contradicted it), reserved, reasons. Estimates are in
-    the unit that each states.
+    which is believed, or would be if nothing contradicted it), reserved, reasons, and left_out
+    (flight -> why its rolls are not used, where others are). Estimates are in the unit that each
+    states.
     """
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
@@ -108,10 +109,8 @@ def estimate_by_methods(
                 "estimate",
                 "leave it out: rolls on the ground are found by themselves",
             )
-        parsed, rolled = parse_model_file(model), rolled_flights(access, flights, run)
-        fits, compared = fits_document(
-            chosen, lambda method: [fit_of_rolls(method, rolled, parsed, database)]
-        )
+        rolled = rolled_flights(access, flights, run)
+        fits, compared = _of_rolls(rolled, parse_model_file(model), database, chosen)
     else:
         fits, compared = _in_flight(access, flights, database, run, model, chosen, whole, select)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
@@ -149,14 +148,24 @@ def _flight_keys(access: WorkspaceAccess, flights: Sequence[str], run: str) -> l
     return [load_flight(access, access.catalogue.flight(each), run)[1] for each in flights]
 
 
-def fit_of_rolls(
-    method: Method, flights: Sequence[RolledFlight], model: ModelFile, database: AeroDatabase
-) -> Fit:
-    """Return the fit of a method over all rolls of flights on the ground, covariance (k, k). Raises
-    what `method_for_rolls` and `recorded_rolls` raise."""
-    function = method_for_rolls(method, model)
-    rolls = recorded_rolls(flights, database)
-    return ground_fit(function, rolls, model.parameters, database, model.wind)
+def _of_rolls(
+    flights: Sequence[RolledFlight],
+    model: ModelFile,
+    database: AeroDatabase,
+    chosen: Sequence[Method],
+) -> tuple[dict[str, list[Fit]], dict[str, Any]]:
+    """Return what `fits_document` returns of all rolls of flights, and flight -> why it is left
+    out where others are used."""
+    left_out = dict[str, str]()
+
+    def fitted(method: Method) -> list[Fit]:
+        function = method_for_rolls(method, model)
+        rolls = recorded_rolls(flights, database)
+        left_out.update(rolls.left_out)
+        return [ground_fit(function, rolls, model.parameters, database, model.wind)]
+
+    fits, compared = fits_document(chosen, fitted)
+    return fits, compared | ({"left_out": left_out} if left_out else {})
 
 
 def method_for_rolls(method: Method, model: ModelFile) -> Callable[..., Fit]:

@@ -138,6 +138,12 @@ def test_a_roll_without_its_brakes_says_how_it_slows_down(workspace: Path) -> No
     again = aerodb(workspace / "w", "flight", "show", flights["brakes-unknown"]).stdout
     assert "g\n" in again
     assert "rolling friction, brakes, drag and slope together" in again
+    both = [word for flight in flights.values() for word in ("--flights", flight)]
+    given = ("estimate", "--model", str(workspace / "brakes.toml"), "--baseline", "v0001")
+    (unused,) = asked(workspace / "w", *given, *both)["left_out"].items()
+    assert unused[0].startswith(flights["brakes-unknown"])
+    assert "lacks brake" in unused[1]
+    assert "left out" in aerodb(workspace / "w", *given, *both).stdout
     model = ("--model", str(workspace / "brakes.toml"), "--flights", flights["brakes-unknown"])
     found = asked(workspace / "w", "estimate", *model, "--baseline", "v0001")
     assert "lacks brake" in found["methods"][0]["reason"]

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (55, "c387e5defc49b079", "6ca54c06536d6ad2"),
     "fly": (4, "54d04c2389bdffef", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (15, "00eba5509ff2c18c", "be09817f5df27dda"),
+    "estimate": (16, "4528d7f89880e3f0", "be09817f5df27dda"),
     "update": (21, "2929744d4d141232", "6b1983884f9e9ae7"),
 }
 
