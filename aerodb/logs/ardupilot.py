@@ -9,6 +9,8 @@ left are positive.
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.logs.autopilot import LoggedAircraft, LoggedSurface, stretches_of
 from aerodb.logs.rotors import FoundRotors, ardupilot_rotors
 from aerodb.recording import Recording
@@ -39,6 +41,10 @@ _AIRSPEEDS: Final = {
 }
 #: Modes of a quadplane in which lift motors carry it: QSTABILIZE to QRTL, QAUTOTUNE, QACRO.
 _HOVER_MODES: Final = (17, 18, 19, 20, 21, 22, 23)
+#: Message of the lift motors' controller (ArduPilot, log messages): at 25 Hz while they act.
+_LIFTING: Final = "QTUN"
+#: Silence [s] from which they have stopped.
+_QUIET: Final = 1.0
 #: Q_FRAME_CLASS of a tailsitter without lift motors.
 _TAILSITTER: Final = 10
 _POSITIONS: Final = {"imu": ("INS_POS1",), "gps": ("GPS_POS1", "GPS1_POS")}
@@ -100,8 +106,29 @@ def _kind(recording: Recording, known: Mapping[str, Any]) -> str:
 
 def ardupilot_hover(recording: Recording) -> tuple[tuple[float, float], ...]:
     """Return from when to when [s] an ArduPilot log is in a mode in which lift motors carry the
-    aircraft; the last stretch ends with the log."""
-    return stretches_of(recording, "MODE", ("ModeNum", "Mode"), _HOVER_MODES)
+    aircraft, or they do in another one, such as a take-off in AUTO; the last stretch of a mode ends
+    with the log."""
+    modes = stretches_of(recording, "MODE", ("ModeNum", "Mode"), _HOVER_MODES)
+    modes = modes or stretches_of(recording, "HEARTBEAT", ("custom_mode",), _HOVER_MODES)
+    found: list[tuple[float, float]] = []
+    for start, end in sorted((*modes, *_lifted(recording))):
+        if found and start <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], end))
+        else:
+            found.append((start, end))
+    return tuple(found)
+
+
+def _lifted(recording: Recording) -> tuple[tuple[float, float], ...]:
+    """From when to when [s] lift motors act: their messages are logged then only."""
+    topic = recording.topics.get(_LIFTING)
+    if topic is None or len(topic.time) < 2:
+        return ()
+    ends = np.flatnonzero(np.diff(topic.time) > _QUIET)
+    first, last = np.r_[0, ends + 1], np.r_[ends, len(topic.time) - 1]
+    return tuple(
+        (float(topic.time[a]), float(topic.time[b])) for a, b in zip(first, last, strict=True)
+    )
 
 
 def _points(known: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:

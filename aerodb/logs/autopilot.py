@@ -145,7 +145,8 @@ def wingless_sentence(aircraft: LoggedAircraft) -> str:
 def hover_sentence(kind: str, hover: Sequence[tuple[float, float]] = ()) -> str:
     """Return what it means that a log is of an aircraft that also hovers; '' for others.
 
-    hover : from when to when [s] it does by its modes; empty where the log does not say.
+    hover : from when to when [s] it does, by modes and lift motors; empty where the log does not
+    say.
 
     >>> hover_sentence("fixed wing"), hover_sentence("quadplane VTOL", [(5.0, 20.0)])[-31:]
     ('', 'by its modes from 5.0 to 20.0 s')

@@ -89,6 +89,7 @@ MESSAGES: Final[dict[int, Message]] = {
             *("uint32_t custom_mode", "uint8_t type", "uint8_t autopilot", "uint8_t base_mode"),
             *("uint8_t system_status", "uint8_t mavlink_version"),
         ),
+        units={},
     ),
     22: Message(
         "PARAM_VALUE",
@@ -269,7 +270,7 @@ def read_tlog(path: Path) -> Recording:
     kept = {identity: each for (source, identity), each in found.items() if source == vehicle}
     autopilot, kind = _autopilot(kept)
     topics = dict(_topics(kept, autopilot))
-    if not topics:
+    if topics.keys() <= {"HEARTBEAT"}:
         what = "the telemetry log holds no message of a vehicle's motion"
         remedy = "use the log on board (.bin, .ulg); telemetry of a link that was down is empty"
         raise InputError(what, str(path), remedy)

@@ -1,6 +1,8 @@
 """Aircraft that also hover, by ArduPilot's documented parameters (Q_ENABLE, Q_FRAME_CLASS,
 Q_TAILSIT_ENABLE) and mode numbers (ModeNum 17 to 23)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,18 @@ def test_times_of_hover_by_the_modes() -> None:
     said = hover_sentence("tailsitter VTOL", hover_times(recording))
     assert "axes turned" in said
     assert "from 1.0 to 20.0 s and from 80.0 to 100.0 s" in said
+
+
+def test_lift_motors_in_other_modes_are_hover() -> None:
+    """A take-off and a landing in AUTO (10), and QHOVER (18) in between, which they overlap."""
+    recording = log([10, 18, 10], [0.0, 10.0, 20.0], Q_ENABLE=1.0)
+    acts = np.concatenate([np.arange(2.0, 22.0, 0.04), np.arange(90.0, 99.0, 0.04)])
+    lifted = Topic("QTUN", acts, {"ThO": np.full(acts.size, 0.4)})
+    recording = replace(recording, topics={**recording.topics, "QTUN": lifted})
+    (first, last), (begin, end) = hover_times(recording)
+    assert (first, begin) == pytest.approx((2.0, 90.0))
+    assert (last, end) == pytest.approx((22.0, 99.0), abs=0.05)
+    assert hover_times(replace(recording, metadata={"sys_name": "ArduPlane"})) == ()
 
 
 def test_a_flight_without_hover_has_none() -> None:
