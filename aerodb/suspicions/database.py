@@ -347,6 +347,11 @@ def _shared_factor(
     away = np.abs(ratios - middle)
     if abs(middle) < np.log(SHARED) or float(np.median(away)) > SCATTER * abs(middle):
         return []
+    # One factor must be likelier than none. Single derivatives of a database may be far off, so
+    # that deviations are taken as exponential.
+    spread, about = float(np.mean(np.abs(ratios))), float(np.mean(away))
+    if not len(ratios) * np.log(spread / max(about, 1e-300)) > LIKELIER:
+        return []
     if built:
         errors = np.array([share.error / share.ratio for share in told])
         if np.any(away > ERRORS * errors + SAME):

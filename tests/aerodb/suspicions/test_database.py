@@ -233,6 +233,16 @@ def test_an_inertia_in_another_unit(factor: float, words: str) -> None:
         assert words in found.sentence
 
 
+def test_derivatives_of_a_database_that_are_off_accuse_no_inertia() -> None:
+    """The elevator's channel is one and a half times too large, and a tunnel has half of what it
+    says of roll and yaw wrong by one factor; the rest agrees exactly."""
+    wrong_ones = ("Cl_beta", "Cl_r_hat", "Cn_beta", "Cn_delta_rudder", "Cn_r_hat")
+    beside = database(**dict.fromkeys(wrong_ones, 1.5))
+    made = flight().with_channels({"delta_elevator": 1.5 * flight()["delta_elevator"]})
+    assert "Ixx" not in {each.channel for each in said(flight(), about_cg(), beside)}
+    assert "Ixx" not in {each.channel for each in said(made, about_cg(), beside)}
+
+
 @pytest.mark.parametrize(
     ("factor", "slope"),
     [(1.0 / 0.45359237, 0.8), (0.45359237, 1.0), (1.0 / 14.5939, 0.8), (1000.0, 0.8)],
