@@ -238,7 +238,7 @@ def vehicle_text(aircraft: Aircraft, database: AeroDatabase) -> str:
     executive = simulator(aircraft.name)
     executive.run_ic()
     thrust = f"point = {list(aircraft.thrust_point)!r}\n"
-    return vehicle_file(aircraft.name, aircraft.name, database.reference, thrust)
+    return vehicle_file(aircraft.name.lower(), aircraft.name, database.reference, thrust)
 
 
 def vehicle_file(

@@ -86,6 +86,14 @@ TEXAN = Aircraft(
     (-12.0 * INCH, 0.0, 0.0),
     pushed,
 )
+A320 = Aircraft(
+    "A320",
+    {**B737.channels, "delta_flap": ("fcs/flap-pos-deg", float(np.pi / 180.0))},
+    {"fcs/speedbrake-pos-norm": "delta_speed_brake"},
+    B737.thrust,
+    (-670 * INCH, 0.0, 45 * INCH),
+)
+PA28 = Aircraft("pa28", {**C172P.channels, **_GEAR}, {}, (PUSHER,), (-4.0 * INCH, 0.0, 0.0), pushed)
 C182 = Aircraft("c182", C172P.channels, {}, (PUSHER,), C172P.thrust_point, pushed)
 
 
@@ -251,6 +259,15 @@ CASES = {
         lowering_slowly,
         without("aero/coefficient/CDgear"),
         {"landing_gear@C_drag": "C_drag"},
+    ),
+    "A320 without the drag of its gear": Case(
+        A320, lowering, without("aero/coefficient/CDgear"), {"landing_gear@C_drag": "C_drag"}
+    ),
+    "pa28 without ground effect": Case(
+        PA28,
+        approaching_faster,
+        set_to_one("aero/function/kCLge"),
+        {"ground_effect@C_lift": "C_lift"},
     ),
     "c182 without ground effect": Case(
         C182,
