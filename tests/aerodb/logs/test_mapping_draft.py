@@ -116,3 +116,13 @@ def test_guesses_agree_with_the_mapping_written_by_hand(measured, name):
     assert {"phi", "theta", "p", "q", "r", "V", "alpha", "mach", "latitude"} <= set(same)
     decided = [k for k in same if "assumed" not in found[k].reason]
     assert [found[k].unit for k in decided] == [by_hand[k].unit for k in decided]
+
+
+@pytest.mark.parametrize(
+    "name", ["Frame", "idx", "LineNo", "PacketNumber", "distance_m", "latitude", "sample", "seq"]
+)
+def test_what_merely_runs_evenly_is_no_clock_and_the_time_is_asked(name: str) -> None:
+    draft = draft_mapping(table(**{name: 47.0 + 0.001 * np.arange(TIME.size), "roll": ROLL}), "own")
+    assert draft.clock is None
+    assert any("which is the time?" in question for question in draft.questions)
+    assert "\n[time]\n" not in draft.text
