@@ -10,7 +10,8 @@ MAX_BYTES = 20_000_000
 
 def files_beside(aircraft: Path) -> Callable[[str], bytes]:
     """Function that returns the bytes of a file named relative to the folder of `aircraft`, with or
-    without its suffix ``.xml``, as JSBSim finds it.
+    without its suffix ``.xml``, as JSBSim finds it. FlightGear's aircraft may keep their flight
+    dynamics in a subfolder and name files from the folder above it.
 
     The function raises InputError for a file that does not exist, is too large, or is outside the
     folder (through ``..`` or a link).
@@ -18,7 +19,8 @@ def files_beside(aircraft: Path) -> Callable[[str], bytes]:
     folder = aircraft.resolve().parent
 
     def load(name: str) -> bytes:
-        for path in ((folder / name).resolve(), (folder / f"{name}.xml").resolve()):
+        names = [name, name.removeprefix(f"{folder.name}/")]
+        for path in ((folder / f"{each}{end}").resolve() for each in names for end in ("", ".xml")):
             if path.is_file():
                 if not path.is_relative_to(folder):
                     raise InputError(

@@ -168,6 +168,10 @@ def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) ->
     aircraft = tmp_path / "F450" / "F450.xml"
     database = import_jsbsim(aircraft.read_bytes(), name="F450", loader=files_beside(aircraft))
     assert len(database.terms) == len(imported("F450").terms) > 0
+    named_from_above = aircraft.read_bytes().replace(b'file="', b'file="F450/')
+    assert named_from_above != aircraft.read_bytes()
+    again = import_jsbsim(named_from_above, name="F450", loader=files_beside(aircraft))
+    assert again.terms == database.terms
     (tmp_path / "secret.xml").write_text("<metrics/>")
     (tmp_path / "F450" / "link.xml").symlink_to(tmp_path / "secret.xml")
     for name, message in (
