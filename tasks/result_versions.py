@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 24,
     "consistency": 27,
     "coefficients": 5,
-    "compare": 14,
+    "compare": 15,
     "import": 2,
     "fly": 4,
     "estimate": 16,

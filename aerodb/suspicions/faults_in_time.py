@@ -135,7 +135,10 @@ class _Fault:
 
     @property
     def is_large(self) -> bool:
-        """Whether its share and its size are large enough to be said."""
+        """Whether its share and its size are large enough to be said. The zero of a gyro is a
+        rival only: damping is small, and any constant looks like a large one."""
+        if self.what == "zero" and self.channel in RATES:
+            return False
         share = next(iter(self.shares.values()))
         return share > _EXPLAINED[self.what] and abs(self.size) > self.least
 
@@ -289,13 +292,13 @@ def _added(
         acts = acts if name in moving else {}
         own = measured.get(name)
         kinds: dict[str, Callable[[Array], Array]] = {"gain": np.asarray, "delay": _rate}
-        if acts and own is None:
+        if acts and (own is None or name in RATES):
             kinds["zero"] = np.ones_like
         if acts and is_surface(name):
             kinds["play"] = _slack
         for what, change in kinds.items():
             added = {axis: slope * change(moving[name]) for axis, slope in acts.items()}
-            if own is not None:
+            if own is not None and what != "zero":  # a moment follows from the rate's change
                 added[own] = added.get(own, 0.0) + change(axes[own].whole)
             if added:
                 yield name, what, added

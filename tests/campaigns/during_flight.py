@@ -217,6 +217,22 @@ def repeated(seconds: float) -> Change:
     return change
 
 
+def between(change: Change, begin: float = BEGIN, end: float = 0.6) -> Change:
+    """A change in the middle of the flight that goes again."""
+    return lambda v, over, step: np.where((over > begin) & (over < end), change(v, over, step), v)
+
+
+def held_from(begin: float) -> Change:
+    """The last value to the end."""
+
+    def change(v: np.ndarray, over: np.ndarray, step: float) -> np.ndarray:
+        made, first = v.copy(), int(np.argmax(over > begin))
+        made[first:] = v[first]
+        return made
+
+    return change
+
+
 def fast_clock(share: float) -> Change:
     """A clock that gains: the record is read ever further ahead."""
 
@@ -229,6 +245,7 @@ def fast_clock(share: float) -> Change:
 
 DEGREE = np.pi / 180.0
 Z = ("az", "az_imu")
+Y = ("ay", "ay_imu")
 #: Kinds of surfaces: their channels, servos and calibrations.
 SURFACES: dict[str, Corruption] = {
     "elevator x .5": surface("pitch", scaled(0.5)),
@@ -259,6 +276,19 @@ SURFACES: dict[str, Corruption] = {
     "elevator's blocks of 1 s swapped": surface("pitch", swapped_blocks(1.0)),
     "elevator's every 20th sample off": surface("pitch", spiked(20, 3.0)),
     "aileron and rudder swapped from .4 on": exchanged_surfaces,
+    "elevator reversed from .4 to .6": surface("pitch", between(scaled(-1.0))),
+    "elevator x 1.6 from .4 to .6": surface("pitch", between(scaled(1.6))),
+    "elevator held from .7 on": surface("pitch", held_from(0.7)),
+    "elevator .3 s early": surface("pitch", delayed(-0.3)),
+    "aileron reversed from .4 on": surface("roll", scaled(-1.0, BEGIN)),
+    "aileron jumps 3 deg": surface("roll", jump(3.0 * DEGREE)),
+    "aileron filtered .7 s": surface("roll", filtered(0.7)),
+    "rudder drifts 5 deg": surface("yaw", drift(5.0 * DEGREE)),
+    "rudder x 2 from .4 on": surface("yaw", scaled(2.0, BEGIN)),
+    "rudder filtered .7 s": surface("yaw", filtered(0.7)),
+    "rudder held from .5 on": surface("yaw", held_from(0.5)),
+    "rudder clipped": surface("yaw", clipped(0.4)),
+    "rudder .3 s late": surface("yaw", delayed(0.3)),
 }
 #: Kinds of sensors and recorders.
 SENSORS: dict[str, Corruption] = {
@@ -269,7 +299,7 @@ SENSORS: dict[str, Corruption] = {
     "beta reversed from .4 on": sensor(("beta",), scaled(-1.0, BEGIN)),
     "q reversed from .4 on": sensor(("q",), scaled(-1.0, BEGIN)),
     "p reversed from .4 on": sensor(("p",), scaled(-1.0, BEGIN)),
-    "ay reversed from .4 on": sensor(("ay", "ay_imu"), scaled(-1.0, BEGIN)),
+    "ay reversed from .4 on": sensor(Y, scaled(-1.0, BEGIN)),
     "p and r swapped from .4 on": exchanged("p", "r", BEGIN),
     "p and r swapped": exchanged("p", "r", -1.0),
     "alpha and beta swapped from .4 on": exchanged("alpha", "beta", BEGIN),
@@ -297,6 +327,26 @@ SENSORS: dict[str, Corruption] = {
     "q's every 20th sample off": sensor(("q",), spiked(20, 3.0)),
     "alpha held 3 s": sensor(("alpha",), held(3.0)),
     "q held 3 s": sensor(("q",), held(3.0)),
+    "ay filtered 1 s": sensor(Y, filtered(1.0)),
+    "r filtered .5 s": sensor(("r",), filtered(0.5)),
+    "p .3 s late": sensor(("p",), delayed(0.3)),
+    "alpha .4 s late": sensor(("alpha",), delayed(0.4)),
+    "beta .4 s late": sensor(("beta",), delayed(0.4)),
+    "alpha x 1.5 from .4 to .6": sensor(("alpha",), between(scaled(1.5))),
+    "beta x .6 from .4 on": sensor(("beta",), scaled(0.6, BEGIN)),
+    "alpha held from .6 on": sensor(("alpha",), held_from(0.6)),
+    "beta held from .6 on": sensor(("beta",), held_from(0.6)),
+    "az jumps 3 m/s2": sensor(Z, jump(3.0)),
+    "ay jumps 1 m/s2": sensor(Y, jump(1.0)),
+    "q jumps 5 deg/s": sensor(("q",), jump(5.0 * DEGREE)),
+    "p drifts 8 deg/s": sensor(("p",), drift(8.0 * DEGREE)),
+    "air data held from .5 on": sensor(AIR, held_from(0.5)),
+    "p x .7 from .4 on": sensor(("p",), scaled(0.7, BEGIN)),
+    "r gain 1 to 1.5": sensor(("r",), ramp(1.5)),
+    "alpha in steps of 1.5 deg": sensor(("alpha",), rounded(1.5 * DEGREE)),
+    "beta's every 20th sample off": sensor(("beta",), spiked(20, 3.0)),
+    "alpha and theta swapped from .4 on": exchanged("alpha", "theta", BEGIN),
+    "q and r swapped from .4 on": exchanged("q", "r", BEGIN),
 }
 
 
