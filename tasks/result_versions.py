@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 24,
+    "conditioning": 25,
     "consistency": 27,
     "coefficients": 5,
     "compare": 15,

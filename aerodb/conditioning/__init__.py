@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .delay import (
         BAND,
         LARGEST_DELAY,
+        LEAST_EXPLAINED,
         SAMPLES_PER_PERIOD,
         SCALE_TOLERANCE,
         delay_between,

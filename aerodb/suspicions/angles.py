@@ -18,6 +18,7 @@ import numpy as np
 from aerodb.conditioning import (
     BAND,
     KINEMATICS,
+    LEAST_EXPLAINED,
     SAMPLES_PER_PERIOD,
     SCALE_TOLERANCE,
     SETTLED,
@@ -25,13 +26,13 @@ from aerodb.conditioning import (
     with_accelerations,
 )
 from aerodb.errors import InputError
-from aerodb.estimation import Regression, least_squares
+from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge
 from aerodb.support import Array, half_interval
 from aerodb.suspicions.begin import explained_from
 from aerodb.suspicions.equation_error import averaged
-from aerodb.suspicions.evidence import ERRORS, LATE, SWING, WELL_EXPLAINED
+from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying
 
 #: Angle -> the rates of which the place of its vane adds a part, and the sensor whose delay the
@@ -145,8 +146,13 @@ def _late(angle: _Angle) -> Iterator[Suspicion]:
         return
     basis, _ = np.linalg.qr(np.column_stack([angle.turned, angle.signal]))
     left = angle.shown - basis @ (basis.T @ angle.shown)
-    at = int(np.argmax(explained_from(angle.signal, basis, left)))
-    since = _delay(angle, angle.signal * (np.arange(len(angle.time)) >= at), angle.signal)
+    explained = explained_from(angle.signal, basis, left)
+    at = int(np.argmax(explained))
+    rest = max(1.0 - float(explained[at]) / max(float(left @ left), 1e-300), 1e-12)
+    independent = len(left) / samples_per_independent(left)
+    if -0.5 * independent * np.log(rest) < LIKELIER + np.log(len(left)):  # each sample is tried
+        return
+    since = _delay(angle, angle.signal * (np.arange(len(left)) >= at), angle.signal)
     if since is not None:
         begin = float(angle.time[at])
         yield _is_late(angle, f"from {begin:.1f} s on ", {**since, "from": begin})
@@ -155,8 +161,13 @@ def _late(angle: _Angle) -> Iterator[Suspicion]:
 def _delay(angle: _Angle, signal: Array, *beside: Array) -> dict[str, float] | None:
     """Delay and standard error [s] of a signal (n,) that is late; None where it is not."""
     fit = angle.fit(*angle.place, *beside, signal)
-    if fit is None or (angle.in_air and abs(fit.estimates[0] - 1.0) > SCALE_TOLERANCE):
-        return None  # gusts move the vane, and the accelerometers with it
+    if fit is None:
+        return None
+    # Gusts move the vane, and the accelerometers with it; attitude follows its rates closely.
+    if angle.in_air and abs(fit.estimates[0] - 1.0) > SCALE_TOLERANCE:
+        return None
+    if not angle.in_air and fit.r_squared < LEAST_EXPLAINED:
+        return None
     late, error = float(fit.estimates[-1]), float(fit.standard_errors[-1])
     told = late > LATE + ERRORS * error
     return {"delay": late, "standard_error": error} if told else None
