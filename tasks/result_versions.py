@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 25,
     "consistency": 27,
     "coefficients": 5,
-    "compare": 15,
+    "compare": 16,
     "import": 2,
     "fly": 4,
     "estimate": 16,

@@ -21,7 +21,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import played, runs
 from aerodb.support import Array
-from aerodb.suspicions.begin import LEFT, explained_from
+from aerodb.suspicions.begin import LEFT, explained_from, explained_within
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LATE, LIKELIER
@@ -63,6 +63,8 @@ PLAY: Final = float(np.deg2rad(0.5))
 #: Flow angle up to which most of a flight must be for changes of its forces to be sought [rad]: an
 #: aircraft that hovers has any, and no slope over it.
 STEEP: Final = float(np.deg2rad(30.0))
+#: Times at which a stretch may begin or end in a first search.
+STRETCHES: Final = 30
 #: Part of a flight that is most of it.
 MOST_OF: Final = 0.9
 #: When a fault acts that begins at no sample, in words.
@@ -326,7 +328,8 @@ def _faults(
     moving: Mapping[str, Array],
     t: Array,
 ) -> Iterator[_Fault]:
-    """Every fault that may be: all the time, evenly over the flight, or from a sample on."""
+    """Every fault that may be: all the time, evenly over the flight, from a sample on, or within a
+    stretch."""
     ramp = (t - t[0]) / (t[-1] - t[0])
     for name, what, added in _added(axes, slopes, moving):
         own = {axis: axes[axis] for axis in added}
@@ -343,7 +346,19 @@ def _faults(
         at = _begin(own, added)
         later = {axis: values * (np.arange(len(t)) >= at) for axis, values in added.items()}
         when = f"at {t[at]:.1f} s" if what == "zero" else f"from {t[at]:.1f} s on"
-        yield from _sized(own, name, what, when, later)
+        found = list(_sized(own, name, what, when, later))
+        yield from found
+        if what == "zero":  # a stall moves a moment and lets it go; a zero that moved stays
+            continue
+        first, last = _stretch(own, added)
+        inside = np.arange(len(t))
+        part = {axis: v * ((inside >= first) & (inside < last)) for axis, v in added.items()}
+        when = f"from {t[first]:.1f} to {t[last - 1]:.1f} s"
+        # An end is one more time that is sought.
+        needed = max((fault.likelier for fault in found), default=0.0) + LIKELIER
+        for fault in _sized(own, name, what, when, part):
+            if fault.likelier > needed:
+                yield fault
 
 
 def _begin(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> int:
@@ -356,6 +371,26 @@ def _begin(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> int:
     inner = np.asarray(gained)
     edge = round(SETTLED / STEP)
     return edge + int(np.argmax(inner[edge : len(inner) - edge]))
+
+
+def _stretch(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> tuple[int, int]:
+    """First sample of the stretch in which a fault explains most, and of what follows it, if each
+    axis had a size of its own."""
+    n, edge = len(next(iter(added.values()))), round(SETTLED / STEP)
+    starts = ends = np.linspace(edge, n - edge, STRETCHES, dtype=int)
+    for _ in range(2):  # coarse, then near the best
+        gained = np.zeros((len(starts), len(ends)))
+        for axis, values in added.items():
+            whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
+            found = explained_within(values, axes[axis].basis, axes[axis].left, starts, ends)
+            share = np.where(ends > starts[:, None], found, 0.0) / whole
+            gained -= axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
+        first, last = (int(k) for k in np.unravel_index(np.argmax(gained), gained.shape))
+        begin, end = int(starts[first]), int(ends[last])
+        width = (n - 2 * edge) // STRETCHES + 1
+        near = np.linspace(-width, width, STRETCHES + 1, dtype=int)
+        starts, ends = (np.clip(at + near, edge, n - edge) for at in (begin, end))
+    return begin, max(end, begin + 1)
 
 
 def _sized(

@@ -1,6 +1,7 @@
 """Channels that part from the database with time: measured flights beside published derivatives and
 flights that obey their database, each with a change planted in a surface's channel."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -69,6 +70,20 @@ def clipped(d: np.ndarray, share: np.ndarray) -> np.ndarray:
 def held(d: np.ndarray, share: np.ndarray) -> np.ndarray:
     where = (share > 0.4) & (share < 0.6)
     return np.where(where, d[np.argmax(where)], d)
+
+
+def test_a_surface_that_is_wrong_for_a_stretch_is_told_with_both_times(flight: Pair) -> None:
+    def turned(d: np.ndarray, share: np.ndarray) -> np.ndarray:
+        return np.where((share > 0.35) & (share < 0.65), -d, d)
+
+    (said,) = noticed_beside(changed(flight, "pitch", turned))
+    assert (said.channel, said.kind) == ("delta_elevator", "changed")
+    begin, end = (flight.flight.duration * share for share in (0.35, 0.65))
+    told = re.search(r"from ([\d.]+) to ([\d.]+) s", said.sentence)
+    assert told
+    start = float(flight.flight.time[0])
+    assert float(told[1]) - start == pytest.approx(begin, abs=0.05 * flight.flight.duration)
+    assert float(told[2]) - start == pytest.approx(end, abs=0.05 * flight.flight.duration)
 
 
 def test_right_flights_raise_nothing(flight: Pair, record: Pair) -> None:
