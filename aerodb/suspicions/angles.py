@@ -62,8 +62,8 @@ class _Angle:
 
     @property
     def in_air(self) -> bool:
-        """Whether it is an angle of flow, which gusts move."""
-        return self.sensor.startswith("a")
+        """Whether it is an angle of flow, of a vane somewhere, which gusts move."""
+        return bool(self.place)
 
     def fit(self, *more: Array) -> Regression | None:
         """The logged angle by the motion and further columns (n,); None where they do not explain
@@ -120,7 +120,7 @@ def _angle(name: str, flight: Flight, channels: dict[str, Array]) -> _Angle | No
     try:
         turning = bridge(thin(rate(channels)))
         turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (turning[1:] + turning[:-1]))])
-        speed = channels["V"] if sensor.startswith("a") else 1.0
+        speed = channels["V"] if place else 1.0  # an accelerometer turns the flow by a / V
         shown = channels[name] if name != "psi" else np.unwrap(channels[name])
         return _Angle(
             name,

@@ -70,10 +70,9 @@ def against_vehicle(
 def limits_flight(suspicion: Suspicion) -> bool:
     """Return whether a suspicion limits the verdict on a flight: flight-path reconstruction judges
     motion with accelerometers and gyros that are in time, and a surface, a rotor's command, the
-    density, masses and sizes are beyond its reach. A
-    surface that may have stood still is no fault, nor is what aerodynamics may explain as well.
-    Where a sensor failed, the stretch is left out, not the flight. Source:
-    docs/method/consistency.md, section Verdict."""
+    density, masses and sizes are beyond its reach. A surface that may have stood still is no fault,
+    nor is what aerodynamics may explain as well. Where a sensor failed, the stretch is left out,
+    not the flight. Source: docs/method/consistency.md, section Verdict."""
     if suspicion.kind in (UNMOVED, POSSIBLE, FAILED):
         return False
     if suspicion.kind in (CHANGED, MOVED):  # seen beside a database, by forces and moments

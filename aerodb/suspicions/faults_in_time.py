@@ -351,8 +351,8 @@ def _faults(
         if what == "zero":  # a stall moves a moment and lets it go; a zero that moved stays
             continue
         first, last = _stretch(own, added)
-        inside = np.arange(len(t))
-        part = {axis: v * ((inside >= first) & (inside < last)) for axis, v in added.items()}
+        sample = np.arange(len(t))
+        part = {axis: v * ((sample >= first) & (sample < last)) for axis, v in added.items()}
         when = f"from {t[first]:.1f} to {t[last - 1]:.1f} s"
         # An end is one more time that is sought.
         needed = max((fault.likelier for fault in found), default=0.0) + LIKELIER
