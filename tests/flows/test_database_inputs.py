@@ -81,9 +81,10 @@ def test_another_aircraft_and_a_removed_control_are_warned_of(glider):
     said = [
         line for line in done.stderr.splitlines() + done.stdout.splitlines() if "WARNING" in line
     ]
-    assert f"area is 16.17 m^2, the vehicle file's {AREA} m^2: is it the same" in said[0]
-    assert "zero for delta_rudder removes the rudder" in said[3]
-    assert "zero for fcs/effective-aileron-pos removes the aileron" in said[4]
+    assert "its moments are about (-1.097, 0, -1.509) m, 1.1 chords from the CG" in said[0]
+    assert f"area is 16.17 m^2, the vehicle file's {AREA} m^2: is it the same" in said[1]
+    assert "zero for delta_rudder removes the rudder" in said[4]
+    assert "zero for fcs/effective-aileron-pos removes the aileron" in said[5]
     warned = asked(workspace, "database", "import", other, "--vehicle", NAME, "--accept-proposals")
     assert [(each["kind"], each["name"]) for each in warned["warnings"][:3]] == [
         ("other_reference", name) for name in ("area", "span", "chord")

@@ -7,7 +7,9 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import is_command, is_surface
+from aerodb.physics import standard_atmosphere
 from aerodb.support import Array
+from aerodb.tables.analysis.nodes import air_beside
 from aerodb.tables.analysis.sensitivity import slopes_by
 from aerodb.tables.analysis.unstated_inputs import height_outside_ground_effect, unstated_inputs
 from aerodb.tables.database import AeroDatabase
@@ -34,7 +36,8 @@ ANGLES: Final = np.deg2rad([-2.0, 1.0, 4.0])
 
 def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     """Return what no term of a database gives at small angles of attack, in words: damping,
-    stability, controls; "drag" and "lift over alpha" where they are zero."""
+    stability, controls; "drag" and "lift over alpha" where they are zero. What is not finite there
+    is not said to be lacking."""
     states = {state.name for state in database.states}
     inputs = [name for name in database.inputs if name not in states]
     channels = small_angles(database, inputs)
@@ -50,7 +53,7 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
         text
         for text, (axis, names) in _EFFECTS.items()
         if not (rotors and {*names} <= {"alpha", "beta"})
-        and not any(sizes.get(name, {}).get(axis, 0.0) > ROUNDING for name in names)
+        and all(sizes.get(name, {}).get(axis, 0.0) <= ROUNDING for name in names)
     ]
     own = [n for n in inputs if is_surface(n) or n in database.free_inputs]
     lacking += [
@@ -61,19 +64,30 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
     small = curves(database, ANGLES)
     drag, lift = small.get("C_drag"), small.get("C_lift")
     forces = (
-        *(() if drag is not None and np.any(np.abs(drag) > ROUNDING) else ("drag",)),
-        *(() if lift is not None and np.ptp(lift) > ROUNDING else ("lift over alpha",)),
+        *(("drag",) if drag is not None and np.all(np.abs(drag) <= ROUNDING) else ()),
+        *(("lift over alpha",) if lift is not None and np.ptp(lift) <= ROUNDING else ()),
     )
     return (*forces, *lacking)
 
 
 def small_angles(database: AeroDatabase, inputs: Iterable[str]) -> dict[str, Array]:
     """Return input -> values (k,) [SI] at which slopes are asked: `ANGLES`, and a little of all
-    else, outside ground effect, at 1 m/s."""
+    else, outside ground effect, at 1 m/s, in the air of sea level."""
     at = {name: np.full(len(ANGLES), 0.01) for name in inputs}
     if (height := height_outside_ground_effect(database)) is not None:
         at["height_above_ground"] = np.full(len(ANGLES), height)
-    return at | {"alpha": ANGLES, "V": np.ones(len(ANGLES))}
+    air = _air(database)
+    return at | {name: np.full(len(ANGLES), air[name]) for name in air} | {"alpha": ANGLES}
+
+
+def _air(database: AeroDatabase) -> dict[str, float]:
+    """Return input -> value [SI] of an airspeed of 1 m/s, and of the air of sea level that a
+    database reads: terms may divide by its pressure or temperature."""
+    level = standard_atmosphere(0.0)
+    air = {"temperature": float(level.temperature), "static_pressure": float(level.pressure)}
+    air |= air_beside({"V": 1.0})
+    read = {*database.inputs, *(("rho", "qbar") if database.has_loads else ())}
+    return {"V": 1.0} | {name: value for name, value in air.items() if name in read}
 
 
 def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
@@ -84,9 +98,9 @@ def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
 
 def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
     """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero and the
-    airspeed 1 m/s, outside ground effect, with loads in the air of sea level; empty where nothing
-    can be evaluated so."""
-    neutral = {**unstated_inputs(database, {}), "V": 1.0}
+    airspeed 1 m/s, outside ground effect, in the air of sea level; empty where nothing can be
+    evaluated so."""
+    neutral = unstated_inputs(database, {}) | _air(database)
     point = {name: np.full(len(alpha), value) for name, value in neutral.items()}
     point["alpha"] = alpha
     try:
