@@ -75,7 +75,9 @@ class JsbsimFunctions:
         """Read a function; return the property that it defines, in JSBSim's units. Raises
         InputError for what is not supported and for a name that is there already."""
         name = (element.get("name") or f"function-{len(self.defined) + 1}").strip()
-        if set(element.attrib) - {"name", "type"} or element.get("type", "pre") != "pre":
+        at_cg = element.get("apply_at_cg", "false") != "false"
+        known = {"name", "type", "apply_at_cg"}
+        if at_cg or set(element.attrib) - known or element.get("type", "pre") != "pre":
             raise InputError(
                 f"unsupported attributes of function {name}: {dict(element.attrib)}", self.where
             )

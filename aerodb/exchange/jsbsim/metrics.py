@@ -89,7 +89,7 @@ def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes]
             where,
             "provide that file too, or move them into this one",
         )
-    if file.startswith(("/", "\\")) or ":" in file or ".." in file.replace("\\", "/").split("/"):
+    if not is_beside(file):
         raise InputError(
             f"{tag} are in a file outside the aircraft's folder, '{file}'",
             where,
@@ -99,6 +99,12 @@ def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes]
     if inner.tag != tag or inner.get("file"):
         raise InputError(f"root element <{inner.tag}>", f"{where}: {file}", f"<{tag}> is needed")
     return inner
+
+
+def is_beside(file: str) -> bool:
+    """Whether the name of a file is relative to an aircraft's folder, and stays inside it."""
+    parts = file.replace("\\", "/").split("/")
+    return not (file.startswith(("/", "\\")) or ":" in file or ".." in parts)
 
 
 def read_number(text: str | None, where: str) -> float:

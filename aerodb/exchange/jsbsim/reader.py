@@ -68,6 +68,10 @@ _LIMITS: Final = ("alphalimits", "hysteresis_limits")
 _GEAR: Final = re.compile(r"gear/(unit|gear)(\[\d+\])?/(position|pos)-norm")
 
 
+#: Most properties that are looked at for one that flight control makes: files from outside end.
+_WAYS: Final = 12
+
+
 def import_jsbsim(
     xml: bytes,
     *,
@@ -100,7 +104,7 @@ def import_jsbsim(
     root = read_root(xml, name)
     metrics = read_section(root, "metrics", name, loader)
     reference, constants = read_reference(metrics, name), read_constants(metrics, name)
-    reading = _AircraftReader(name, dict(bindings or {}), constants, read_scalings(root, name))
+    reading = _AircraftReader(name, dict(bindings or {}), constants, read_scalings(root, name, loader))
     reading.read(read_section(root, "aerodynamics", name, loader))
     return reading.database(reference)
 
@@ -113,7 +117,7 @@ class _AircraftReader:
         where: str,
         bindings: dict[str, str],
         constants: dict[str, float],
-        scalings: Mapping[str, tuple[str, str]],
+        scalings: Mapping[str, list[tuple[str, str]]],
     ) -> None:
         self._where = where
         self._scalings = scalings
@@ -336,22 +340,29 @@ class _AircraftReader:
         text = self._text(name, reference)
         if text:
             return Variable(parse(text), "", note)
-        if name in self._scalings and self._is_settled(name, reference):
-            of, made = self._scalings[name]
-            scaled = parse(made.replace("{x}", self._functions.identifier(of)))
+        if made := self._made(name, reference, {name}):
+            of, text = made
+            scaled = parse(text.replace("{x}", self._functions.identifier(of)))
             return Variable(scaled, "", property_description(name, f"scaled {of}, by the file"))
         return None
 
-    def _is_settled(self, name: str, reference: ReferenceGeometry) -> bool:
-        """Whether a property that the file's flight control scales is made of known ones."""
-        seen = {name}
-        while name in self._scalings and not self._text(name, reference):
-            name = self._scalings[name][0]
-            if name in seen:
-                return False
-            seen.add(name)
+    def _made(
+        self, name: str, reference: ReferenceGeometry, seen: set[str]
+    ) -> tuple[str, str] | None:
+        """A known property that one is a scaled copy of by the file's flight control, and the
+        expression (`read_scalings`) of the whole way; None without such a way.
+
+        seen : properties that are on other ways already, and this one; it grows.
+        """
         known = (self._bindings, self._functions.defined, self._constants)
-        return any(name in each for each in known) or bool(self._text(name, reference))
+        for of, text in self._scalings.get(name, ()):
+            if any(of in each for each in known) or self._text(of, reference):
+                return of, text
+            if of not in seen and len(seen) < _WAYS:
+                seen.add(of)
+                if further := self._made(of, reference, seen):
+                    return further[0], text.replace("{x}", f"({further[1]})")
+        return None
 
     def _text(self, name: str, reference: ReferenceGeometry) -> str:
         """The expression of a property of JSBSim or of an earlier export; '' if there is none."""

@@ -1,39 +1,104 @@
 """Properties that a file's own flight control makes of others: scaled and multiplied positions."""
 
+import contextlib
 import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 from aerodb.errors import InputError
-from aerodb.exchange.jsbsim.metrics import read_number
+from aerodb.exchange.jsbsim.metrics import is_beside, read_number, read_root
 
 _CENTRED: Final = ("true", "1", "")
 
 
-def read_scalings(root: Any, where: str) -> dict[str, tuple[str, str]]:
-    """Return property -> the property that it is made of, and an expression in which ``{x}`` stands
-    for that one.
+def read_scalings(
+    root: Any, where: str, loader: Callable[[str], bytes] | None = None
+) -> dict[str, list[tuple[str, str]]]:
+    """Return property -> the properties that it is a scaled copy of, each with an expression in
+    which ``{x}`` stands for that one: those that make it, then those that are made of it.
 
-    root : element of the aircraft. Elements ``aerosurface_scale`` and ``pure_gain`` with one input
-    are looked at (JSBSim, FGGain): a scale that is centred at zero maps each side of its domain to
-    that of its range. What cannot be read, or is made twice, is left out.
+    root : element of the aircraft. loader : of the files that it names for its flight control and
+    systems; one that is not there is left out. Elements ``aerosurface_scale`` and ``pure_gain``
+    with one input are looked at (JSBSim, FGGain): a scale that is centred at zero maps each side of
+    its domain to that of its range. What cannot be read, or is made twice, is left out.
     """
-    found: dict[str, tuple[str, str]] = {}
+    made: dict[str, tuple[str, _Scaling]] = {}
     twice: set[str] = set()
-    for tag, expression in (("aerosurface_scale", _scale), ("pure_gain", _gain)):
-        for element in root.iter(tag):
-            inputs = [_text(child) for child in element.findall("input")]
-            outputs = [_text(child) for child in element.findall("output")]
-            if len(inputs) != 1 or not outputs or element.find("clipto") is not None:
-                continue
-            sign = "-" if inputs[0].startswith("-") else ""
-            try:
-                text = expression(element, where)
-            except InputError:
-                continue  # a property of the simulation, not a number
-            for output in outputs:
-                twice |= {output} & set(found)
-                found[output] = (inputs[0].removeprefix("-"), text.replace("{x}", f"({sign}{{x}})"))
-    return {name: made for name, made in found.items() if name not in twice}
+    for element in _scales([root, *_further(root, where, loader)]):
+        inputs = [_text(child) for child in element.findall("input")]
+        if len(inputs) != 1 or element.find("clipto") is not None:
+            continue
+        try:
+            scaling = (_gain if element.tag == "pure_gain" else _scale)(element, where)
+        except InputError:
+            continue  # a property of the simulation, not a number
+        if inputs[0].startswith("-"):
+            scaling = scaling.of_negative()
+        own = element.get("name", "").strip()
+        for output in {_own_property(own), *(_text(each) for each in element.findall("output"))}:
+            twice |= {output} & set(made)
+            made[output] = (inputs[0].removeprefix("-"), scaling)
+    made = {name: each for name, each in made.items() if name not in twice}
+    found = {name: [(of, scaling.text())] for name, (of, scaling) in made.items()}
+    for name, (of, scaling) in made.items():
+        if back := scaling.inverse():
+            found.setdefault(of, []).append((name, back.text()))
+    return found
+
+
+@dataclass(frozen=True)
+class _Scaling:
+    """y = offset + above*x for x > 0, and offset + below*x else (units of the properties)."""
+
+    above: float
+    below: float
+    offset: float = 0.0
+
+    def of_negative(self) -> "_Scaling":
+        return _Scaling(-self.below, -self.above, self.offset)
+
+    def inverse(self) -> "_Scaling | None":
+        """The scaling from y to x; None where sides differ about an offset, or one is lost."""
+        if not self.above * self.below > 0.0 or (self.offset and self.above != self.below):
+            return None
+        one, other = 1.0 / self.above, 1.0 / self.below
+        return _Scaling(*((one, other) if one > 0 else (other, one)), -self.offset * one)
+
+    def text(self) -> str:
+        """The expression, with ``{x}`` for x."""
+        shift = f"{self.offset!r} + " if self.offset else ""
+        if self.above == self.below:
+            return f"{shift}{self.above!r}*{{x}}"
+        sides = {"max": self.above, "min": self.below}
+        return shift + " + ".join(f"{side}({{x}}, 0)*{k!r}" for side, k in sides.items() if k)
+
+
+def _further(root: Any, where: str, loader: Callable[[str], bytes] | None) -> Iterator[Any]:
+    """Roots of the files that an aircraft names for its flight control and systems."""
+    if loader is None:
+        return
+    for element in root.iterchildren("flight_control", "autopilot", "system"):
+        file = element.get("file", "").strip().removesuffix(".xml")
+        for name in (f"Systems/{file}", f"systems/{file}", file):
+            if file and is_beside(name):
+                with contextlib.suppress(InputError):
+                    yield read_root(loader(name), f"{where}: {name}")
+                    break
+
+
+def _scales(roots: Iterable[Any]) -> Iterator[Any]:
+    for root in roots:
+        yield from root.iter("aerosurface_scale", "pure_gain")
+
+
+def _own_property(name: str) -> str:
+    """The property of a component's own output (JSBSim, FGFCSComponent).
+
+    >>> _own_property("Flap Normalization"), _own_property("fcs/aileron-deg")
+    ('fcs/flap-normalization', 'fcs/aileron-deg')
+    """
+    return name if "/" in name else f"fcs/{'-'.join(name.lower().split())}"
 
 
 def _text(element: Any) -> str:
@@ -45,11 +110,12 @@ def _number(element: Any, path: str, default: float, where: str) -> float:
     return default if found is None else read_number(found.text, f"{where}: <{element.tag}>")
 
 
-def _gain(element: Any, where: str) -> str:
-    return f"{_number(element, 'gain', 1.0, where)!r}*{{x}}"
+def _gain(element: Any, where: str) -> _Scaling:
+    gain = _number(element, "gain", 1.0, where)
+    return _Scaling(gain, gain)
 
 
-def _scale(element: Any, where: str) -> str:
+def _scale(element: Any, where: str) -> _Scaling:
     low = _number(element, "domain/min", -1.0, where)
     high = _number(element, "domain/max", 1.0, where)
     least, most = (_number(element, f"range/{end}", math.nan, where) for end in ("min", "max"))
@@ -58,7 +124,6 @@ def _scale(element: Any, where: str) -> str:
         raise InputError("a scale without range", where)
     centred = element.find("zero_centered")
     if centred is not None and _text(centred).lower() not in _CENTRED:
-        return f"{gain!r}*({least!r} + ({{x}} - {low!r})*{(most - least) / (high - low)!r})"
-    above = f"max({{x}}, 0)*{gain * most / high!r}" if high else ""
-    below = f"min({{x}}, 0)*{gain * least / low!r}" if low else ""
-    return " + ".join(part for part in (above, below) if part)
+        slope = gain * (most - least) / (high - low)
+        return _Scaling(slope, slope, gain * least - slope * low)
+    return _Scaling(gain * most / high if high else 0.0, gain * least / low if low else 0.0)

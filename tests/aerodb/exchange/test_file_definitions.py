@@ -1,9 +1,12 @@
 """Properties that a JSBSim file, or the motion, defines are no questions: values as JSBSim's own
 formulas give them, computed here independently."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from aerodb.errors import InputError
 from aerodb.exchange import import_jsbsim
 
 METRICS = """<metrics><wingarea unit="M2">11</wingarea><wingspan unit="M">15</wingspan>
@@ -25,14 +28,20 @@ FLOWN = {
 }
 
 
-def force(used: str, control: str = "", metrics: str = "") -> np.ndarray:
+def force(
+    used: str,
+    control: str = "",
+    metrics: str = "",
+    more: str = "",
+    loader: Callable[[str], bytes] | None = None,
+) -> np.ndarray:
     """CX of an aircraft in which it is one property; no free input may be left."""
     text = f"""<fdm_config name="g">{METRICS.format(metrics=metrics)}
-    <flight_control name="f"><channel name="c">{control}</channel></flight_control><aerodynamics>
+    <flight_control name="f"><channel name="c">{control}</channel></flight_control>{more}<aerodynamics>
     <axis name="X"><function name="aero/CL"><product><property>aero/qbar-psf</property>
     <property>metrics/Sw-sqft</property><property>{used}</property></product></function></axis>
     </aerodynamics></fdm_config>"""
-    database = import_jsbsim(text.encode(), name="g")
+    database = import_jsbsim(text.encode(), name="g", loader=loader)
     assert not database.free_inputs
     flown = {name: FLOWN[name] for name in database.inputs}
     return np.broadcast_to(database.predict(flown).coefficients["CX"], (3,))
@@ -71,6 +80,67 @@ def test_a_flap_of_which_the_domain_begins_at_zero_and_a_gain_upon_it() -> None:
     <output>fcs/flap-effect</output></pure_gain>"""
     expected = 3.0 * np.rad2deg(FLOWN["delta_flap"]) / 40.0
     np.testing.assert_allclose(force("fcs/flap-effect", control), expected, atol=1e-15)
+
+
+RANGE = "<range><min>{}</min><max>{}</max></range>"
+ONE = "<min>-1</min><max>1</max>"
+
+
+def test_a_position_beside_another_that_is_scaled_from_the_same_command() -> None:
+    """The command is the position over its travel, on either side: -20 deg and 15 deg."""
+    travel = f"{RANGE.format(-20, 15)}<gain>0.01745</gain>"
+    control = scale("fcs/pitch-sum", "fcs/elevator-pos-rad", travel, ONE)
+    control += scale("fcs/pitch-sum", "fcs/elevator-pos-norm", RANGE.format(-1, 1), ONE)
+    deflection = FLOWN["delta_elevator"] / 0.01745
+    expected = np.where(deflection > 0, deflection / 15, deflection / 20)
+    np.testing.assert_allclose(force("fcs/elevator-pos-norm", control), expected)
+
+
+def test_a_command_that_a_scale_reverses_or_shifts_is_found_from_what_it_makes() -> None:
+    reversed_ = scale("fcs/roll-sum", "fcs/elevator-pos-rad", RANGE.format(0.5, -0.25), ONE)
+    x = FLOWN["delta_elevator"]
+    expected = np.where(x > 0, -x / 0.5, -x / 0.25)
+    np.testing.assert_allclose(force("fcs/roll-sum", reversed_), expected)
+    shifted = f"{RANGE.format(0, 0.7)}<zero_centered>false</zero_centered>"
+    control = scale("fcs/flap-lever", "fcs/flap-pos-rad", shifted, "<min>1</min><max>4</max>")
+    expected = 1 + 3 * FLOWN["delta_flap"] / 0.7
+    np.testing.assert_allclose(force("fcs/flap-lever", control), expected)
+
+
+def test_a_component_is_a_property_by_its_own_name() -> None:
+    control = scale("fcs/elevator-pos-rad", "fcs/unused", RANGE.format(-3, 3), ONE)
+    named = control.replace('name="s"', 'name="Elevator Copy"')
+    expected = 3.0 * FLOWN["delta_elevator"]
+    np.testing.assert_allclose(force("fcs/elevator-copy", named), expected)
+    with_path = control.replace('name="s"', 'name="systems/copy"')
+    np.testing.assert_allclose(force("systems/copy", with_path), expected)
+
+
+def test_systems_in_files_of_their_own_define_positions() -> None:
+    made = scale("fcs/flap-pos-rad", "fcs/flap-pos-norm", RANGE.format(0, 1), "<max>0.5</max>")
+    files = {"Systems/flaps": f"<system name='flaps'><channel name='f'>{made}</channel></system>"}
+    asked: list[str] = []
+
+    def load(name: str) -> bytes:
+        asked.append(name)
+        if name not in files:
+            raise InputError(f"no {name}", "folder")
+        return files[name].encode()
+
+    more = "<system file='flaps.xml'/><system file='absent'/><system file='../outside'/>"
+    found = force("fcs/flap-pos-norm", more=more, loader=load)
+    np.testing.assert_allclose(found, 2 * FLOWN["delta_flap"])
+    assert "absent" in asked
+    assert not any(".." in name for name in asked)
+
+
+def test_many_scales_of_one_another_end() -> None:
+    """A file from outside: every property is made of the next, and none is known."""
+    control = "".join(
+        scale(f"fcs/a{k}", f"fcs/a{k + 1}", RANGE.format(-1, 2), ONE) for k in range(300)
+    )
+    with pytest.raises(AssertionError):
+        force("fcs/a150", control)
 
 
 @pytest.mark.parametrize(
