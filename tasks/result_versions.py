@@ -21,7 +21,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.
-JSBSIM_IMPORT: Final = 2
+JSBSIM_IMPORT: Final = 3
 
 #: Names of versions that the product itself moves.
 RELEASED: Final = "released"

@@ -60,8 +60,7 @@ class JsbsimFunctions:
 
     def reserve(self, aerodynamics: Any) -> None:
         """Reserve the names of free inputs of an earlier export, before tables can take them."""
-        for element in aerodynamics.iter("property", "p", "independentVar"):
-            name = (element.text or "").strip().removeprefix("-")
+        for name in sorted(properties_read(aerodynamics)):
             if name.startswith(OWN_FREE):
                 self.identifier(name)
 
@@ -70,6 +69,23 @@ class JsbsimFunctions:
         InputError for no number."""
         value = read_number(element.get("value", "0"), f"{self.where}: <property>")
         self.defined[(element.text or "").strip()] = (number(value), "constant of the file")
+
+    def computed(self, element: Any, name: str) -> Expression:
+        """Return the expression of a function outside the aerodynamics that sets a property.
+
+        Raises InputError for what is not supported.
+        """
+        return self._tree(self._only_operation(element, name), name)
+
+    def _only_operation(self, element: Any, name: str) -> Any:
+        operations = [child for child in element if child.tag not in TEXT]
+        if len(operations) != 1:
+            raise InputError(
+                f"function '{name}' has {len(operations)} operations",
+                self.where,
+                "exactly one is needed",
+            )
+        return operations[0]
 
     def function(self, element: Any) -> str:
         """Read a function; return the property that it defines, in JSBSim's units. Raises
@@ -89,17 +105,11 @@ class JsbsimFunctions:
                 self.where,
                 "JSBSim refuses it too: rename one of them",
             )
-        operations = [child for child in element if child.tag not in TEXT]
-        if len(operations) != 1:
-            raise InputError(
-                f"function '{name}' has {len(operations)} operations",
-                self.where,
-                "exactly one is needed",
-            )
+        operation = self._only_operation(element, name)
         description = " ".join(
             " ".join(text.text.split()) for text in element if text.tag in TEXT and text.text
         )
-        self.defined[name] = (self._tree(operations[0], name), description.replace("_", " "))
+        self.defined[name] = (self._tree(operation, name), description.replace("_", " "))
         return name
 
     def identifier(self, name: str) -> str:
@@ -237,6 +247,12 @@ class JsbsimFunctions:
             plus,
             [times(TableCall(weights.table, (x, Number(k))), y) for k, y in enumerate(ordinates)],
         )
+
+
+def properties_read(element: Any) -> set[str]:
+    """Return the properties that the elements of a function read."""
+    elements = element.iter("property", "p", "independentVar")
+    return {(each.text or "").strip().removeprefix("-") for each in elements}
 
 
 def _constant(expression: Expression, where: str) -> float:

@@ -14,7 +14,7 @@ from typing import Any, Final
 from aerodb.errors import InputError, OpenQuestionsError, UnknownNameError, nearest
 from aerodb.exchange.binding_units import binding_fault, binding_question, raise_together
 from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, axis_shares, body_forces, check_systems
-from aerodb.exchange.jsbsim.functions import TEXT, JsbsimFunctions
+from aerodb.exchange.jsbsim.functions import TEXT, JsbsimFunctions, properties_read
 from aerodb.exchange.jsbsim.metrics import (
     read_constants,
     read_limits,
@@ -37,7 +37,7 @@ from aerodb.exchange.jsbsim.properties import (
     property_description,
     property_unit,
 )
-from aerodb.exchange.jsbsim.scalings import read_scalings
+from aerodb.exchange.jsbsim.scalings import read_computed, read_scalings, roots_of
 from aerodb.nomenclature import channel
 from aerodb.tables import (
     LIFT_INCREMENTS,
@@ -104,7 +104,8 @@ def import_jsbsim(
     root = read_root(xml, name)
     metrics = read_section(root, "metrics", name, loader)
     reference, constants = read_reference(metrics, name), read_constants(metrics, name)
-    reading = _AircraftReader(name, dict(bindings or {}), constants, read_scalings(root, name, loader))
+    roots = roots_of(root, name, loader)
+    reading = _AircraftReader(name, dict(bindings or {}), constants, roots)
     reading.read(read_section(root, "aerodynamics", name, loader))
     return reading.database(reference)
 
@@ -117,10 +118,10 @@ class _AircraftReader:
         where: str,
         bindings: dict[str, str],
         constants: dict[str, float],
-        scalings: Mapping[str, list[tuple[str, str]]],
+        roots: list[Any],
     ) -> None:
         self._where = where
-        self._scalings = scalings
+        self._scalings, self._computed = read_scalings(roots, where), read_computed(roots)
         self._bindings = bindings
         self._constants = constants
         self._functions = JsbsimFunctions(where)
@@ -344,6 +345,9 @@ class _AircraftReader:
             of, text = made
             scaled = parse(text.replace("{x}", self._functions.identifier(of)))
             return Variable(scaled, "", property_description(name, f"scaled {of}, by the file"))
+        if name in self._computed and self._is_known(name, reference, {name}):
+            tree = self._functions.computed(self._computed[name], name)
+            return Variable(tree, "", property_description(name, "computed by the file"))
         return None
 
     def _made(
@@ -354,15 +358,36 @@ class _AircraftReader:
 
         seen : properties that are on other ways already, and this one; it grows.
         """
-        known = (self._bindings, self._functions.defined, self._constants)
         for of, text in self._scalings.get(name, ()):
-            if any(of in each for each in known) or self._text(of, reference):
+            if self._is_stated(of, reference):
                 return of, text
             if of not in seen and len(seen) < _WAYS:
                 seen.add(of)
                 if further := self._made(of, reference, seen):
                     return further[0], text.replace("{x}", f"({further[1]})")
         return None
+
+    def _is_stated(self, name: str, reference: ReferenceGeometry) -> bool:
+        known = (self._bindings, self._functions.defined, self._constants)
+        return any(name in each for each in known) or bool(self._text(name, reference))
+
+    def _is_known(self, name: str, reference: ReferenceGeometry, seen: set[str]) -> bool:
+        """Whether a property that the file computes is made of known ones alone.
+
+        seen : as in `_made`.
+        """
+        if name not in self._computed or len(seen) > _WAYS:
+            return False
+        for of in properties_read(self._computed[name]):
+            if self._is_stated(of, reference) or self._made(of, reference, {of}):
+                continue
+            if of in seen or not self._is_known(of, reference, seen | {of}):
+                return False
+        try:
+            JsbsimFunctions(self._where).computed(self._computed[name], name)
+        except InputError:
+            return False  # by elements that have no meaning here
+        return True
 
     def _text(self, name: str, reference: ReferenceGeometry) -> str:
         """The expression of a property of JSBSim or of an earlier export; '' if there is none."""

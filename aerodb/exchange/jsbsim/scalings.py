@@ -12,20 +12,17 @@ from aerodb.exchange.jsbsim.metrics import is_beside, read_number, read_root
 _CENTRED: Final = ("true", "1", "")
 
 
-def read_scalings(
-    root: Any, where: str, loader: Callable[[str], bytes] | None = None
-) -> dict[str, list[tuple[str, str]]]:
+def read_scalings(roots: Iterable[Any], where: str) -> dict[str, list[tuple[str, str]]]:
     """Return property -> the properties that it is a scaled copy of, each with an expression in
     which ``{x}`` stands for that one: those that make it, then those that are made of it.
 
-    root : element of the aircraft. loader : of the files that it names for its flight control and
-    systems; one that is not there is left out. Elements ``aerosurface_scale`` and ``pure_gain``
+    roots : elements of the aircraft (`roots_of`). Elements ``aerosurface_scale`` and ``pure_gain``
     with one input are looked at (JSBSim, FGGain): a scale that is centred at zero maps each side of
     its domain to that of its range. What cannot be read, or is made twice, is left out.
     """
     made: dict[str, tuple[str, _Scaling]] = {}
     twice: set[str] = set()
-    for element in _scales([root, *_further(root, where, loader)]):
+    for element in _components(roots, "aerosurface_scale", "pure_gain"):
         inputs = [_text(child) for child in element.findall("input")]
         if len(inputs) != 1 or element.find("clipto") is not None:
             continue
@@ -35,8 +32,7 @@ def read_scalings(
             continue  # a property of the simulation, not a number
         if inputs[0].startswith("-"):
             scaling = scaling.of_negative()
-        own = element.get("name", "").strip()
-        for output in {_own_property(own), *(_text(each) for each in element.findall("output"))}:
+        for output in _outputs(element):
             twice |= {output} & set(made)
             made[output] = (inputs[0].removeprefix("-"), scaling)
     made = {name: each for name, each in made.items() if name not in twice}
@@ -74,22 +70,44 @@ class _Scaling:
         return shift + " + ".join(f"{side}({{x}}, 0)*{k!r}" for side, k in sides.items() if k)
 
 
-def _further(root: Any, where: str, loader: Callable[[str], bytes] | None) -> Iterator[Any]:
-    """Roots of the files that an aircraft names for its flight control and systems."""
-    if loader is None:
-        return
+def read_computed(roots: Iterable[Any]) -> dict[str, Any]:
+    """Return property -> the element ``function`` by which flight control or a system computes it
+    (``fcs_function``); what is limited, or computed twice, is left out."""
+    found: dict[str, Any] = {}
+    twice: set[str] = set()
+    for element in _components(roots, "fcs_function"):
+        functions = element.findall("function")
+        bare = element.find("clipto") is None and element.find("input") is None
+        if bare and len(functions) == 1:
+            for output in _outputs(element):
+                twice |= {output} & set(found)
+                found[output] = functions[0]
+    return {name: each for name, each in found.items() if name not in twice}
+
+
+def roots_of(root: Any, where: str, loader: Callable[[str], bytes] | None) -> list[Any]:
+    """Return the element of an aircraft, and those of the files that it names for its flight
+    control and systems; one that is not there is left out."""
+    found = [root]
     for element in root.iterchildren("flight_control", "autopilot", "system"):
         file = element.get("file", "").strip().removesuffix(".xml")
         for name in (f"Systems/{file}", f"systems/{file}", file):
-            if file and is_beside(name):
+            if loader is not None and file and is_beside(name):
                 with contextlib.suppress(InputError):
-                    yield read_root(loader(name), f"{where}: {name}")
+                    found.append(read_root(loader(name), f"{where}: {name}"))
                     break
+    return found
 
 
-def _scales(roots: Iterable[Any]) -> Iterator[Any]:
+def _components(roots: Iterable[Any], *tags: str) -> Iterator[Any]:
     for root in roots:
-        yield from root.iter("aerosurface_scale", "pure_gain")
+        yield from root.iter(*tags)
+
+
+def _outputs(element: Any) -> set[str]:
+    """Properties that a component sets: its own, and those that it names."""
+    own = _own_property(element.get("name", "").strip())
+    return {own, *(_text(each) for each in element.findall("output"))}
 
 
 def _own_property(name: str) -> str:

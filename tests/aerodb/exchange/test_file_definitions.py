@@ -134,6 +134,34 @@ def test_systems_in_files_of_their_own_define_positions() -> None:
     assert not any(".." in name for name in asked)
 
 
+def computed(made: str, operation: str) -> str:
+    return f"""<fcs_function name="f"><function>{operation}</function><output>{made}</output>
+    </fcs_function>"""
+
+
+def test_what_the_files_own_functions_compute_of_known_properties() -> None:
+    half = "<product><value>0.5</value><property>metrics/cbarw-ft</property></product>"
+    speed = "<property>velocities/vt-fps</property>"
+    control = computed("aero/half", f"<quotient>{half}{speed}</quotient>")
+    both = "<property>aero/half</property><property>velocities/vt-fps</property>"
+    control += computed("aero/twice", f"<product>{both}<value>4</value></product>")
+    np.testing.assert_allclose(force("aero/twice", control), 2 * 0.8 / 0.3048)
+
+
+@pytest.mark.parametrize(
+    "operation",
+    [
+        "<property>fcs/pitch-cmd-norm</property>",
+        "<property>aero/made</property>",
+        "<random/>",
+        "<property>velocities/vt-fps</property><value>1</value>",
+    ],
+)
+def test_functions_of_what_nobody_knows_stay_a_question(operation: str) -> None:
+    with pytest.raises(AssertionError):
+        force("aero/made", computed("aero/made", operation))
+
+
 def test_many_scales_of_one_another_end() -> None:
     """A file from outside: every property is made of the next, and none is known."""
     control = "".join(

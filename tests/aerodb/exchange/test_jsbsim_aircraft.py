@@ -56,7 +56,7 @@ def loader(aircraft: str) -> Any:
             for path in (folder / name, folder / f"{name}.xml"):
                 if path.is_file():
                     return path.read_bytes()
-        raise AssertionError(name)
+        raise InputError(f"no {name}", aircraft)
 
     return load
 
