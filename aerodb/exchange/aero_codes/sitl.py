@@ -65,6 +65,8 @@ _NUMBERS: Final = (
 _SHAPE: Final = ("c_lift_0", "c_lift_a", "mcoeff", "alpha_stall", "c_drag_p", "oswald")
 _OFFSET: Final = ("CGOffset_x", "CGOffset_y", "CGOffset_z")
 _CONTROLS: Final = {"aileron": "deltaa", "elevator": "deltae", "rudder": "deltar"}
+#: Control -> the file's number of its full travel [rad], by which SITL itself does not multiply.
+_TRAVELS: Final = {key: f"{short}_max" for key, short in _CONTROLS.items()}
 #: Beyond this from the stall SITL holds the angle of attack [rad].
 _HELD: Final = 0.8
 #: Sharpness of the stall that is written where the database is no such model: SITL's own.
@@ -98,7 +100,7 @@ def import_sitl(files: Sequence[tuple[str, bytes]], name: str, answers: Answers)
     numbers |= answers.left_out(wanted, "SITL")
     offset = [numbers[key] for key in _OFFSET]
     reference = answers.reference(s, c, b, offset=offset)
-    controls = {key: _control(answers, key) for key in _CONTROLS}
+    controls = {key: _control(answers, key, found.get(_TRAVELS[key], 0.0)) for key in _CONTROLS}
     answers.notes += [
         "controls are shares of full travel; SITL's sideslip is atan2(v, u)",
         f"moments are about the CG and CGOffset ({', '.join(f'{x:g}' for x in offset)}) m",
@@ -130,7 +132,7 @@ def _entries(where: str, data: bytes) -> dict[str, float]:
         is_point = key == "CGOffset" and isinstance(value, list) and len(value) == 3
         values = dict(zip(_OFFSET, value, strict=True)) if is_point else {key: value}
         for own, each in values.items():
-            if own not in (*_LENGTHS, *_NUMBERS, *_OFFSET):
+            if own not in (*_LENGTHS, *_NUMBERS, *_OFFSET, *_TRAVELS.values()):
                 continue
             number_ = isinstance(each, (int, float)) and not isinstance(each, bool)
             if not number_ or not abs(each) < _LARGEST:
@@ -144,17 +146,20 @@ def _stated(answers: Answers, found: Mapping[str, float], key: str, unit: str) -
     return answers.number(key, unit, text, (), found.get(key))
 
 
-def _control(answers: Answers, key: str) -> Variable:
+def _control(answers: Answers, key: str, travel: float) -> Variable:
+    """The variable of a control. travel : that the file states [rad]; 0 where it states none."""
     described, declared = f"control {key} of SITL, share of full travel", {CONTROL: key}
     if answers.is_given(key):
         return Variable(answers.expression(key), "1", described, declared)
-    travels = {n: f"{x:.6g}" for n, x in answers.vehicle.surfaces.items() if key in n}
+    of_vehicle = {n: x for n, x in answers.vehicle.surfaces.items() if key in n}
+    proposals = [(key, f"{travel:.6g}", f"{_TRAVELS[key]} of the file")] if travel > 0.0 else []
+    proposals += [(n, f"{x:.6g}", "full travel in rad") for n, x in of_vehicle.items()]
     answers.ask(
         key,
         f"{key} is a share of full travel, against delta_{key}: of which travel [rad]?",
         [
-            (f"-delta_{each}/{travel}", "full travel in rad")
-            for each, travel in (travels or {key: "NUMBER"}).items()
+            (f"-delta_{each}/{size}", words)
+            for each, size, words in proposals or [(key, "NUMBER", "full travel in rad")]
         ],
     )
     return Variable(number(0.0), "1", described, declared)

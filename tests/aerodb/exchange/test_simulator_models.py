@@ -153,6 +153,15 @@ def test_what_the_file_leaves_out_is_asked_in_one_round() -> None:
     assert float(str(variables["c_l_deltar"].expression)) == 0.0
 
 
+def test_the_travel_that_the_file_states_is_proposed() -> None:
+    with pytest.raises(OpenQuestionsError) as caught:
+        read(sitl_file({**PLANE, "deltae_max": 0.3491, "deltar_max": 0}), **POINT)
+    proposals = {question.name: question.proposals for question in caught.value.questions}
+    assert proposals["elevator"][0] == ("-delta_elevator/0.3491", "deltae_max of the file")
+    assert [text for text, _ in proposals["rudder"]] == ["-delta_rudder/0.5"]
+    assert [text for text, _ in proposals["elevator"]][1:] == ["-delta_elevator/0.35"]
+
+
 def test_the_point_proposed_is_the_vehicles_and_the_files_offset() -> None:
     database = read(sitl_file(), **BOUND, reference="vehicle")
     assert database.reference.moment_reference == pytest.approx((-0.32, 0.0, 0.01))
