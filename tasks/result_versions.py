@@ -16,8 +16,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 4,
     "estimate": 16,
     "update": 21,
-    "gram": 18,
-    "close_loop": 55,
+    "gram": 19,
+    "close_loop": 56,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -5,7 +5,7 @@ Only per-flight estimates are used here, no samples. See docs/method/tracing.md,
 fits equally well is in `aerodb.tracing.decision.explanation_sets`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -97,21 +97,40 @@ class CrossFlightTests:
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))
         if key not in self.cached:
-            certain = {*freed, *fixed}
-            sigma = [
-                0.0 if s in certain else self.campaign.hypotheses[s].prior_sigma or 0.0
-                for s in self.campaign.sensors
-            ]
             estimates = self.flight_estimates(accepted, freed, fixed, exact)
-            self.cached[key] = over_flights(
-                estimates,
-                np.array(sigma),
-                self.settings,
-                fewest,
-                self.campaign.offsets,
-                self.campaign.own_errors,
-            )
+            self.cached[key] = self._over_flights(estimates, {*freed, *fixed}, fewest)
         return self.cached[key]
+
+    def remaining(self, accepted: Sequence[int], freed: Sequence[int], fewest: int) -> Tested:
+        """Return `tested`, by the noise that remains when what the model explains is taken away.
+
+        So the values of the model itself are known. Searched is with all that is in the residual:
+        what is in no model yet must not be found by noise that another term was before.
+        """
+        left = self.campaign.noise_left(accepted, freed)
+        rows = None if left is None else left[list(self.flights)]
+        return self._over_flights(self.flight_estimates(accepted, freed), set(freed), fewest, rows)
+
+    def _over_flights(
+        self,
+        estimates: FlightEstimates,
+        certain: Collection[int],
+        fewest: int,
+        left: Array | None = None,
+    ) -> Tested:
+        sigma = [
+            0.0 if s in certain else self.campaign.hypotheses[s].prior_sigma or 0.0
+            for s in self.campaign.sensors
+        ]
+        return over_flights(
+            estimates,
+            np.array(sigma),
+            self.settings,
+            fewest,
+            self.campaign.offsets,
+            self.campaign.own_errors,
+            left,
+        )
 
     def gain(
         self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]

@@ -158,7 +158,13 @@ def _finding(
     verdict = verdict_of(decision, explanation, significant and not absurd)
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     hypothesis = tests.campaign.hypotheses[index]
-    low, high = test.interval(index)
+    low, high = min(
+        (
+            test.interval(index),
+            tests.remaining(decision.terms, decision.freed, fewest).interval(index),
+        ),
+        key=np.ptp,
+    )
     return finding_of(
         tests,
         decision,
@@ -166,7 +172,7 @@ def _finding(
         explanation,
         verdict=verdict,
         value=float(test.mean[index]),
-        ci95=test.interval(index),
+        ci95=(low, high),
         size=(
             f"{hypothesis.parameter} = {with_unit(float(test.mean[index]), hypothesis.unit)} (95 %:"
             f" {low:.3g} to {high:.3g}) over {np.count_nonzero(test.included[:, index])} flights"

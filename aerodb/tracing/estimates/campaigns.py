@@ -7,6 +7,7 @@ import numpy as np
 
 from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
+from aerodb.support import Array
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
 from aerodb.tracing.evidence import FlightNormalEquations, parent, shape_term_columns
@@ -72,7 +73,20 @@ def campaign(
         shape_terms=shape_terms,
         earlier={known[id]: value for id, value in (earlier or {}).items() if id in known},
         extrapolated=extrapolated,
+        squares=_squares(normal_equations, {h.id: index for index, h in enumerate(hypotheses)}),
     )
+
+
+def _squares(normal_equations: Sequence[FlightNormalEquations], known: Mapping[str, int]) -> Array:
+    """Squares (flights, axes, k + 1) of hypotheses and, last, of the residual on each axis."""
+    axes = list(dict.fromkeys(axis for g in normal_equations for axis in g.axes))
+    squares = np.zeros((len(normal_equations), len(axes), len(known) + 1))
+    for own, g in zip(squares, normal_equations, strict=True):
+        at = [(known[name], place) for place, name in enumerate(g.hypotheses) if name in known]
+        rows = [axes.index(axis) for axis in g.axes]
+        own[np.ix_(rows, [k for k, _ in at])] = g.squares[:, [place for _, place in at]]
+        own[rows, -1] = g.squares[:, -1]
+    return squares
 
 
 def _check(

@@ -133,8 +133,9 @@ class Campaign:
     sigma of what it varies with; earlier : index -> value of a term that the database holds
     already: its shape may be wrong too, and every model estimates it again, since what it was
     taken for is no more certain than when it was found. extrapolated : whether SIMEX biases are
-    those against no state noise; else what the noise adds when it comes once more. Results are
-    cached, so that repetitions without some flights cost no algebra.
+    those against no state noise; else what the noise adds when it comes once more. squares (g,
+    axes, k + 1) : of each hypothesis and, last, of the residual on each axis. Results are cached,
+    so that repetitions without some flights cost no algebra.
     """
 
     flights: tuple[str, ...]
@@ -146,6 +147,7 @@ class Campaign:
     precision: Array
     sensors: tuple[int, ...]
     offsets: tuple[int, ...]
+    squares: Array
     shape_terms: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     earlier: Mapping[int, float] = field(default_factory=dict)
     extrapolated: bool = True
@@ -207,6 +209,27 @@ class Campaign:
             )
         return self.cached[model]
 
+    def noise_left(self, accepted: Sequence[int], freed: Sequence[int]) -> Array | None:
+        """Return the variance of the innovation (flights, hypotheses) beside a model, as a
+        part of what the noise was fitted to, which is the residual with all that is in it.
+
+        Terms that act on several axes are shared out by their squares; a hypothesis has the mean
+        of its axes by its own.
+        """
+        at = [i for i in (*accepted, *freed) if i not in self.offsets]
+        if not at:
+            return None
+        estimate = self.flight_estimates(accepted, freed).estimate
+        size = np.nan_to_num(estimate[:, at]) * self.scale[at]
+        share, matrix = np.sqrt(self._shares[:, :, at]), self.products.matrix
+        cross = 2.0 * (share**2 @ (size * matrix[:, at, -1])[:, :, None])[:, :, 0]
+        among = matrix[:, at][:, :, at] * size[:, :, None] * size[:, None, :]
+        explained = cross - np.einsum("gat,gtu,gau->ga", share, among, share)
+        whole = np.maximum(self.squares[:, :, -1], 1.0)
+        variance = 1.0 - np.clip(explained, 0.0, whole - 1.0) / whole
+        own = self._shares.sum(axis=1)
+        return np.where(own > 0.0, np.einsum("gak,ga->gk", self._shares, variance), 1.0)
+
     def flight_estimate(
         self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
     ) -> tuple[Array, Array]:
@@ -267,6 +290,14 @@ class Campaign:
             sigma = TOLERANCE * abs(value[index]) / max(float(spread), least) * self.scale[shape]
             precisions[shape] = min(KNOWN, sigma**-2) if sigma > 0.0 else KNOWN
         return precisions
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Share (flights, axes, hypotheses) of each axis in the squares of a hypothesis; 0 where it
+        has none."""
+        squares = self.squares[:, :, :-1]
+        total = squares.sum(axis=1, keepdims=True)
+        return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
     @cached_property
     def _reduced(self) -> SensorElimination:

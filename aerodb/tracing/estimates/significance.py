@@ -260,6 +260,7 @@ def over_flights(
     fewest: int,
     constants: Sequence[int] = (),
     own: Sequence[int] = (),
+    left: Array | None = None,
 ) -> Tested:
     """Test every hypothesis over flights.
 
@@ -273,6 +274,8 @@ def over_flights(
         that over flights.
     own : errors that are each flight's own, such as what reconstruction leaves of a bias; their
         variance is never below that over flights either.
+    left : variance (g, k) of the innovation that the model leaves, as a part of that with all
+        that it explains: what a model holds is no noise of its own values; None: all of it.
 
     Returns
     -------
@@ -300,7 +303,8 @@ def over_flights(
     deviation = np.where(included, estimate - mean, 0.0)
     dof = np.maximum(count - 1, 0).astype(np.float64)
     between = np.einsum("gk,gk->k", deviation, deviation) / np.maximum(dof, 1.0)
-    within = np.divide(1.0, information, out=deviation, where=included).sum(axis=0) / number
+    noise = 1.0 if left is None else left
+    within = np.divide(noise, information, out=deviation, where=included).sum(axis=0) / number
     inflation = _median_inflation(estimates, included)
     constant = np.zeros(len(mean), dtype=bool)
     constant[list(constants)] = True

@@ -20,7 +20,7 @@ from aerodb.tracing.evidence.low_pass import BandLimitedFlight, Records, centred
 from aerodb.tracing.settings import TracingSettings
 
 #: Form of stored normal equations.
-NORMAL_EQUATIONS_VERSION = 1
+NORMAL_EQUATIONS_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class FlightNormalEquations:
     the state noise added once more, same form, or None. spread (axes,) : standard deviation of the
     innovation, coefficient units; correlation (axes,) : s, of the residual; samples (axes,) : after
     decimation. excitation (hypotheses,) : rms of the column about its mean in the band, on the axis
-    where it is largest against the noise.
+    where it is largest against the noise. squares (axes, hypotheses + 1) : each column, and the
+    residual, with itself about its mean on each axis; their sums are those of `matrix`.
     """
 
     flight: str
@@ -44,6 +45,7 @@ class FlightNormalEquations:
     correlation: Array
     samples: NDArray[np.int64]
     excitation: Array
+    squares: Array
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return plain arrays for a store; absent matrices are empty (0, 0). See
@@ -60,6 +62,7 @@ class FlightNormalEquations:
             "correlation": self.correlation,
             "samples": self.samples,
             "excitation": self.excitation,
+            "squares": self.squares,
         }
 
 
@@ -88,6 +91,7 @@ def normal_equations_from_arrays(
         correlation=numbers("correlation"),
         samples=np.asarray(arrays["samples"], dtype=np.int64),
         excitation=numbers("excitation"),
+        squares=numbers("squares"),
     )
 
 
@@ -131,26 +135,29 @@ def normal_equations_of_band(
         )
     kept = np.array([not name.startswith(NUISANCE) for name in band.names], dtype=np.bool_)
     whole = np.r_[np.ones(len(fitted), dtype=np.bool_), kept, True]
-    noisy = [eliminated(_products(band, copy, fitted), whole) for copy in band.noisy]
+    noisy = [eliminated(_products(band, copy, fitted)[0], whole) for copy in band.noisy]
+    matrix, squares = _products(band, band.records, fitted)
     return FlightNormalEquations(
         flight=band.flight,
         axes=tuple(fitted),
         hypotheses=tuple(name for name, keep in zip(band.names, kept, strict=True) if keep),
-        matrix=eliminated(_products(band, band.records, fitted), whole),
+        matrix=eliminated(matrix, whole),
         noisy=np.mean(noisy, axis=0) if noisy else None,
         spread=np.array([spread for _, spread in fitted.values()]),
         correlation=np.array(times),
         samples=np.array(counts, dtype=np.int64),
         excitation=_excitation(band, fitted)[kept],
+        squares=squares[:, whole[len(fitted) :]],
     )
 
 
 def _products(
     band: BandLimitedFlight, source: Records, fitted: Mapping[str, tuple[Array, float]]
-) -> Array:
-    """Cross-products (k, k) of whitened columns, summed over the axes."""
+) -> tuple[Array, Array]:
+    """Cross-products (k, k) of whitened columns, summed over the axes, and the squares of each
+    column about its mean on each axis."""
     k = len(fitted) + len(band.names) + 1
-    total = np.zeros((k, k))
+    total, squares = np.zeros((k, k)), np.zeros((len(fitted), k - len(fitted)))
     for number, (axis, (coefficients, spread)) in enumerate(fitted.items()):
         acting = np.flatnonzero(np.any([record.any(axis=0) for record in source[axis]], axis=0))
         white = _white([record[:, acting] for record in source[axis]], coefficients, spread)
@@ -163,8 +170,12 @@ def _products(
             last = len(inner) + 1
             white[:, 1:last] = first_stage(white[:, 0], white[:, 1:last], drivers[:, 1:])
         index = np.where(acting == 0, number, acting + len(fitted) - 1)
-        total[np.ix_(index, index)] += white.T @ white
-    return total
+        own = white.T @ white
+        total[np.ix_(index, index)] += own
+        squares[number, index[1:] - len(fitted)] = (
+            np.diagonal(own)[1:] - own[0, 1:] ** 2 / own[0, 0]
+        )
+    return total, squares
 
 
 def eliminated(products: Array, kept: Mask) -> Array:

@@ -80,8 +80,15 @@ def flown(seed: int) -> Flown:
         none,
         none.astype(np.int64),
         np.ones(len(names)),
+        np.array(
+            [[varies(each[on[axis]]) for each in (*columns.values(), residual)] for axis in axes]
+        ),
     )
     return Flown(names, intercepts, columns, residual, equations)
+
+
+def varies(values: Array) -> float:
+    return float(np.sum((values - values.mean()) ** 2))
 
 
 FLIGHTS = [flown(seed) for seed in range(7)]
@@ -214,6 +221,30 @@ def test_a_model_is_solved_as_least_squares_solve_it(
                     else direct(flight, place, design, flight.columns[NAMES[sensor]])[0]
                 )
                 assert sensor_bias[number] == pytest.approx(error, rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("terms", [(), (0,), (0, 2), (0, 1, 3)])
+def test_noise_is_what_is_left_on_an_axis_when_its_terms_are_taken_away(
+    made: Campaign, terms: tuple[int, ...]
+) -> None:
+    estimates = made.flight_estimates(terms, ())
+    noise_left = made.noise_left(terms, ())
+    if not terms:
+        assert noise_left is None
+        return
+    assert noise_left is not None
+    for row, flight in enumerate(FLIGHTS):
+        for place in range(4):
+            if not shown(flight, place) or LIBRARY[place].axes[0] not in flight.equations.axes:
+                continue
+            on = flight.columns[NAMES[place]] != 0.0
+            rest = flight.residual.copy()
+            for each in terms:
+                size = estimates.estimate[row, each]
+                column = flight.columns.get(NAMES[each], np.zeros(len(rest)))
+                rest -= (0.0 if np.isnan(size) else size) * column
+            expected = min(varies(rest[on]) / varies(flight.residual[on]), 1.0)
+            assert noise_left[row, place] == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_shift_follows_from_the_noisy_copies_and_the_flights(made: Campaign) -> None:
