@@ -35,6 +35,7 @@ from aerodb.suspicions.drag import ACCELERATION
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
 from aerodb.suspicions.hypotheses import explain
+from aerodb.suspicions.over_ground import over_ground_suspicions
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors whose output must change when the aircraft moves.
@@ -83,7 +84,9 @@ def suspicions(
     - an angle, a rate or an acceleration with the history of another;
     - missing gravity, wrong sign or wrong unit of the vertical acceleration;
     - a rate, attitude, flow angle or acceleration of wrong sign, degrees declared as radians or the
-      reverse, exchanged axes. Of several such faults one is named: correct it and run again.
+      reverse, exchanged axes. Of several such faults one is named: correct it and run again;
+
+    - an airspeed that turns over ground contradict, by its scale.
 
     Samples flagged as stuck or implausible are included: they are the evidence. A record without
     motion shows few faults.
@@ -109,6 +112,8 @@ def suspicions(
     if len(flight.time) >= 32 and channels and not copies:
         thin, step = decimated(channels, flight.step, SAMPLES_PER_PERIOD * BAND[1])
         listed += _kinematic(thin, step) or _aerodynamic(thin, step)
+    if "V" not in {suspicion.channel for suspicion in listed}:
+        listed += over_ground_suspicions(flight)
     return tuple(listed)
 
 
