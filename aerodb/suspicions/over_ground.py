@@ -27,7 +27,7 @@ LEVEL: Final = 300.0
 COVERED: Final = 0.75
 #: Least factor of the airspeed that is said: tubes beside a fuselage or propeller err by less.
 WRONG: Final = 1.25
-#: Largest rms of what the circle leaves, as a share of the airspeed: strong gusts of a slow aircraft.
+#: Largest rms of what the circle leaves, as a share of the airspeed: gusts of a rough day.
 LEFT: Final = 0.2
 #: Step [s] at which samples are compared: the motion of a turn is slower.
 STEP: Final = 1.0
