@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from aerodb.conditioning import Suspicion
@@ -35,6 +36,8 @@ STEP: Final = 1.0
 _SECTORS: Final = 12
 #: Factors that are units: what a speed in this unit is times one in m/s.
 _UNITS: Final = {"kt": 1.943844, "km/h": 3.6, "mph": 2.236936, "ft/s": 3.28084}
+
+Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,12 @@ def _turns(flight: Flight) -> Iterator[_Turn]:
             first = last
 
 
-def _height(flight: Flight, rows: Array) -> Array:
+def _height(flight: Flight, rows: Rows) -> Array:
     name = next((n for n in ("altitude", "height_above_ground") if n in flight), None)
     return np.zeros(len(rows)) if name is None else np.nan_to_num(flight[name][rows])
 
 
-def _turn(flight: Flight, rows: Array) -> _Turn | None:
+def _turn(flight: Flight, rows: Rows) -> _Turn | None:
     """What one stretch says; None where its track does not turn, or no circle fits."""
     shown, north, east = (flight[n][rows] for n in ("V", "velocity_north", "velocity_east"))
     down = flight["velocity_down"][rows] if "velocity_down" in flight else np.zeros(len(rows))
@@ -132,11 +135,16 @@ def _turn(flight: Flight, rows: Array) -> _Turn | None:
     if float(np.sqrt(np.mean(residual**2))) > LEFT * float(np.mean(shown)):
         return None
     independent = len(residual) / samples_per_independent(residual)
-    plain = least_squares(lambda x: left(np.array([*x, 1.0])), start[:2])
-    sums = [max(float(np.sum(each**2)), 1e-12) for each in (plain.fun, residual)]
+
+    def with_none(x: Array) -> Array:
+        return left(np.append(x, 1.0))
+
+    plain = np.asarray(least_squares(with_none, start[:2]).fun)
+    sums = [max(float(np.sum(each**2)), 1e-12) for each in (plain, residual)]
     gain = 0.5 * independent * np.log(sums[0] / sums[1])
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float(np.mean(residual**2))
-    error = float(np.sqrt(covariance[2, 2] * len(residual) / independent))
+    slopes = np.asarray(fit.jac, dtype=np.float64)
+    spread = float(np.linalg.pinv(slopes.T @ slopes)[2, 2])
+    error = float(np.sqrt(spread * np.sum(residual**2) / independent))
     if gain < LIKELIER:
         ratio = 1.0
     times = flight.time[rows]
