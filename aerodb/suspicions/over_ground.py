@@ -120,7 +120,8 @@ def _turn(flight: Flight, rows: Rows) -> _Turn | None:
     shown, north, east, down = (each[moving] for each in (shown, north, east, down))
     if len(shown) < 2 * _SECTORS:
         return None
-    start = np.array([np.mean(north), np.mean(east), np.mean(shown) / max(np.mean(ground), 1e-9)])
+    scale = float(np.mean(shown)) / max(float(np.mean(ground)), 1e-9)
+    start = np.array([np.mean(north), np.mean(east), scale])
 
     def left(x: Array) -> Array:
         true = np.sqrt((north - x[0]) ** 2 + (east - x[1]) ** 2 + down**2)
