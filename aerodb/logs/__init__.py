@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     )
     from .inspection import TopicSummary, describe, missing_samples
     from .mapping import choose_mapping, map_recording
-    from .mapping_draft import draft_mapping
+    from .mapping_draft import MappingDraft, draft_mapping
     from .mapping_file import Mapping, parse_mapping
+    from .mapping_form import FormLine, MappingForm, answered, in_si, mapping_form
     from .rotor_draft import draft_rotorcraft
     from .rotors import FoundRotors, learnt_of
     from .signals import (

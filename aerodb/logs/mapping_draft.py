@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of, standing
-from aerodb.logs.draft_text import draft_text
+from aerodb.logs.draft_text import Frame, draft_text, frame_of
 from aerodb.logs.field_names import Named, named
 from aerodb.logs.field_units import Sized, believable, unit_by_size
 from aerodb.logs.mapping_file import Mapping as LogMapping
@@ -69,14 +69,19 @@ class Guess:
 
 @dataclass(frozen=True)
 class MappingDraft:
-    """Text of a mapping file, its guesses, the questions that stay open, and notes on what is left
-    out of a clock. clock : the column of the time of a table's first topic that has one."""
+    """Text of a mapping file, what it says besides channels, its guesses, and the questions that
+    stay open. clock : the column of the time of a table's first topic that has one."""
 
     text: str
+    frame: Frame
     guesses: tuple[Guess, ...]
     questions: tuple[str, ...]
-    notes: tuple[str, ...] = ()
     clock: ClockColumn | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is left out of a clock."""
+        return self.frame.notes
 
 
 def draft_mapping(
@@ -126,11 +131,10 @@ def draft_mapping(
         questions.append(
             f"not mapped, as empty or zero throughout: {', '.join(sorted(empty)[:20])}"
         )
-    text = draft_text(
-        recording, name, clocks, columns, guesses, questions, notes, built_in if is_known else None
-    )
+    frame = frame_of(recording, name, clocks, notes, built_in if is_known else None)
+    text = draft_text(frame, clocks, columns, guesses.values(), questions)
     first = next(iter(clocks.values()), None)
-    return MappingDraft(text, tuple(guesses.values()), tuple(questions), tuple(notes), first)
+    return MappingDraft(text, frame, tuple(guesses.values()), tuple(questions), first)
 
 
 def _asked(guess: Guess) -> str:

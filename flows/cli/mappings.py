@@ -1,7 +1,5 @@
 """``aerodb mapping``: which field of a log is which channel."""
 
-import re
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -28,10 +26,7 @@ def init(
 
     Example: aerodb mapping init flight.csv
     """
-    from aerodb.logs import choose_mapping, draft_mapping
-    from aerodb.storage.mappings import builtin_mappings
-    from aerodb.storage.workspace_settings import load_settings
-    from aerodb.tasks.workers import parsed_log
+    from aerodb.tasks.view import drafted_mapping
 
     session: Session = context.obj
     if not log.is_file():
@@ -39,18 +34,8 @@ def init(
     path = output or Path(f"{log.stem}.mapping.toml")
     if path.exists():
         raise InputError("the file exists already", str(path), "move it away, or use --output")
-    name = re.sub(r"[^a-z0-9_-]", "-", log.stem.lower())[:60].lstrip("-_") or "log"
-    limits = load_settings(session.root).limits
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        parsed_log(log, Path(folder) / "topics", limits) as parsed,
-    ):
-        recording = parsed.recording
-        try:
-            known = choose_mapping(recording, builtin_mappings().values())
-        except InputError:  # none fits, or several do
-            known = None
-        draft = draft_mapping(recording, name, known)
+    with drafted_mapping(log, session.root) as (draft, recording):
+        skipped, remarks = (recording.metadata.get(key, "") for key in ("skipped", "remarks"))
     path.write_text(draft.text, encoding="utf-8")
     rows = [
         [g.channel, f"{g.topic}.{g.field}", g.unit, f"{g.scale:g}", g.confidence, g.reason]
@@ -63,7 +48,6 @@ def init(
     session.table(["channel", "field", "unit", "scale", "sure", "why"], rows)
     if not rows:
         session.say("no field has the name of a channel: the file lists all of them")
-    skipped, remarks = (recording.metadata.get(key, "") for key in ("skipped", "remarks"))
     for note in [
         *draft.notes,
         *([f"not read: {skipped} (no numbers)"] if skipped else []),

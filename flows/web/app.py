@@ -22,6 +22,7 @@ from aerodb.errors import (
 )
 from aerodb.flows.web import change_pages as changes
 from aerodb.flows.web import compare_pages as compare
+from aerodb.flows.web import draft_pages as drafts
 from aerodb.flows.web import finding_pages as findings
 from aerodb.flows.web import flight_pages as flights
 from aerodb.flows.web import lineage_pages as lineage
@@ -79,6 +80,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
     )
     app.state.console = Console(root.absolute(), guard)
     app.state.looked_at = OrderedDict()
+    app.state.drafted = OrderedDict()
     for part in (
         overview,
         flights,
@@ -90,6 +92,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
         work,
         changes,
         uploads,
+        drafts,
     ):
         app.include_router(part.router)
     app.add_api_route("/static/report.css", _report_style, include_in_schema=False)

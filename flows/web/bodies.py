@@ -14,7 +14,7 @@ from aerodb.errors import InputError
 LARGEST_BODY: Final = 64 << 10
 #: Most fields of a form: a version seldom has more than a few reasons to accept.
 MOST_FIELDS: Final = 200
-_UPLOAD: Final = re.compile(r"/api/(vehicles/[^/]+|looked-at)/logs")
+_UPLOAD: Final = re.compile(r"/api/(vehicles/[^/]+|looked-at|drafted)/logs")
 
 
 def is_upload(scope: Mapping[str, Any]) -> bool:

@@ -160,6 +160,13 @@ class LookedAt(Answer):
     log: dict[str, Any]
 
 
+class Drafted(Answer):
+    """The address of the form of a drafted mapping, and the questions that it leaves open."""
+
+    page: str
+    questions: list[str]
+
+
 class Session(Answer):
     """The token that changes of this session carry."""
 

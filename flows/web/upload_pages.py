@@ -49,12 +49,12 @@ async def upload(
     Answers how it ended: stored, duplicate, quarantined with the reason, or failed.
     """
     check_csrf(request, console_of(request).guard, token)
-    limits = await run_in_threadpool(_permitted, request, vehicle)
+    limits = await run_in_threadpool(permitted, request, vehicle)
     workspace = access_of(request).workspace
     size = request.headers.get("content-length", "0")
     with receiving(workspace, vehicle, name, int(size) if size.isdecimal() else 0, limits) as log:
         try:
-            await _received(request, log)
+            await received(request, log)
         except ClientDisconnect:
             return Response(status_code=400)
         path, sha256 = await run_in_threadpool(log.finish, workspace, vehicle)
@@ -78,12 +78,12 @@ async def look(
     what can be learnt from it, parameters and messages. No vehicle is needed; nothing is stored,
     and the page is kept until a few newer ones have come."""
     check_csrf(request, console_of(request).guard, token)
-    limits = await run_in_threadpool(_permitted, request, None)
+    limits = await run_in_threadpool(permitted, request, None)
     size = request.headers.get("content-length", "0")
     workspace = access_of(request).workspace
     with receiving(workspace, None, name, int(size) if size.isdecimal() else 0, limits) as log:
         try:
-            await _received(request, log)
+            await received(request, log)
         except ClientDisconnect:
             return Response(status_code=400)
         page = await run_in_threadpool(_looked_at, log.whole(), workspace.root, name)
@@ -117,7 +117,7 @@ def _looked_at(log: Path, root: Path, name: str) -> LogsPage:
     return page
 
 
-def _permitted(request: Request, vehicle: str | None) -> Limits:
+def permitted(request: Request, vehicle: str | None) -> Limits:
     """Return the limits of a log; NotAllowedError or UnknownNameError if none may come."""
     access = access_of(request)
     require_role(access.workspace, access.catalogue, "ingest", "ingesting a log")
@@ -126,7 +126,7 @@ def _permitted(request: Request, vehicle: str | None) -> Limits:
     return load_settings(access.workspace.root).limits
 
 
-async def _received(request: Request, log: Upload) -> None:
+async def received(request: Request, log: Upload) -> None:
     parts = bytearray()
     async for chunk in request.stream():
         parts += chunk

@@ -5,7 +5,7 @@ Versions: `versions_document`, `version_details`, `history_document`, `table_doc
 `evaluate_at` and `sweep` evaluate one; `trim_changes` says what one changes for the pilot. Lineage:
 `lineage_document`, `origins_document`, `impact_document`, `compare_versions`, `rebuilds`,
 `prov_of`. Findings: `findings_page`, `finding_document`. Logs that are not stored: `inspected_log`,
-`logs_page`. Operation: `status_of`. `as_json` writes a document as text.
+`logs_page`, `drafted_mapping`. Operation: `status_of`. `as_json` writes a document as text.
 
 Nothing here computes or stores a result.
 """
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
         inspection_verdict,
         logs_page,
     )
+    from .mapping_drafts import drafted_mapping
     from .mode_documents import modes_part
     from .modes_beside_flights import flown_modes, modes_beside_flights
     from .online_estimates import online_estimates

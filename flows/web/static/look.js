@@ -9,7 +9,7 @@
     busy = true;
     const say = (text) => { said.textContent = `${file.name}: ${text}`; };
     try {
-      const answer = await drops.send("/api/looked-at/logs", file, form.dataset.csrf, say, "being read");
+      const answer = await drops.send(`/api/${form.elements.what.value}/logs`, file, form.dataset.csrf, say, "being read");
       say("its page is open");
       location.assign(`${location.origin}${answer.page}`);
     } catch (error) { say(error.message); }

@@ -1,6 +1,7 @@
 """The console in the system's own Chromium: no console error, no other host, no barrier in either
 colour scheme, keyboard, nothing cut off."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -275,6 +276,30 @@ def _sound(browser: Any, workspace: Workspace) -> None:
         for path in _sections(workspace):
             visit(page, address, path)
             look_everywhere(page, path)
+
+
+def test_a_dropped_log_becomes_a_form_of_its_mapping(
+    browser: Any, address: str, tmp_path: Path
+) -> None:
+    """Dropped, answered and checked: the plot beside the line follows the answer."""
+    flown = channels(1, 20.0, 50.0)
+    log = write_csv(tmp_path / "unknown.csv", flown)
+    with watched(browser, address) as page:
+        visit(page, address, "/logs")
+        page.check("input[value=drafted]")
+        page.set_input_files("#log", str(log))
+        page.wait_for_selector("form[aria-label=Mapping]")
+        look_everywhere(page, "draft")
+        row = page.locator("tr", has=page.locator("input[value=alpha]"))
+        before = row.locator("svg").get_attribute("aria-label")
+        row.locator("input[name^=scale]").fill("2")
+        page.click("text=Check")
+        page.wait_for_load_state()
+        after = row.locator("svg").get_attribute("aria-label")
+        ends = [
+            [float(x) for x in re.findall(r"-?[0-9.e-]+(?= )", each)] for each in (before, after)
+        ]
+        assert ends[1] == pytest.approx([2 * x for x in ends[0]], rel=1e-2)
 
 
 def test_a_dropped_log_is_plotted_and_says_the_value_under_the_cursor(
