@@ -27,7 +27,7 @@ _NAMES: Final = tuple(
     re.compile(pattern)
     for pattern in (
         rf"{_CLOCK}(_?(s|sec|ms|us|ns))?",
-        rf"({_BEFORE}_?)+{_CLOCK}(_?(s|sec|ms|us|ns))?|{_CLOCK}(_(boot|utc|gps|local|elapsed))+",
+        rf"({_BEFORE}_?)+{_CLOCK}(_?(s|sec|ms|us|ns))?|{_CLOCK}(_(boot|startup|utc|gps|local|elapsed))+",
         r"(milli|micro|nano)?s(ec(ond)?s?)?|millis|micros|[mun]sec|[mun]s|utc(_?sec)?|elapsed|date"
         r"|fecha|\w+_time_?stamps?",
         r"hh_?mm_?ss|(unix|posix|epoch|stamp|when|datum|zulu|gmt)(_?(s|sec|ms|us|ns))?",

@@ -215,6 +215,7 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("temperature", r"(air_?)?temp(erature)?", "is it that of the outside air?"),
     ("psi", r"heading|hdg|hding", "is it true or magnetic?"),
     ("velocity_down", r"vs", "is it the rate of climb?"),
+    ("velocity_down", r"vario(_?met(er|ro))?", "is it the rate of climb, or that of total energy?"),
     ("pressure_altitude", r"h_?p", "is it pressure altitude?"),
     ("height_above_ground", r"r(ad(io|ar)?)?_?(alt(itude)?|height)", "is it above the ground?"),
     ("mass", r"gross_?weight|gewicht", "is it a mass?"),

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from aerodb.logs import draft_mapping
+from aerodb.storage.readers.tabular import read_tabular
 from tests.support.log_tables import (
     T,
     Tool,
@@ -300,6 +302,198 @@ TOOLS: dict[str, Tool] = {
         lambda t, k: f"{t * 1e3 + 20000:.0f}",
         whole=True,
     ),
+    "OnSpeed": Tool(
+        (
+            *(("timeStamp", T), ("Pfwd", None), ("PfwdSmoothed", None), ("P45", None)),
+            *(("PStatic", c("static_pressure", "mbar")), ("Palt", c("pressure_altitude", "ft"))),
+            *(("IAS", c("calibrated_airspeed", "knot")), ("AngleofAttack", c("alpha", "deg"))),
+            *(("flapsPos", None), ("DataMark", None), ("OAT", c("temperature", "degC"))),
+            *(("TAS", c("V", "knot")), ("imuTemp", None), ("VerticalG", c("az_imu", "g", -1.0))),
+            *(("LateralG", c("ay_imu", "g")), ("ForwardG", c("ax_imu", "g"))),
+            *(("RollRate", c("p", "deg/s")), ("PitchRate", c("q", "deg/s"))),
+            *(("YawRate", c("r", "deg/s")), ("Pitch", c("theta", "deg"))),
+            *(("Roll", c("phi", "deg")), ("FlightPath", None)),
+            *(("VSI", c("velocity_down", "ft/min", -1.0)), ("Altitude", c("altitude", "ft"))),
+            *(("DerivedAOA", None), ("CoeffP", None)),
+        ),
+        plain,
+        lambda t, k: f"{t * 1000:.0f}",
+    ),
+    "Piccolo": Tool(
+        (
+            *(("<Clock>[ms]", T), ("<Lat>[rad]", c("latitude", "rad"))),
+            *(("<Lon>[rad]", c("longitude", "rad")), ("<Height>[m]", c("altitude", "m"))),
+            *(
+                ("<VNorth>[m/s]", c("velocity_north", "m/s")),
+                ("<VEast>[m/s]", c("velocity_east", "m/s")),
+            ),
+            *(
+                ("<VDown>[m/s]", c("velocity_down", "m/s")),
+                ("<Static>[Pa]", c("static_pressure", "Pa")),
+            ),
+            *(("<Dynamic>[Pa]", c("qbar", "Pa")), ("<TAS>[m/s]", c("V", "m/s"))),
+            *(("<P>[rad/s]", c("p", "rad/s")), ("<Q>[rad/s]", c("q", "rad/s"))),
+            *(("<R>[rad/s]", c("r", "rad/s")), ("<Roll>[rad]", c("phi", "rad"))),
+            *(("<Pitch>[rad]", c("theta", "rad")), ("<Yaw>[rad]", c("psi", "rad"))),
+            *(("<Xaccel>[m/s/s]", c("ax_imu", "m/s^2")), ("<Zaccel>[m/s/s]", c("az_imu", "m/s^2"))),
+        ),
+        lambda names: plain(names, " "),
+        lambda t, k: f"{t * 1000:.0f}",
+        " ",
+    ),
+    "VectorNav": Tool(
+        (
+            *(("TimeStartup", T), ("Yaw", c("psi", "deg")), ("Pitch", c("theta", "deg"))),
+            *(("Roll", c("phi", "deg")), ("AngularRateX", c("p", "rad/s"))),
+            *(("AngularRateY", c("q", "rad/s")), ("AngularRateZ", c("r", "rad/s"))),
+            *(("AccelX", c("ax_imu", "m/s^2")), ("AccelY", c("ay_imu", "m/s^2"))),
+            *(("AccelZ", c("az_imu", "m/s^2")), ("MagX", None), ("Temp", None)),
+        ),
+        plain,
+        lambda t, k: f"{t * 1e9:.0f}",
+    ),
+    "NovAtel INSPVA": Tool(
+        (
+            *(("Week", None), ("Seconds", T), ("Latitude", c("latitude", "deg"))),
+            *(("Longitude", c("longitude", "deg")), ("Height", c("altitude", "m"))),
+            *(
+                ("North Velocity", c("velocity_north", "m/s")),
+                ("East Velocity", c("velocity_east", "m/s")),
+            ),
+            *(("Up Velocity", c("velocity_down", "m/s", -1.0)), ("Roll", c("phi", "deg"))),
+            *(("Pitch", c("theta", "deg")), ("Azimuth", c("psi", "deg"))),
+        ),
+        plain,
+        lambda t, k: f"{381200 + t:.3f}",
+    ),
+    "Sensor Logger": Tool(
+        (
+            *(("time", T), ("seconds_elapsed", None), ("roll", c("phi", "rad"))),
+            *(("pitch", c("theta", "rad")), ("yaw", c("psi", "rad")), ("qw", None)),
+        ),
+        plain,
+        lambda t, k: f"{1.71e18 + t * 1e9:.0f}",
+    ),
+    "phyphox": Tool(
+        (
+            *(('"Time (s)"', T), ('"Linear Acceleration x (m/s^2)"', None)),
+            *(
+                ('"Acceleration x (m/s^2)"', c("ax_imu", "m/s^2")),
+                ('"Gyroscope x (rad/s)"', c("p", "rad/s")),
+            ),
+        ),
+        plain,
+        number,
+    ),
+    "Stratux": Tool(
+        (
+            *(("Timestamp", T), ("Pitch", c("theta", "deg")), ("Roll", c("phi", "deg"))),
+            *(("Heading", c("psi", "deg")), ("GLoad", c("az_imu", "g", -1.0)), ("SlipSkid", None)),
+            *(("PressureAlt", c("pressure_altitude", "ft")), ("TurnRate", None)),
+        ),
+        plain,
+        lambda t, k: f"2024-03-12T{stamp(t)}Z",
+    ),
+    "Paparazzi": Tool(
+        (
+            *(("Time", T), ("ATTITUDE.phi", c("phi", "rad")), ("ATTITUDE.psi", c("psi", "rad"))),
+            *(("ATTITUDE.theta", c("theta", "rad")), ("AIRSPEED.airspeed", None)),
+            *(
+                ("DESIRED.roll", None),
+                ("IMU_GYRO.gp", c("p", "rad/s")),
+                ("IMU_GYRO.gq", c("q", "rad/s")),
+            ),
+        ),
+        plain,
+        number,
+    ),
+    "ForeFlight": Tool(
+        (
+            *(
+                ("Timestamp", T),
+                ("Latitude", c("latitude", "deg")),
+                ("Longitude", c("longitude", "deg")),
+            ),
+            *(("Altitude", c("altitude", "ft")), ("Course", None), ("Speed", None)),
+            *(("Bank", c("phi", "deg")), ("Pitch", c("theta", "deg")), ("Horizontal Error", None)),
+        ),
+        lambda names: "Pilot,Tail Number,Derived Origin\nA. Nother,N000,EXPL\n" + plain(names),
+        lambda t, k: f"{1710253330000 + t * 1000:.0f}",
+    ),
+    "airline recorder": Tool(
+        (
+            *(
+                ("TIME", T),
+                ("CAS_KTS", c("calibrated_airspeed", "knot")),
+                ("TAS_KTS", c("V", "knot")),
+            ),
+            *(("ALT_STD_FT", c("pressure_altitude", "ft")), ("PITCH_DEG", c("theta", "deg"))),
+            *(("ROLL_DEG", c("phi", "deg")), ("AOA_L_DEG", c("alpha", "deg"))),
+            *(("VRTG_G", c("az_imu", "g", -1.0)), ("LONG_G", c("ax_imu", "g"))),
+            *(("ELEV_L_DEG", None), ("N11_PCT", None), ("SAT_C", c("temperature", "degC"))),
+            *(("MACH", c("mach", "1")), ("TRK_DEG", None), ("WIND_SPD_KTS", None)),
+        ),
+        plain,
+        number,
+    ),
+    "Dewesoft": Tool(
+        (
+            *(("Time [s]", T), ("TAS [km/h]", c("V", "km/h")), ("AoA [°]", c("alpha", "deg"))),
+            *(("AoS [°]", c("beta", "deg")), ("Gyro X [°/s]", c("p", "deg/s"))),
+            *(("Gyro Y [°/s]", c("q", "deg/s")), ("p_stat [hPa]", c("static_pressure", "hPa"))),
+            *(("q_c [hPa]", c("qbar", "hPa")), ("Elevator [°]", c("delta_elevator", "deg"))),
+        ),
+        lambda names: "Data file: flight.dxd\nSample rate: 50 Hz\n\n" + plain(names, "\t"),
+        number,
+        "\t",
+        comma=True,
+    ),
+    "LabVIEW": Tool(
+        (
+            *(("X_Value", T), ("alpha (deg)", c("alpha", "deg")), ("q (deg/s)", c("q", "deg/s"))),
+            ("elevator (deg)", c("delta_elevator", "deg")),
+        ),
+        lambda names: (
+            "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\n"
+            "***End_of_Header***\t\n\nChannels\t3\t\nX_Dimension\tTime\tTime\tTime\n"
+            "***End_of_Header***\t\n" + plain(names, "\t")
+        ),
+        number,
+        "\t",
+    ),
+    "XCSoar": Tool(
+        (
+            *(
+                ("Time", T),
+                ("Latitude [deg]", c("latitude", "deg")),
+                ("Longitude [deg]", c("longitude", "deg")),
+            ),
+            *(
+                ("GPS Alt [m]", c("altitude", "m")),
+                ("IAS [km/h]", c("calibrated_airspeed", "km/h")),
+            ),
+            *(("TAS [km/h]", c("V", "km/h")), ("Vario [m/s]", None), ("MC", None)),
+        ),
+        lambda names: plain(names, ";"),
+        lambda t, k: stamp(t),
+        ";",
+    ),
+    "Simulink signals": Tool(
+        (
+            *(("time", T), ("aircraft.states.phi_rad", c("phi", "rad"))),
+            *(
+                ("aircraft.states.theta_rad", c("theta", "rad")),
+                ("aircraft.air.TAS_mps", c("V", "m/s")),
+            ),
+            *(
+                ("aircraft.air.alpha_rad", c("alpha", "rad")),
+                ("aircraft.states.p_radps", c("p", "rad/s")),
+            ),
+            *(("cmd.phi_rad", None), ("actuators.elevator_deg", c("delta_elevator", "deg"))),
+        ),
+        plain,
+        number,
+    ),
 }
 #: Tables of each tool, of other flights and rates.
 EACH = 6
@@ -320,3 +514,14 @@ def test_channels_of_a_tool_are_right_or_asked(tmp_path: Path, name: str) -> Non
 def test_at_least_a_hundred_tables_of_fifteen_tools() -> None:
     assert len(TOOLS) >= 15
     assert len(TOOLS) * EACH >= 100
+
+
+def test_ticks_of_an_unknown_size_are_asked(tmp_path: Path) -> None:
+    """Xsens counts 0.1 ms: no unit of a clock, and none is taken in silence."""
+    tool = Tool(
+        (("SampleTimeFine", T), ("Roll", c("phi", "deg"))), plain, lambda t, k: f"{t * 1e4:.0f}"
+    )
+    write(tmp_path / "a.csv", tool, motion(1, 50.0), 1)
+    draft = draft_mapping(read_tabular(tmp_path / "a.csv"), "own")
+    assert draft.clock is None or draft.clock.open
+    assert any("time" in question.lower() for question in draft.questions)
