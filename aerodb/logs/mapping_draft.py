@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from aerodb.errors import InputError
 from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of, standing
@@ -22,6 +23,13 @@ from aerodb.units import conversion, spelled
 
 _RATES: Final = (("phi", "p"), ("theta", "q"), ("psi", "r"))
 _LEAST_CORRELATION: Final = 0.9
+#: Angles, what they change the rate of with the same sign, and what to ask if they do not.
+_FOLLOWED: Final = (
+    ("phi", "psi", "it banks against its turns: is it positive to the left?"),
+    ("theta", "altitude", "it pitches against its climbs: is it positive downwards?"),
+)
+#: Time over which they are compared as means [s]: gusts and noise are shorter.
+_STEADY: Final = 2.0
 #: Tables of fewer rows than this share of the longest are not along the flight.
 _LEAST_SHARE: Final = 0.1
 #: Speed of sound at -60 degC, with what instruments are off [m/s].
@@ -118,6 +126,7 @@ def draft_mapping(
     if not is_known:
         guesses = _by_names(recording, usable)
         guesses = {known: _settled(guess, guesses, usable) for known, guess in guesses.items()}
+        guesses |= dict(_reversed(recording, guesses, clocks, usable))
     questions = [_asked(guess) for guess in guesses.values() if guess.confidence == "asked"]
     notes: list[str] = []
     if not is_known:
@@ -366,6 +375,34 @@ def _relations(
             if ratio is not None and one[0] == other[0]:
                 said.append(f"column {other[1]} is {ratio:.3g} times the derivative of {one[1]}")
     return said[:40]
+
+
+def _reversed(
+    recording: Recording,
+    guesses: Mapping[str, Guess],
+    clocks: Mapping[str, ClockColumn],
+    columns: Mapping[tuple[str, str], Array],
+) -> Iterator[tuple[str, Guess]]:
+    """Angles of bank and pitch that go against the turns and climbs of the flight, with the
+    question about their sign."""
+    for angle, path, ask in _FOLLOWED:
+        if not {angle, path} <= guesses.keys() or guesses[angle].topic != guesses[path].topic:
+            continue
+        if guesses[angle].open or not (guesses[angle].unit and guesses[path].unit):
+            continue
+        time = seconds_of(recording, guesses[angle].topic, clocks)
+        shown, way = (_in_si(guesses[name], columns) for name in (angle, path))
+        good = np.isfinite(time) & np.isfinite(shown) & np.isfinite(way)
+        width = max(1, round(_STEADY / max(float(np.median(np.diff(time))), 1e-6)))
+        if good.sum() < 10 * width:
+            continue
+        way = np.unwrap(way[good]) if path == "psi" else way[good]
+        rate = uniform_filter1d(np.gradient(way, time[good]), width)
+        shown = uniform_filter1d(shown[good], width)
+        with np.errstate(all="ignore"):
+            together = float(np.corrcoef(shown, rate)[0, 1])
+        if together < -_LEAST_CORRELATION:
+            yield angle, replace(guesses[angle], open=ask)
 
 
 def _ratio(time: Array, angle: Array, rate: Array) -> float | None:

@@ -126,3 +126,23 @@ def test_what_merely_runs_evenly_is_no_clock_and_the_time_is_asked(name: str) ->
     assert draft.clock is None
     assert any("which is the time?" in question for question in draft.questions)
     assert "\n[time]\n" not in draft.text
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_attitude_against_turns_and_climbs_is_asked(sign: float) -> None:
+    """A flight simulator counts pitch downwards and bank to the left; turns and climbs tell."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 120.0, 0.1)
+    bank, climb = 0.4 * np.sin(0.11 * time), 0.1 * np.sin(0.07 * time + 1.0)
+    heading = np.cumsum(9.81 * np.tan(bank) / 60.0) * 0.1
+    fields = {
+        "Bank": sign * np.rad2deg(bank + 0.02 * rng.normal(size=time.size)),
+        "Pitch": sign * np.rad2deg(climb + 0.05 + 0.02 * rng.normal(size=time.size)),
+        "TrueHeading": np.rad2deg(heading) % 360.0,
+        "Altitude_m": 500.0 + np.cumsum(60.0 * np.sin(climb)) * 0.1,
+    }
+    topic = Topic("table", time, fields)
+    recording = Recording("a.csv", "tabular", "0" * 64, 1, {"table": topic}, {})
+    found = {guess.channel: guess for guess in draft_mapping(recording, "a").guesses}
+    assert ("positive to the left" in found["phi"].open) == (sign < 0)
+    assert ("positive downwards" in found["theta"].open) == (sign < 0)
