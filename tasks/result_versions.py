@@ -8,10 +8,10 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 25,
+    "conditioning": 26,
     "consistency": 27,
     "coefficients": 5,
-    "compare": 16,
+    "compare": 17,
     "import": 2,
     "fly": 4,
     "estimate": 16,

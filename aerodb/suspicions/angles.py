@@ -135,6 +135,37 @@ def _angle(name: str, flight: Flight, channels: dict[str, Array]) -> _Angle | No
         return None
 
 
+def off_motion(flight: Flight, every: int) -> dict[str, Array]:
+    """Return how far the vanes' angles are from those that the motion makes, in the band of
+    motion: angle -> (m,) [rad], each the mean of `every` samples.
+
+    Gusts are in it, and all that is wrong with the vane or its channel; no constant is.
+    """
+    channels, found = with_accelerations(flight), {}
+    step = every * flight.step
+    high = min(BAND[1], 0.4 / step)
+    for name in ("alpha", "beta"):
+        rate, needed = KINEMATICS[name]
+        if not set(needed) <= channels.keys() or name not in flight or high < 2.0 * BAND[0]:
+            continue
+        where = flying(flight, [n for n in needed if n in flight]) & (channels["V"] > 0.0)
+        turning, shown = (
+            averaged(np.where(where, values, np.nan), every)
+            for values in (rate(channels), channels[name])
+        )
+        known = np.isfinite(turning + shown)
+        if known.sum() < max(20, SETTLED / step):
+            continue
+        turning = bridge(turning)
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (turning[1:] + turning[:-1]))])
+        try:
+            apart = band_passed(bridge(shown) - turned, step, BAND[0], high)
+        except (ValueError, InputError):
+            continue
+        found[name] = np.where(known, apart, 0.0)
+    return found
+
+
 def _late(angle: _Angle) -> Iterator[Suspicion]:
     """The sensor that is late behind the angle that it turns: all the time, or, of attitude, which
     no gust moves, from one time on."""

@@ -11,6 +11,7 @@ from aerodb.remarks import Remark, sentences
 from aerodb.suspicions.air import air_suspicions
 from aerodb.suspicions.angles import angle_suspicions
 from aerodb.suspicions.changing import CHANGED
+from aerodb.suspicions.coarse import COARSE, coarse_suspicions
 from aerodb.suspicions.commands import command_suspicions
 from aerodb.suspicions.controls import UNMOVED, control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
@@ -49,6 +50,7 @@ def against_vehicle(
     """
     rotors = command_suspicions(flight, vehicle)
     listed = [*air_suspicions(flight), *mass_suspicions(flight, vehicle)]
+    coarse = coarse_suspicions(flight, vehicle)
     moving = _MOTION.isdisjoint(suspected)
     angles = angle_suspicions(flight) if moving else ()
     listed += [each for each in angles if each.kind == "delay"]
@@ -64,7 +66,9 @@ def against_vehicle(
         listed += control_suspicions(flight, vehicle)
     else:
         listed += size_suspicions(flight, vehicle)
-    return tuple(each for each in (*listed, *pushed, *rotors) if each.channel not in suspected)
+    return tuple(
+        each for each in (*coarse, *listed, *pushed, *rotors) if each.channel not in suspected
+    )
 
 
 def limits_flight(suspicion: Suspicion) -> bool:
@@ -75,7 +79,8 @@ def limits_flight(suspicion: Suspicion) -> bool:
     not the flight. Source: docs/method/consistency.md, section Verdict."""
     if suspicion.kind in (UNMOVED, POSSIBLE, FAILED):
         return False
-    if suspicion.kind in (CHANGED, MOVED):  # seen beside a database, by forces and moments
+    # seen beside a database, by forces and moments; or as it is recorded
+    if suspicion.kind in (CHANGED, MOVED, COARSE):
         return True
     told = is_surface(suspicion.channel) or is_command(suspicion.channel)
     told |= suspicion.kind == "delay"  # of an accelerometer or a gyro

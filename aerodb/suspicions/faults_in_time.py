@@ -21,40 +21,30 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import played, runs
 from aerodb.support import Array
-from aerodb.suspicions.begin import LEFT, explained_from, explained_within
+from aerodb.suspicions.angles import off_motion
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
-from aerodb.suspicions.evidence import ERRORS, FEWEST, LATE, LIKELIER
+from aerodb.suspicions.evidence import FEWEST, LIKELIER
 from aerodb.suspicions.in_flight import HUGE, flying
+from aerodb.suspicions.sized_faults import (
+    ACCELERATIONS,
+    ALWAYS,
+    EVENLY,
+    RATES,
+    SEEN,
+    STEP,
+    Axis,
+    Fault,
+    first_sample,
+    likeliest_stretch,
+    sized,
+)
 from aerodb.suspicions.surfaces import role_of
 
 #: Kind of a suspicion of a zero that moves.
 MOVED: Final = "zero"
-#: Least change of an effect that is said, as a share of the database's. Speed and flaps change it
-#: by less within a flight (`changing.RATIOS`).
-LEAST_GAIN: Final = 0.2
-#: Least change of a zero that is said [rad]: rigging and a tunnel's trim are known to a degree;
-#: fuel moves a CG by as much.
-LEAST_ZERO: Final = float(np.deg2rad(1.0))
-#: Least change of a delay within a flight that is said [s]: a logger's buffer makes less.
-LEAST_DELAY: Final = 0.05
-#: Least half of a play that is said [rad]: a sound linkage has half of it.
-LEAST_PLAY: Final = float(np.deg2rad(0.1))
 #: Fewest equal means in a row for a channel that stands still.
 HELD: Final = 3
-#: Samples are averaged to this step [s]: what jumps does so within two of them.
-STEP: Final = 0.1
-#: Least share that a change of gain explains of what is left of the axis on which it acts most.
-#: Beside right flights a database that lacks an effect makes .38 look like one.
-EXPLAINED_GAIN: Final = 0.4
-#: The same of a zero: an aileron in coarse steps makes .11 look like one.
-EXPLAINED_ZERO: Final = 0.15
-#: The same of a delay: a wing that bends makes .22 look like one.
-EXPLAINED_DELAY: Final = 0.3
-#: The same of a play: gusts make .26 look like one.
-EXPLAINED_PLAY: Final = 0.35
-#: Share of what is left of an axis from which on a fault is said to be seen there.
-SEEN: Final = 0.15
 #: Share of the gain of the likeliest fault from which on another is named with it. The slopes by
 #: which the axes share a fault are a database's.
 ALIKE: Final = 0.5
@@ -63,99 +53,12 @@ PLAY: Final = float(np.deg2rad(0.5))
 #: Flow angle up to which most of a flight must be for changes of its forces to be sought [rad]: an
 #: aircraft that hovers has any, and no slope over it.
 STEEP: Final = float(np.deg2rad(30.0))
-#: Times at which a stretch may begin or end in a first search.
-STRETCHES: Final = 30
 #: Part of a flight that is most of it.
 MOST_OF: Final = 0.9
-#: When a fault acts that begins at no sample, in words.
-ALWAYS: Final = "all the time"
-EVENLY: Final = "over the whole flight"
 #: Motion and speed on which an error of a database may depend, as they are and squared.
 STATES: Final = ("alpha", "beta", "V", "mach", "p", "q", "r", "thrust")
-#: Rates, whose constant delay is told by kinematics: gusts imitate it beside a database.
-RATES: Final = ("p", "q", "r")
-_LEAST: Final = {
-    "gain": LEAST_GAIN,
-    "zero": LEAST_ZERO,
-    "delay": LEAST_DELAY,
-    "play": LEAST_PLAY,
-}
-_EXPLAINED: Final = {
-    "gain": EXPLAINED_GAIN,
-    "zero": EXPLAINED_ZERO,
-    "delay": EXPLAINED_DELAY,
-    "play": EXPLAINED_PLAY,
-}
 _ANGLE_OF: Final = {"CY": "beta", "CZ": "alpha"}
 _MEASURED_BY: Final = {**dict(zip(("Cl", "Cm", "Cn"), RATES, strict=True)), "CY": "ay", "CZ": "az"}
-
-
-@dataclass(frozen=True, eq=False)
-class _Axis:
-    """One axis: what the database and motion leave of it (m,); orthonormal columns (m, k) of the
-    motion; what they explain of the database's coefficient (m,); how many samples are
-    independent."""
-
-    left: Array
-    basis: Array
-    whole: Array
-    independent: float
-
-    def own(self, values: Array) -> Array:
-        """What motion leaves of `values` (m,)."""
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
-
-    def beside(self, values: Array) -> "_Axis":
-        """The axis with one more column (m,) among the motion."""
-        own = self.own(values)
-        size = float(own @ own)
-        if not size > LEFT * float(values @ values):
-            return self
-        wider = replace(self, basis=np.column_stack([self.basis, own / np.sqrt(size)]))
-        return replace(wider, left=wider.own(self.left))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fault:
-    """A fault of a channel: what changes, and when, in words; axis -> what it adds per unit of the
-    change (m,) and the share that it explains of what is left, the axis on which it acts most
-    first; its size, the standard error, and the gain of the logarithm of the likelihood."""
-
-    channel: str
-    what: str
-    when: str
-    columns: Mapping[str, Array]
-    shares: Mapping[str, float]
-    size: float
-    error: float
-    likelier: float
-
-    @property
-    def axes(self) -> list[str]:
-        """Axes on which it is seen."""
-        return [axis for axis, share in self.shares.items() if share > SEEN]
-
-    @property
-    def is_large(self) -> bool:
-        """Whether its share and its size are large enough to be said. The zero of a gyro is a
-        rival only: damping is small, and any constant looks like a large one."""
-        if self.what == "zero" and self.channel in RATES:
-            return False
-        share = next(iter(self.shares.values()))
-        return share > _EXPLAINED[self.what] and abs(self.size) > self.least
-
-    @property
-    def least(self) -> float:
-        """The size up to which nothing is said."""
-        return LATE if (self.what, self.when) == ("delay", ALWAYS) else _LEAST[self.what]
-
-    def is_claimed(self, tried: int) -> bool:
-        """Whether it is beyond chance; each sample is tried where one is sought."""
-        wanted = LIKELIER + float(np.log(tried))
-        if self.when not in (ALWAYS, EVENLY):
-            wanted += float(np.log(len(next(iter(self.columns.values())))))
-        certain = abs(self.size) > self.least + ERRORS * self.error
-        return self.is_large and certain and self.likelier > wanted
 
 
 def faults_in_time(
@@ -199,7 +102,43 @@ def faults_in_time(
         return held
     basis = _basis(moving, len(t))
     axes = {axis: _axis(rests[axis][inside], basis, wholes[axis][inside]) for axis in judged}
-    return _likeliest(axes, slopes, moving, t)
+    more = _Columns(
+        {name: values[inside] for name, values in off_motion(flight, every).items()},
+        {
+            name: averaged(values, every)[inside]
+            for name, values in _coefficients_per_acceleration(flight, measured, good).items()
+        },
+    )
+    return _likeliest(axes, slopes, moving, more, t)
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What is no channel: how far vanes are from the motion (m,) [rad], by their names; and the
+    coefficient that 1 m/s2 of an accelerometer makes of its axis (m,), by its name."""
+
+    off_motion: Mapping[str, Array]
+    per_acceleration: Mapping[str, Array]
+
+
+def _coefficients_per_acceleration(
+    flight: Flight, measured: Mapping[str, Array], good: NDArray[np.bool_]
+) -> dict[str, Array]:
+    """Coefficient (n,) per m/s2 of ay and az: mass over area and dynamic pressure, as the measured
+    forces have it."""
+    found = {}
+    for axis, name in (("CY", "ay"), ("CZ", "az")):
+        logged = name if name in flight.channels else f"{name}_imu"
+        if not {logged, "qbar"} <= flight.channels.keys() or axis not in measured:
+            continue
+        with np.errstate(all="ignore"):
+            shown = flight[logged] / flight["qbar"]
+            where = good & np.isfinite(shown * measured[axis])
+            squares = float(shown[where] @ shown[where])
+            if squares > 0.0:
+                mass = float(shown[where] @ measured[axis][where]) / squares
+                found[name] = np.nan_to_num(mass / flight["qbar"], posinf=0.0, neginf=0.0)
+    return found
 
 
 def _judged(
@@ -228,27 +167,28 @@ def _is_steep(flight: Flight, angle: str, good: NDArray[np.bool_]) -> bool:
     return bool(np.nanquantile(np.abs(flight[angle][good]), MOST_OF) > STEEP)
 
 
-def _axis(rest: Array, basis: Array, whole: Array) -> _Axis:
+def _axis(rest: Array, basis: Array, whole: Array) -> Axis:
     left = rest - basis @ (basis.T @ rest)
     independent = len(rest) / samples_per_independent(left)
-    return _Axis(left, basis, basis @ (basis.T @ whole), independent)
+    return Axis(left, basis, basis @ (basis.T @ whole), independent)
 
 
 def _likeliest(
-    axes: Mapping[str, _Axis],
+    axes: Mapping[str, Axis],
     slopes: Mapping[str, Mapping[str, float]],
     moving: Mapping[str, Array],
+    more: _Columns,
     t: Array,
 ) -> list[Suspicion]:
     """The likeliest fault, if it pays for all that were tried, with those that are nearly so."""
-    faults = _ranked(_faults(axes, slopes, moving, t))
-    found = next((fault for fault in faults if fault.is_large), None)
+    faults = _ranked(_faults(axes, slopes, moving, more, t))
+    found = next(iter(_large(faults)), None)
     if found is None:
         return []
     # What is independent is known with the fault.
     axes = {axis: _with_fault(each, found, axis) for axis, each in axes.items()}
-    faults = _ranked(_faults(axes, slopes, moving, t))
-    best = next((fault for fault in faults if fault.is_claimed(len(faults))), None)
+    faults = _ranked(_faults(axes, slopes, moving, more, t))
+    best = next((each for each in _large(faults) if each.is_certain(len(faults))), None)
     if best is None:
         return []
     least = min(ALIKE * best.likelier, best.likelier - LIKELIER)
@@ -257,22 +197,28 @@ def _likeliest(
         if each.likelier > least and any(abs(each.shares.get(a, 0.0)) > SEEN for a in best.axes):
             near.setdefault(each.channel, each)
     effect = best.what == "gain" and best.channel not in _MEASURED_BY.values()
-    turned = effect or best.what == "zero"
+    turned = effect or (best.what == "zero" and best.channel not in ACCELERATIONS)
     change = -best.size if turned else best.size
     evidence = {"change": change, "standard_error": best.error, "likelier": best.likelier}
     kind = MOVED if best.what == "zero" else CHANGED
     return [Suspicion(best.channel, kind, _words(best, list(near.values())[1:]), evidence)]
 
 
-def _ranked(faults: Iterable[_Fault]) -> list[_Fault]:
+def _large(faults: Sequence[Fault]) -> list[Fault]:
+    """Those of faults, the likeliest first, that are large enough to be said."""
+    likeliest = next((fault for fault in faults if not fault.is_rival_only), None)
+    return [fault for fault in faults if fault.is_large(fault is likeliest)]
+
+
+def _ranked(faults: Iterable[Fault]) -> list[Fault]:
     """The likeliest time of each kind of fault of each channel, the likeliest fault first."""
-    likeliest: dict[tuple[str, str], _Fault] = {}
+    likeliest: dict[tuple[str, str], Fault] = {}
     for fault in sorted(faults, key=lambda fault: fault.likelier, reverse=True):
         likeliest.setdefault((fault.channel, fault.what), fault)
     return list(likeliest.values())
 
 
-def _with_fault(axis: _Axis, fault: _Fault, name: str) -> _Axis:
+def _with_fault(axis: Axis, fault: Fault, name: str) -> Axis:
     """The axis with the samples that are independent once the fault is taken off."""
     left = axis.left
     if fault.shares.get(name, 0.0) > 0.0:
@@ -281,22 +227,25 @@ def _with_fault(axis: _Axis, fault: _Fault, name: str) -> _Axis:
 
 
 def _added(
-    axes: Mapping[str, _Axis],
+    axes: Mapping[str, Axis],
     slopes: Mapping[str, Mapping[str, float]],
     moving: Mapping[str, Array],
+    more: _Columns,
 ) -> Iterator[tuple[str, str, dict[str, Array]]]:
     """Channel, what is wrong with it, and axis -> what this adds to what the database leaves (m,),
     per unit of the fault: what is logged is the truth and the fault."""
     measured = {_MEASURED_BY[axis]: axis for axis in axes}
-    names = [name for name in moving if name in STATES or role_of(name)]
+    names = [name for name in moving if name in STATES or is_surface(name)]
     for name in dict.fromkeys((*names, *measured)):
         acts = {axis: -slopes[axis][name] for axis in axes if slopes[axis].get(name)}
         acts = acts if name in moving else {}
         own = measured.get(name)
         kinds: dict[str, Callable[[Array], Array]] = {"gain": np.asarray, "delay": _rate}
+        if is_surface(name) and not role_of(name):  # flaps and brakes change what others do
+            kinds = {}
         if acts and (own is None or name in RATES):
             kinds["zero"] = np.ones_like
-        if acts and is_surface(name):
+        if acts and role_of(name):
             kinds["play"] = _slack
         for what, change in kinds.items():
             added = {axis: slope * change(moving[name]) for axis, slope in acts.items()}
@@ -304,6 +253,13 @@ def _added(
                 added[own] = added.get(own, 0.0) + change(axes[own].whole)
             if added:
                 yield name, what, added
+    for name, angle in more.off_motion.items():
+        acts = {axis: -slopes[axis][name] for axis in axes if slopes[axis].get(name)}
+        if acts:
+            yield name, "motion", {axis: slope * angle for axis, slope in acts.items()}
+    for name, force in more.per_acceleration.items():
+        if measured.get(name):
+            yield name, "zero", {measured[name]: force}
     yield "qbar", "gain", {axis: -each.whole for axis, each in axes.items()}
     turning = {
         axis: np.sum([slopes[axis][rate] * moving[rate] for rate in rates], axis=0)
@@ -323,121 +279,75 @@ def _slack(values: Array) -> Array:
 
 
 def _faults(
-    axes: Mapping[str, _Axis],
+    axes: Mapping[str, Axis],
     slopes: Mapping[str, Mapping[str, float]],
     moving: Mapping[str, Array],
+    more: _Columns,
     t: Array,
-) -> Iterator[_Fault]:
+) -> Iterator[Fault]:
     """Every fault that may be: all the time, evenly over the flight, from a sample on, or within a
     stretch."""
     ramp = (t - t[0]) / (t[-1] - t[0])
-    for name, what, added in _added(axes, slopes, moving):
+    for name, what, added in _added(axes, slopes, moving, more):
         own = {axis: axes[axis] for axis in added}
+        if what == "motion":
+            yield from _off_motion(own, name, added, t)
+            continue
         kinematic = name in RATES and what == "delay"
         if what in ("delay", "play") and not kinematic:
-            yield from _sized(own, name, what, ALWAYS, added)
+            yield from sized(own, name, what, ALWAYS, added)
         if what == "play":
             continue
         if kinematic:
             # A delay that changes is more than one that the flight has all the time.
             own = {axis: each.beside(added[axis]) for axis, each in own.items()}
         evenly = {axis: values * ramp for axis, values in added.items()}
-        yield from _sized(own, name, what, EVENLY, evenly)
-        at = _begin(own, added)
+        yield from sized(own, name, what, EVENLY, evenly)
+        at = first_sample(own, added)
         later = {axis: values * (np.arange(len(t)) >= at) for axis, values in added.items()}
         when = f"at {t[at]:.1f} s" if what == "zero" else f"from {t[at]:.1f} s on"
-        found = list(_sized(own, name, what, when, later))
+        found = list(sized(own, name, what, when, later))
         yield from found
         if what == "zero":  # a stall moves a moment and lets it go; a zero that moved stays
             continue
-        first, last = _stretch(own, added)
+        first, last = likeliest_stretch(own, added)
         sample = np.arange(len(t))
         part = {axis: v * ((sample >= first) & (sample < last)) for axis, v in added.items()}
         when = f"from {t[first]:.1f} to {t[last - 1]:.1f} s"
         # An end is one more time that is sought.
         needed = max((fault.likelier for fault in found), default=0.0) + LIKELIER
-        for fault in _sized(own, name, what, when, part):
+        for fault in sized(own, name, what, when, part):
             if fault.likelier > needed:
                 yield fault
 
 
-def _begin(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> int:
-    """The sample from which on a fault explains most, if each axis had a size of its own."""
-    gained: Array | float = 0.0
-    for axis, values in added.items():
-        whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
-        share = explained_from(values, axes[axis].basis, axes[axis].left) / whole
-        gained = gained - axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
-    inner = np.asarray(gained)
-    edge = round(SETTLED / STEP)
-    return edge + int(np.argmax(inner[edge : len(inner) - edge]))
+def _off_motion(
+    axes: Mapping[str, Axis], name: str, added: Mapping[str, Array], t: Array
+) -> Iterator[Fault]:
+    """A vane that leaves the motion within a stretch. Noise parts the two all the time: it gains as
+    much in any other stretch, and the stretch by so much less than the flight."""
+    always = sum(fault.likelier for fault in sized(axes, name, "motion", ALWAYS, added))
+    first, last = likeliest_stretch(axes, added)
+    sample, most = np.arange(len(t)), 0.5 * (1.0 + (last - first) / len(t))
+    part = {axis: v * ((sample >= first) & (sample < last)) for axis, v in added.items()}
+    when = f"from {t[first]:.1f} to {t[last - 1]:.1f} s"
+    for fault in sized(axes, name, "motion", when, part):
+        if fault.likelier > most * always + LIKELIER:
+            yield fault
 
 
-def _stretch(axes: Mapping[str, _Axis], added: Mapping[str, Array]) -> tuple[int, int]:
-    """First sample of the stretch in which a fault explains most, and of what follows it, if each
-    axis had a size of its own."""
-    n, edge = len(next(iter(added.values()))), round(SETTLED / STEP)
-    starts = ends = np.linspace(edge, n - edge, STRETCHES, dtype=int)
-    for _ in range(2):  # coarse, then near the best
-        gained = np.zeros((len(starts), len(ends)))
-        for axis, values in added.items():
-            whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
-            found = explained_within(values, axes[axis].basis, axes[axis].left, starts, ends)
-            share = np.where(ends > starts[:, None], found, 0.0) / whole
-            gained -= axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
-        first, last = (int(k) for k in np.unravel_index(np.argmax(gained), gained.shape))
-        begin, end = int(starts[first]), int(ends[last])
-        width = (n - 2 * edge) // STRETCHES + 1
-        near = np.linspace(-width, width, STRETCHES + 1, dtype=int)
-        starts, ends = (np.clip(at + near, edge, n - edge) for at in (begin, end))
-    return begin, max(end, begin + 1)
-
-
-def _sized(
-    axes: Mapping[str, _Axis], name: str, what: str, when: str, columns: Mapping[str, Array]
-) -> Iterator[_Fault]:
-    """The fault with the size that makes all axes together likeliest; none where motion leaves
-    nothing of it."""
-    parts: list[tuple[str, float, float, float]] = []
-    for axis, values in columns.items():
-        own, left = axes[axis].own(values), axes[axis].left
-        size, whole = float(own @ own), float(left @ left)
-        if size > LEFT * float(values @ values) and whole > 0.0:
-            parts.append((axis, size / whole, float(own @ left) / whole, axes[axis].independent))
-    if not parts:
-        return
-    names, (squares, common, independent) = (
-        [p[0] for p in parts],
-        np.array([p[1:] for p in parts]).T,
-    )
-
-    def unexplained(size: float) -> Array:
-        return np.maximum(1.0 + size * (size * squares - 2.0 * common), 1e-12)
-
-    def gain(size: float) -> float:
-        return -0.5 * float(independent @ np.log(unexplained(size)))
-
-    size = max((common / squares).tolist(), key=gain)
-    for _ in range(5):  # each axis with the weight that its rest has
-        weights = independent / unexplained(size)
-        size = float(weights @ common) / float(weights @ squares)
-    shares = 1.0 - unexplained(size)
-    error = float(1.0 / np.sqrt((independent / unexplained(size)) @ squares))
-    shared = {names[k]: float(shares[k]) for k in np.argsort(-squares)}
-    yield _Fault(name, what, when, columns, shared, size, error, gain(size))
-
-
-def _words(best: _Fault, near: Sequence[_Fault]) -> str:
+def _words(best: Fault, near: Sequence[Fault]) -> str:
     name = best.channel
     on = ", ".join(best.axes)
     rivals = "".join(f", or {each.channel} {_how(each)}" for each in near)
     if best.what == "zero":
         how = "drifts" if best.when == EVENLY else "jumps"
+        force = name in ACCELERATIONS
+        size = f"{best.size:.2g} m/s2" if force else f"{np.rad2deg(-best.size):.2g} deg"
         other = "the mass" if best.axes[0] in _ANGLE_OF else "the CG moved"
         return (
-            f"what the database leaves of {on} {how} {best.when} by as much as"
-            f" {np.rad2deg(-best.size):.2g} deg of {name}. No motion explains it: the zero of the"
-            f" channel changed, or {other}{rivals}"
+            f"what the database leaves of {on} {how} {best.when} by as much as {size} of {name}."
+            f" No motion explains it: the zero of the channel changed, or {other}{rivals}"
         )
     if best.what == "play":
         return (
@@ -448,6 +358,11 @@ def _words(best: _Fault, near: Sequence[_Fault]) -> str:
         return (
             f"{best.when} {name} is {abs(best.size):.2g} s {_how(best)} by the {on} of the"
             f" database{rivals}: a clock, a filter or a servo"
+        )
+    if best.what == "motion":
+        return (
+            f"{best.when} {name} is not what rates and accelerations make it, and {on} of the"
+            f" database follow the motion: the vane or its channel is wrong there{rivals}"
         )
     if name in _MEASURED_BY.values():
         return (
@@ -460,7 +375,7 @@ def _words(best: _Fault, near: Sequence[_Fault]) -> str:
     )
 
 
-def _how(fault: _Fault) -> str:
+def _how(fault: Fault) -> str:
     """What is wrong with a channel, after its name."""
     if fault.what == "delay":
         return "late" if fault.size < 0.0 else "early"

@@ -323,6 +323,8 @@ SENSORS: dict[str, Corruption] = {
     "q .3 s late from .4 on": sensor(("q",), delayed(0.3, BEGIN)),
     "all rates .3 s late": sensor(("p", "q", "r"), delayed(0.3)),
     "alpha's blocks of 1 s swapped": sensor(("alpha",), swapped_blocks(1.0)),
+    "beta's blocks of 1 s swapped": sensor(("beta",), swapped_blocks(1.0)),
+    "alpha filtered 1 s from .4 to .6": sensor(("alpha",), between(filtered(1.0))),
     "az's every 20th sample off": sensor(Z, spiked(20, 3.0)),
     "q's every 20th sample off": sensor(("q",), spiked(20, 3.0)),
     "alpha held 3 s": sensor(("alpha",), held(3.0)),

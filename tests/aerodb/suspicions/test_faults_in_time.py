@@ -20,6 +20,7 @@ from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corrupted import noticed_beside
 from tests.campaigns.corruptions import Pair, of_role
 from tests.campaigns.databases import database_of
+from tests.campaigns.during_flight import sensor, swapped_blocks
 from tests.support import effect_flights
 
 FOUR = np.deg2rad(4.0)
@@ -84,6 +85,40 @@ def test_a_surface_that_is_wrong_for_a_stretch_is_told_with_both_times(flight: P
     start = float(flight.flight.time[0])
     assert float(told[1]) - start == pytest.approx(begin, abs=0.05 * flight.flight.duration)
     assert float(told[2]) - start == pytest.approx(end, abs=0.05 * flight.flight.duration)
+
+
+def test_a_vane_that_leaves_the_motion_for_a_while_is_told_by_its_axes(record: Pair) -> None:
+    """Blocks of its samples are in the wrong order in the middle fifth: neither gain nor delay."""
+    made = sensor(("alpha",), swapped_blocks(1.0))(record)
+    assert made is not None
+    (said,) = noticed_beside(made)
+    assert (said.channel, said.kind) == ("alpha", "changed")
+    assert "follow the motion" in said.sentence
+    assert limits_flight(said)
+    told = re.search(r"from ([\d.]+) to ([\d.]+) s", said.sentence)
+    assert told
+    time = record.flight.time
+    begin, end = (time[0] + share * np.ptp(time) for share in (0.4, 0.6))
+    assert begin - 1.0 < float(told[1]) < float(told[2]) < end + 1.0
+
+
+@pytest.mark.parametrize("name", ["alpha", "beta"])
+def test_a_vane_that_is_noisy_all_the_time_has_not_left_the_motion(flight: Pair, name: str) -> None:
+    rng = np.random.default_rng(7)
+    noise = np.convolve(rng.standard_normal(len(flight.flight.time)), np.ones(5) / 5.0, "same")
+    made = flight.flight.with_channels({name: flight.flight[name] + np.deg2rad(1.0) * noise})
+    assert not any("motion" in s.sentence for s in noticed_beside(replace(flight, flight=made)))
+
+
+def test_the_zero_of_an_accelerometer_that_jumps_is_told_with_its_size(flight: Pair) -> None:
+    own = flight.flight
+    name = "ay" if "ay" in own else "ay_imu"
+    share = (own.time - own.time[0]) / np.ptp(own.time)
+    made = own.with_channels({name: own[name] + np.where(share > 0.4, 1.0, 0.0)})
+    (said,) = noticed_beside(replace(flight, flight=made))
+    assert (said.channel, said.kind) == ("ay", "zero")
+    assert said.evidence["change"] == pytest.approx(1.0, rel=0.2)
+    assert "m/s2" in said.sentence
 
 
 def test_right_flights_raise_nothing(flight: Pair, record: Pair) -> None:

@@ -1,0 +1,211 @@
+"""A fault of a channel, and the size with which it is likeliest on all axes on which it acts."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.conditioning import SETTLED
+from aerodb.support import Array
+from aerodb.suspicions.begin import LEFT, explained_from, explained_within
+from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER
+
+#: Least change of an effect that is said, as a share of the database's. Speed and flaps change it
+#: by less within a flight (`changing.RATIOS`).
+LEAST_GAIN: Final = 0.2
+#: Least change of a zero that is said [rad]: rigging and a tunnel's trim are known to a degree;
+#: fuel moves a CG by as much.
+LEAST_ZERO: Final = float(np.deg2rad(1.0))
+#: The same of an accelerometer [m/s2]: three times what its zero may be when it is switched on.
+LEAST_OFFSET: Final = 0.3
+#: Least change of a delay within a flight that is said [s]: a logger's buffer makes less.
+LEAST_DELAY: Final = 0.05
+#: Least half of a play that is said [rad]: a sound linkage has half of it.
+LEAST_PLAY: Final = float(np.deg2rad(0.1))
+#: Least share of what parts a vane from the motion that its axes do not show: they feel gusts.
+LEAST_MOTION: Final = 0.5
+#: Samples are averaged to this step [s]: what jumps does so within two of them.
+STEP: Final = 0.1
+#: Least share that a change of gain explains of what is left of the axis on which it acts most.
+#: Beside right flights a database that lacks an effect makes .38 look like one.
+EXPLAINED_GAIN: Final = 0.4
+#: The same of a zero: an aileron in coarse steps makes .11 look like one.
+EXPLAINED_ZERO: Final = 0.15
+#: The same of a zero that is likelier than every other fault: no right flight has one beyond chance,
+#: nor has one beside a database that lacks an effect (600 in all).
+EXPLAINED_LIKELIEST: Final = 0.05
+#: The same of a delay: a wing that bends makes .22 look like one.
+EXPLAINED_DELAY: Final = 0.3
+#: The same of a play: gusts make .26 look like one.
+EXPLAINED_PLAY: Final = 0.35
+#: The same of a vane that leaves the motion: noise of five times what is declared makes none, as it
+#: does so all the time.
+EXPLAINED_MOTION: Final = 0.3
+#: Share of what is left of an axis from which on a fault is said to be seen there.
+SEEN: Final = 0.15
+#: Times at which a stretch may begin or end in a first search.
+STRETCHES: Final = 30
+#: Rates, whose constant delay is told by kinematics: gusts imitate it beside a database.
+RATES: Final = ("p", "q", "r")
+#: Accelerometers of which an axis shows the zero.
+ACCELERATIONS: Final = ("ay", "az")
+#: When a fault acts that begins at no sample, in words.
+ALWAYS: Final = "all the time"
+EVENLY: Final = "over the whole flight"
+_LEAST: Final = {
+    "gain": LEAST_GAIN,
+    "zero": LEAST_ZERO,
+    "delay": LEAST_DELAY,
+    "play": LEAST_PLAY,
+    "motion": LEAST_MOTION,
+}
+_EXPLAINED: Final = {
+    "gain": EXPLAINED_GAIN,
+    "zero": EXPLAINED_ZERO,
+    "delay": EXPLAINED_DELAY,
+    "play": EXPLAINED_PLAY,
+    "motion": EXPLAINED_MOTION,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One axis: what the database and motion leave of it (m,); orthonormal columns (m, k) of the
+    motion; what they explain of the database's coefficient (m,); how many samples are
+    independent."""
+
+    left: Array
+    basis: Array
+    whole: Array
+    independent: float
+
+    def own(self, values: Array) -> Array:
+        """What motion leaves of `values` (m,)."""
+        return np.asarray(values - self.basis @ (self.basis.T @ values))
+
+    def beside(self, values: Array) -> "Axis":
+        """The axis with one more column (m,) among the motion."""
+        own = self.own(values)
+        size = float(own @ own)
+        if not size > LEFT * float(values @ values):
+            return self
+        wider = replace(self, basis=np.column_stack([self.basis, own / np.sqrt(size)]))
+        return replace(wider, left=wider.own(self.left))
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """A fault of a channel: what changes, and when, in words; axis -> what it adds per unit of the
+    change (m,) and the share that it explains of what is left, the axis on which it acts most
+    first; its size, the standard error, and the gain of the logarithm of the likelihood."""
+
+    channel: str
+    what: str
+    when: str
+    columns: Mapping[str, Array]
+    shares: Mapping[str, float]
+    size: float
+    error: float
+    likelier: float
+
+    @property
+    def axes(self) -> list[str]:
+        """Axes on which it is seen: the one on which it acts most, and others."""
+        first = next(iter(self.shares))
+        return [axis for axis, share in self.shares.items() if share > SEEN or axis == first]
+
+    @property
+    def is_rival_only(self) -> bool:
+        """Whether nothing is said of it alone: damping is small, and any constant looks like the zero
+        of a gyro."""
+        return self.what == "zero" and self.channel in RATES
+
+    def is_large(self, likeliest: bool) -> bool:
+        """Whether its share and its size are large enough to be said. likeliest : of all faults."""
+        least = _EXPLAINED[self.what]
+        if likeliest and self.what == "zero":
+            least = EXPLAINED_LIKELIEST
+        share = next(iter(self.shares.values()))
+        return not self.is_rival_only and share > least and abs(self.size) > self.least
+
+    @property
+    def least(self) -> float:
+        """The size up to which nothing is said."""
+        if self.what == "zero" and self.channel in ACCELERATIONS:
+            return LEAST_OFFSET
+        return LATE if (self.what, self.when) == ("delay", ALWAYS) else _LEAST[self.what]
+
+    def is_certain(self, tried: int) -> bool:
+        """Whether it is beyond chance; each sample is tried where one is sought."""
+        wanted = LIKELIER + float(np.log(tried))
+        if self.when not in (ALWAYS, EVENLY):
+            wanted += float(np.log(len(next(iter(self.columns.values())))))
+        certain = abs(self.size) > self.least + ERRORS * self.error
+        return certain and self.likelier > wanted
+
+
+def first_sample(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> int:
+    """The sample from which on a fault explains most, if each axis had a size of its own."""
+    gained: Array | float = 0.0
+    for axis, values in added.items():
+        whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
+        share = explained_from(values, axes[axis].basis, axes[axis].left) / whole
+        gained = gained - axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
+    inner = np.asarray(gained)
+    edge = round(SETTLED / STEP)
+    return edge + int(np.argmax(inner[edge : len(inner) - edge]))
+
+
+def likeliest_stretch(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> tuple[int, int]:
+    """First sample of the stretch in which a fault explains most, and of what follows it, if each
+    axis had a size of its own."""
+    n, edge = len(next(iter(added.values()))), round(SETTLED / STEP)
+    starts = ends = np.linspace(edge, n - edge, STRETCHES, dtype=int)
+    for _ in range(2):  # coarse, then near the best
+        gained = np.zeros((len(starts), len(ends)))
+        for axis, values in added.items():
+            whole = max(float(axes[axis].left @ axes[axis].left), 1e-300)
+            found = explained_within(values, axes[axis].basis, axes[axis].left, starts, ends)
+            share = np.where(ends > starts[:, None], found, 0.0) / whole
+            gained -= axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
+        first, last = (int(k) for k in np.unravel_index(np.argmax(gained), gained.shape))
+        begin, end = int(starts[first]), int(ends[last])
+        width = (n - 2 * edge) // STRETCHES + 1
+        near = np.linspace(-width, width, STRETCHES + 1, dtype=int)
+        starts, ends = (np.clip(at + near, edge, n - edge) for at in (begin, end))
+    return begin, max(end, begin + 1)
+
+
+def sized(
+    axes: Mapping[str, Axis], name: str, what: str, when: str, columns: Mapping[str, Array]
+) -> Iterator[Fault]:
+    """The fault with the size that makes all axes together likeliest; none where motion leaves
+    nothing of it."""
+    parts: list[tuple[str, float, float, float]] = []
+    for axis, values in columns.items():
+        own, left = axes[axis].own(values), axes[axis].left
+        size, whole = float(own @ own), float(left @ left)
+        if size > LEFT * float(values @ values) and whole > 0.0:
+            parts.append((axis, size / whole, float(own @ left) / whole, axes[axis].independent))
+    if not parts:
+        return
+    names, (squares, common, independent) = (
+        [p[0] for p in parts],
+        np.array([p[1:] for p in parts]).T,
+    )
+
+    def unexplained(size: float) -> Array:
+        return np.maximum(1.0 + size * (size * squares - 2.0 * common), 1e-12)
+
+    def gain(size: float) -> float:
+        return -0.5 * float(independent @ np.log(unexplained(size)))
+
+    size = max((common / squares).tolist(), key=gain)
+    for _ in range(5):  # each axis with the weight that its rest has
+        weights = independent / unexplained(size)
+        size = float(weights @ common) / float(weights @ squares)
+    shares = 1.0 - unexplained(size)
+    error = float(1.0 / np.sqrt((independent / unexplained(size)) @ squares))
+    shared = {names[k]: float(shares[k]) for k in np.argsort(-squares)}
+    yield Fault(name, what, when, columns, shared, size, error, gain(size))
