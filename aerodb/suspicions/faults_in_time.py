@@ -361,8 +361,8 @@ def _words(best: Fault, near: Sequence[Fault]) -> str:
         )
     if best.what == "motion":
         return (
-            f"{best.when} {name} is not what rates and accelerations make it, and {on} of the"
-            f" database follow the motion: the vane or its channel is wrong there{rivals}"
+            f"{best.when} {name} is not what rates and accelerations make it. {on} of the database"
+            f" follow the motion: the vane or its channel is wrong there{rivals}"
         )
     if name in _MEASURED_BY.values():
         return (

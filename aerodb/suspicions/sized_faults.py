@@ -32,8 +32,8 @@ STEP: Final = 0.1
 EXPLAINED_GAIN: Final = 0.4
 #: The same of a zero: an aileron in coarse steps makes .11 look like one.
 EXPLAINED_ZERO: Final = 0.15
-#: The same of a zero that is likelier than every other fault: no right flight has one beyond chance,
-#: nor has one beside a database that lacks an effect (600 in all).
+#: The same of a zero that is likelier than every other fault: none of 600 flights without a fault
+#: has one beyond chance.
 EXPLAINED_LIKELIEST: Final = 0.05
 #: The same of a delay: a wing that bends makes .22 look like one.
 EXPLAINED_DELAY: Final = 0.3
@@ -117,8 +117,8 @@ class Fault:
 
     @property
     def is_rival_only(self) -> bool:
-        """Whether nothing is said of it alone: damping is small, and any constant looks like the zero
-        of a gyro."""
+        """Whether nothing is said of it alone. Damping is small: any constant looks like a gyro's
+        zero."""
         return self.what == "zero" and self.channel in RATES
 
     def is_large(self, likeliest: bool) -> bool:
