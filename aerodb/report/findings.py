@@ -11,7 +11,7 @@ from aerodb.report.style import picture
 from aerodb.report.update_figures import forest_figure, voter
 
 #: Verdict -> its meaning, for a reader.
-_MEANS: Final[Mapping[str, str]] = {
+MEANS: Final[Mapping[str, str]] = {
     "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
     "suspected": "the best explanation, but too few independent flights for the stated error rate",
     "alias_group": "several explanations fit these flights equally well",
@@ -35,7 +35,7 @@ def meaning(finding: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     """Return what the verdict of a finding of a closed loop means (docs/reference/contract.md,
     section Verdict names), and why it was added although it is not confirmed."""
     verdict, added = finding["verdict"], document.get("added", ())
-    means = _MEANS.get(verdict, "")
+    means = MEANS.get(verdict, "")
     if verdict == "confirmed" and finding["hypothesis"] not in added:
         idle = finding["hypothesis"] in document.get("without_gain", ())
         return f"{means}; {'it lowers no error of other flights' if idle else 'it stayed out'}"

@@ -23,7 +23,7 @@ from aerodb.report.error_table import (
     written_on,
 )
 from aerodb.report.figures import update_figure
-from aerodb.report.findings import meaning, named_flights, sentence_of, told
+from aerodb.report.findings import MEANS, meaning, named_flights, sentence_of, told
 from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import advice_words, listed, with_true_signs
@@ -56,6 +56,8 @@ _VARIABLES_ON_A_PAGE: Final = 4
 _AXES_ON_A_PAGE: Final = 6
 #: Histories in one figure of a page.
 _HISTORIES_ON_A_PAGE: Final = 4
+#: Flights to make next that a paper lists.
+_ADVICE_ON_PAPER: Final = 3
 #: Stalls in one figure of a page.
 _STALLS_ON_A_PAGE: Final = 3
 #: Number of axes drawn where nothing was added: those farthest above their noise floor.
@@ -117,6 +119,12 @@ def update_report(story: UpdateStory) -> str:
             }
             for finding in document["findings"]
         ],
+        meanings={
+            verdict: MEANS[verdict]
+            for verdict in dict.fromkeys(each["verdict"] for each in document["findings"])
+            if verdict in MEANS
+        },
+        on_paper=_ADVICE_ON_PAPER,
         estimates=estimates,
         undecided=_bounds(document, decided=False),
         excluded=_bounds(document, decided=True),
