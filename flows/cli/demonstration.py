@@ -30,7 +30,8 @@ def demo(
     direct: Direct = False,
     verbose: Verbose = False,
 ) -> None:
-    """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.
+    """Fly the built-in example, ingest its logs, close the loop, and compare with the
+    errors hidden in it.
 
     Example: aerodb demo --seed 3
     """

@@ -85,7 +85,8 @@ def import_jsbsim(
     expression of channels and S_ref, c_ref, b_ref, in the property's own unit; it takes precedence
     over the meaning in `aerodb.exchange.jsbsim.properties`. loader : returns the content of a file
     that the aircraft names for its metrics or aerodynamics (``file="..."``, as written there,
-    always relative and without ``..``).
+    always relative and without ``..``). It is asked for those of flight control and systems too,
+    which may be absent: an InputError or OSError of it is not raised then.
 
     A property without a binding or known meaning, or bound to its own identifier, becomes a free
     input of the database. Every other property becomes a variable whose description holds its

@@ -93,7 +93,7 @@ def roots_of(root: Any, where: str, loader: Callable[[str], bytes] | None) -> li
         file = element.get("file", "").strip().removesuffix(".xml")
         for name in (f"Systems/{file}", f"systems/{file}", file):
             if loader is not None and file and is_beside(name):
-                with contextlib.suppress(InputError):
+                with contextlib.suppress(InputError, OSError):  # the aircraft does without
                     found.append(read_root(loader(name), f"{where}: {name}"))
                     break
     return found

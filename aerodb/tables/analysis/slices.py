@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.nomenclature import AXES, in_order
+from aerodb.nomenclature import AXES, SHARES, in_order
 from aerodb.support import Array
 from aerodb.tables.analysis.arguments import scattered_over
 from aerodb.tables.analysis.nodes import table_grids
@@ -27,10 +27,10 @@ _CELLS_BEYOND: Final = 3.0
 #: A smaller change of a coefficient is rounding.
 _SAME: Final = 1e-12
 
-#: Channels that are shares, from 0 to 1.
-_SHARES: Final = ("flow_attachment",)
+#: Channels and states from 0 to 1.
+_FROM_0_TO_1: Final = (*SHARES, "flow_attachment")
 _NEVER_NEGATIVE: Final = (
-    *_SHARES,
+    *_FROM_0_TO_1,
     "V",
     "mach",
     "qbar",
@@ -193,7 +193,7 @@ def _ranges(
                 max(interval.high - interval.low, interval.cell / _CELLS_BEYOND),
             )
             lowest = 0.0 if name in _NEVER_NEGATIVE else -np.inf
-            highest = 1.0 if name in _SHARES else np.inf
+            highest = 1.0 if name in _FROM_0_TO_1 else np.inf
             marks.setdefault(name, []).extend(
                 (max(lowest, interval.low - beyond), min(highest, interval.high + beyond))
             )
