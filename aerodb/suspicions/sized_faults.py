@@ -7,9 +7,11 @@ from typing import Final
 import numpy as np
 
 from aerodb.conditioning import SETTLED
+from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.suspicions.begin import LEFT, explained_from, explained_within
 from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER
+from aerodb.suspicions.surfaces import role_of
 
 #: Least change of an effect that is said, as a share of the database's. Speed and flaps change it
 #: by less within a flight (`changing.RATIOS`).
@@ -118,8 +120,9 @@ class Fault:
     @property
     def is_rival_only(self) -> bool:
         """Whether nothing is said of it alone. Damping is small: any constant looks like a gyro's
-        zero."""
-        return self.what == "zero" and self.channel in RATES
+        zero. A lift that changes with Mach number looks like that of a flap or speed brake."""
+        other = is_surface(self.channel) and not role_of(self.channel)
+        return self.what == "zero" and (self.channel in RATES or other)
 
     def is_large(self, likeliest: bool) -> bool:
         """Whether its share and its size are large enough to be said. likeliest : of all faults."""
